@@ -18,6 +18,8 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from bgmodel.integrators.basal_ganglia import identity
@@ -170,6 +172,80 @@ def save(figure: Figure, path: Path) -> None:
 def letter(ax: Any, text: str) -> None:
     """Put a panel letter at the top left."""
     ax.set_title(text, loc="left", fontweight="bold")
+
+
+def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
+    """Return the rows of a table whose columns have the values that are given."""
+    for name, value in values.items():
+        table = table[table[name] == value]
+    return table
+
+
+def off(rows: pd.DataFrame, name: str = "value") -> np.ndarray:
+    """Return the distances from values to the ends of their intervals, (2, rows)."""
+    ends = ("low", "high") if name == "value" else (f"{name}_low", f"{name}_high")
+    value, low, high = (rows[each].to_numpy(float) for each in (name, *ends))
+    away: np.ndarray = np.maximum(np.stack([value - low, high - value]), 0)
+    return away
+
+
+def bars(
+    ax: Any,
+    at: Any,
+    rows: pd.DataFrame,
+    name: str = "value",
+    *,
+    unit: float = 1.0,
+    across: bool = False,
+    **style: Any,
+) -> None:
+    """Draw values with their intervals.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where.
+    at : array
+        Where on the other axis.
+    rows : DataFrame
+        Columns value, low and high; or NAME, NAME_low and NAME_high.
+    name : str
+        The column that is drawn.
+    unit : float
+        What values are divided by.
+    across : bool
+        Whether values run along the horizontal axis.
+    **style :
+        Of ``Axes.errorbar``.
+    """
+    value, away = rows[name] / unit, off(rows, name) / unit
+    if across:
+        ax.errorbar(value, at, xerr=away, **style)
+    else:
+        ax.errorbar(at, value, away, **style)
+
+
+def key(figure: Figure, *axes: Any, more: Sequence[Artist] = (), **style: Any) -> None:
+    """Put one legend below all panels.
+
+    Parameters
+    ----------
+    figure : Figure
+        Where.
+    *axes : Axes
+        Panels whose labels it shows; each label once.
+    more : sequence of Artist
+        Further marks, with their labels.
+    **style :
+        Of ``Figure.legend``.
+    """
+    shown: dict[Any, Any] = {}
+    for ax in axes:
+        handles, labels = ax.get_legend_handles_labels()
+        shown |= dict(zip(labels, handles, strict=True))
+    shown |= {mark.get_label(): mark for mark in more}
+    style = {"loc": "outside lower center"} | style
+    figure.legend(list(shown.values()), list(shown), **style)
 
 
 OLDER = "table made with an older circuit"

@@ -14,9 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bgmodel.learning.gap import learn_folds
+from bgmodel.learning.reinforce import Learner
 from bgmodel.plots import acquisition
 from bgmodel.support.files import read_table, write_table
-from figures.common import COLOUR, Settings, letter, run
+from figures.common import COLOUR, Settings, key, letter, run
 
 STARTS = (0.5, 7.5)
 KEPT = 250
@@ -24,8 +25,6 @@ KEPT = 250
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn on six folds, several repeats each, from a narrow and from a wide gap."""
-    from bgmodel.learning.reinforce import Learner
-
     table = read_table(taps)
     learner = Learner(episodes=settings.episodes)
     parts = [
@@ -62,7 +61,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         ax.set_ylabel("")
     axes[0, 0].set_ylabel("gap δ (nats)")
     axes[1, 0].set_ylabel("runs")
-    figure.legend(handles=_key(), loc="outside lower center", ncols=4)
+    key(figure, more=_marks(), ncols=4)
     return figure
 
 
@@ -87,7 +86,7 @@ def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
     ax.set(xlabel="cost beyond the optimum (%)")
 
 
-def _key() -> list[Any]:
+def _marks() -> list[Any]:
     """Return the marks of all panels, in no grating's colour."""
     narrow, wide = (f"from {start:g} nats: " for start in STARTS)
     grey: dict[str, Any] = {"color": "0.4"}

@@ -14,7 +14,7 @@ from bgmodel.deciding.reward import reward_of
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_table, write_table
 from bgmodel.theory.sprt import sprt
-from figures.common import COLOUR, Settings, letter, run
+from figures.common import COLOUR, Settings, key, letter, run
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
@@ -28,17 +28,9 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             for xi in np.geomspace(5, 500, 25):
                 costs = -reward_of(test.error_rate, test.mean_steps, xi)
                 best = int(np.argmin(costs))
-                rows.append(
-                    {
-                        "period_mm": period,
-                        "fold": fold,
-                        "xi": xi,
-                        "optimal_delta": gaps[best],
-                        "cost": costs[best],
-                        "accuracy": 1 - test.error_rate[best],
-                        "mean_steps": test.mean_steps[best],
-                    }
-                )
+                row = {"period_mm": period, "fold": fold, "xi": xi, "optimal_delta": gaps[best]}
+                row |= {"cost": costs[best], "accuracy": 1 - test.error_rate[best]}
+                rows.append(row | {"mean_steps": test.mean_steps[best]})
     write_table(pd.DataFrame(rows), output, seed=settings.seed, settings=settings)
 
 
@@ -62,9 +54,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         )
         ax.set(xscale="log", xlabel="cost of an error ξ (readings)", ylabel=label)
         letter(ax, title)
-    handles = axes[0].get_legend_handles_labels()[0]
-    handles.append(Patch(color="0.5", alpha=0.15, lw=0, label="range of folds"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.4)
+    shade = Patch(color="0.5", alpha=0.15, lw=0, label="range of folds")
+    key(figure, axes[0], more=[shade], ncols=5, columnspacing=1.4)
     return figure
 
 

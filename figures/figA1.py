@@ -16,14 +16,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import first_crossing, stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import Ensemble, Population
-from figures.common import Settings, letter, run
-from figures.windows import PREFERRED, WINDOWS, averaged, likeness, share_height
+from figures.common import Settings, key, letter, run, where
+from figures.windows import PREFERRED, WINDOWS, averaged, finish_rows, likeness, name_patterns
 
 NUCLEI = {"ctx": "ctx (as LIP)", "D1": "D1 (as caudate)", "STN": "STN", "GPe": "GPe", "SNr": "SNr"}
 D_PRIMES = (0.125, 0.25, 0.5, 0.75, 1.0)
@@ -50,10 +50,8 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 def windows(model: BasalGanglia, d_prime: float, trials: int, seed: int) -> pd.DataFrame:
     """Return mean rates above rest, Hz, of a channel in each window; see ``windows.averaged``."""
-    evidence = separated_evidence(
-        trials, READINGS, d_prime / np.sqrt(2), rng=stream(seed, "figA1", str(d_prime)),
-        hypotheses=2, step_ms=STEP_MS,
-    )  # fmt: skip
+    rng = stream(seed, "figA1", str(d_prime))
+    evidence = gaussian_evidence(trials, d_prime=d_prime, t_max=READINGS, step_ms=STEP_MS, seed=rng)
     activity = model.activity(evidence)
     decided = first_crossing(model.trace(activity, evidence), -np.log(POSTERIOR), forced=False)
     rates = {name: activity.rates_hz[name] for name in NUCLEI}
@@ -68,33 +66,22 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         len(NUCLEI), 4, figsize=(7.2, 7.4), sharex="col", width_ratios=[1, 1, 1, 1.1]
     )
     by: Any = table.set_index(["engine", "nucleus", "window", "own"]).sort_index()
-    for row, (name, title) in zip(axes, NUCLEI.items(), strict=True):
+    for row, name in zip(axes, NUCLEI, strict=True):
         for ax, window in zip(row[:3], WINDOWS, strict=True):
             for own, colour in ((True, "C0"), (False, "C1")):
                 here = by.loc[("population", name, window, own)].sort_values("d_prime")
-                ax.errorbar(
-                    here["d_prime"], here["hz"], 1.96 * here["se"], fmt="o-", ms=3, lw=1,
-                    color=colour, label=PREFERRED[own],
-                )  # fmt: skip
+                style: dict[str, Any] = {"color": colour, "label": PREFERRED[own], "lw": 1}
+                ax.errorbar(here["d_prime"], here["hz"], 1.96 * here["se"], fmt="o-", ms=3, **style)
                 spikes = by.loc[("ensemble", name, window, own)]
                 ax.plot(spikes["d_prime"], spikes["hz"], "kx", ms=4, label="in spikes")
-            ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-            ax.set(xscale="log")
-            ax.set_xticks(D_PRIMES, [f"{d:g}" for d in D_PRIMES], fontsize=6)
-            ax.set_xticks([], minor=True)
-        share_height(row[:3])
-        row[0].set_ylabel(f"{title}\n(Hz above rest)")
-        _likeness(row[3], table[(table["engine"] == "population") & (table["nucleus"] == name)])
+        _likeness(row[3], where(table, engine="population", nucleus=name))
+    ticks = [f"{d:g}" for d in D_PRIMES]
     letter(axes[0, 0], "a  100-300 ms")
     letter(axes[0, 1], "b  300-500 ms")
     letter(axes[0, 2], "c  response ± 100 ms")
     letter(axes[0, 3], "d  likeness")
-    for ax in axes[-1, :3]:
-        ax.set_xlabel("strength, d' a reading")
-    axes[-1, 3].set_xlabel("r with a pattern")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=3)
+    finish_rows(axes, NUCLEI.values(), D_PRIMES, ticks, "strength, d' a reading")
+    key(figure, axes[0, 0], ncols=3)
     return figure
 
 
@@ -102,10 +89,7 @@ def _likeness(ax: Any, rows: pd.DataFrame) -> None:
     found = likeness(rows.rename(columns={"d_prime": "strength"}), D_PRIMES)
     names = list(found)
     ax.barh(range(len(names)), list(found.values()), color=["C0", "C2", "C3"], height=0.6)
-    ax.axvline(0, color="0.6", lw=0.8)
-    ax.set(xlim=(-1, 1), ylim=(-0.6, len(names) - 0.4))
-    ax.invert_yaxis()
-    ax.set_yticks(range(len(names)), names, fontsize=6)
+    name_patterns(ax, names)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.support.files import read_table, write_table
@@ -23,7 +23,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import Population, engine_of
-from figures.common import BRIEF_MS, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, bars, letter, off, run, where
 
 CHANNELS, CONFLICT = 4, 0.9
 D_PRIMES = {1.0: "C0", 0.5: "C1"}
@@ -66,15 +66,9 @@ COLOURS = dict(zip(SHOWN, ("C0", "C4", "C3"), strict=True))
 
 def conflicting(settings: Settings, conflict: float, d_prime: float, trials: int) -> Evidence:
     """Draw evidence; that with conflict differs from that without in one mean alone."""
-    return separated_evidence(
-        trials,
-        READINGS,
-        d_prime / np.sqrt(2),
-        rng=stream(settings.seed, "figA2", f"{d_prime:g}"),
-        hypotheses=CHANNELS,
-        step_ms=STEP_MS,
-        conflict=conflict,
-    )
+    given: dict[str, Any] = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
+    rng = stream(settings.seed, "figA2", f"{d_prime:g}")
+    return gaussian_evidence(trials, channels=CHANNELS, conflict=conflict, seed=rng, **given)
 
 
 def rates(settings: Settings, *, output: Path) -> None:
@@ -187,14 +181,10 @@ def frontier(settings: Settings, *, output: Path) -> None:
         fall = fall_of_out(with_fast(gain))
         rows.append((gain, CHANNELS, "fall_nats", fall, fall, fall))
         for channels, (d_prime, readings) in DECIDED.items():
-            shown = separated_evidence(
-                4 * settings.circuit_trials,
-                readings,
-                d_prime / np.sqrt(2),
-                rng=stream(settings.seed, "figA2", "decisions", channels),
-                hypotheses=channels,
-                step_ms=STEP_MS,
-            )
+            given: dict[str, Any] = {"d_prime": d_prime, "t_max": readings, "step_ms": STEP_MS}
+            rng = stream(settings.seed, "figA2", "decisions", channels)
+            trials = 4 * settings.circuit_trials
+            shown = gaussian_evidence(trials, channels=channels, seed=rng, **given)
             table = with_fast(gain, channels)
             kappa = gain_of(table)
             engine = Population(settle_ms=BRIEF_MS, sample_ms=2.0)
@@ -242,29 +232,22 @@ def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Fig
     return figure
 
 
-def _off(rows: pd.DataFrame) -> npt.NDArray[np.float64]:
-    """Return the distances from each value to the ends of its interval, (2, rows)."""
-    ends = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-    return np.maximum(ends.astype(np.float64), 0)
-
-
 def _gains(ax: Any, table: pd.DataFrame) -> None:
     """Show STN's rise against the gain of inhibition, and in the old circuit right of it."""
-    stn, old = table[table["nucleus"] == "STN"], GAINS[-1] + 0.4
+    stn, old = where(table, nucleus="STN"), GAINS[-1] + 0.4
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     for d_prime, colour in D_PRIMES.items():
-        rows = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "population")]
+        rows, spikes, theory = (
+            where(stn, d_prime=d_prime, engine=engine)
+            for engine in ("population", "ensemble", "theory")
+        )
         fast = rows[rows["circuit"] != OLD]
-        given = {"fmt": "o", "ms": 3.5, "color": colour, "lw": 1}
+        given: dict[str, Any] = {"fmt": "o", "ms": 3.5, "color": colour, "lw": 1}
         x = fast["circuit"].astype(float)
-        ax.errorbar(x, fast["value"], _off(fast), **given, ls="-", label=f"d' = {d_prime:g}")
-        rest = rows[rows["circuit"] == OLD]
-        ax.errorbar([old], rest["value"], _off(rest), **given)
-        spikes = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "ensemble")]
+        bars(ax, x, fast, ls="-", label=f"d' = {d_prime:g}", **given)
+        bars(ax, [old], where(rows, circuit=OLD), **given)
         x = pd.Series([old if name == OLD else float(name) for name in spikes["circuit"]])
-        given |= {"fmt": "s", "mfc": "w", "ms": 4}
-        ax.errorbar(np.add(x, 0.06), spikes["value"], _off(spikes), **given)
-        theory = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "theory")]
+        bars(ax, np.add(x, 0.06), spikes, **given | {"fmt": "s", "mfc": "w", "ms": 4})
         for kind, style, label in ((LINEAR, "--", "rise of S / (1 + L)"), (EXACT, ":", "exact")):
             level = theory.loc[theory["circuit"] == kind, "value"].item()
             ax.plot([-0.1, old + 0.1], [level, level], color=colour, lw=0.9, ls=style)
@@ -284,13 +267,11 @@ def _nuclei(ax: Any, table: pd.DataFrame) -> None:
     for k, (nucleus, colour) in enumerate(NUCLEI.items()):
         shown = (("population", "o", colour, 0.0, nucleus), ("ensemble", "s", "w", 0.07, None))
         for engine, mark, fill, beside, label in shown:
-            rows = table[(table["nucleus"] == nucleus) & (table["engine"] == engine)]
+            rows = where(table, nucleus=nucleus, engine=engine)
             rows = rows.set_index("circuit").loc[list(SHOWN)]
-            where = np.arange(len(SHOWN)) + 0.2 * (k - 1) + beside
-            ax.errorbar(
-                where, rows["value"], _off(rows), fmt=mark, ms=3.5, lw=0.8, color=colour,
-                mfc=fill, label=label,
-            )  # fmt: skip
+            x = np.arange(len(SHOWN)) + 0.2 * (k - 1) + beside
+            style: dict[str, Any] = {"fmt": mark, "ms": 3.5, "lw": 0.8, "color": colour}
+            bars(ax, x, rows, mfc=fill, label=label, **style)
     # A name breaks at its blank, or after an underscore.
     names = (n.replace(" ", "\n") if " " in n else n.replace("_", "_\n") for n in SHOWN.values())
     ax.set_xticks(range(len(SHOWN)), list(names))
@@ -302,7 +283,7 @@ def _courses(ax: Any, table: pd.DataFrame) -> None:
     """Show STN's rate in time, without and with conflict."""
     for name, label in SHOWN.items():
         for mean_ms, lw in ((SAMPLE_MS, 0.4), (STEP_MS, 1.4)):
-            rows = table[(table["circuit"] == name) & (table["mean_ms"] == mean_ms)]
+            rows = where(table, circuit=name, mean_ms=mean_ms)
             for column, style in (("plain_hz", "-"), ("conflict_hz", "--")):
                 ax.plot(rows["time_ms"], rows[column], color=COLOURS[name], lw=lw, ls=style)
         ax.plot([], [], color=COLOURS[name], label=label)
@@ -318,11 +299,9 @@ def _added(ax: Any, table: pd.DataFrame) -> None:
     ax.axvspan(*WINDOW_MS, color="0.93", lw=0, zorder=0)
     ax.axhline(0, color="0.7", lw=0.8, zorder=0)
     for name, label in SHOWN.items():
-        rows = table[(table["circuit"] == name) & (table["mean_ms"] == STEP_MS)]
-        ax.plot(rows["time_ms"], rows["value"], color=COLOURS[name], lw=1, label=label)
-        ax.fill_between(
-            rows["time_ms"], rows["low"], rows["high"], color=COLOURS[name], lw=0, alpha=0.25
-        )
+        rows, colour = where(table, circuit=name, mean_ms=STEP_MS), COLOURS[name]
+        ax.plot(rows["time_ms"], rows["value"], color=colour, lw=1, label=label)
+        ax.fill_between(rows["time_ms"], rows["low"], rows["high"], color=colour, lw=0, alpha=0.25)
     ax.set(xlabel="time from the onset (ms)", ylabel="rise of rate with conflict (%)")
     ax.set_ylim(top=1.5 * table.loc[table["mean_ms"] == STEP_MS, "high"].max())
     ax.legend(loc="upper left")
@@ -330,16 +309,16 @@ def _added(ax: Any, table: pd.DataFrame) -> None:
 
 def _rises(window: pd.DataFrame) -> pd.DataFrame:
     """Return STN's rise by populations, d' 1, a row per gain in the order of ``GAINS``."""
-    rows = window[(window["nucleus"] == "STN") & (window["d_prime"] == 1)]
-    rows = rows[(rows["engine"] == "population") & (rows["circuit"] != OLD)]
+    rows = where(window, nucleus="STN", d_prime=1, engine="population")
+    rows = rows[rows["circuit"] != OLD]
     return rows.set_index(rows["circuit"].astype(float)).loc[list(GAINS)]
 
 
 def _fall(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
     """Show STN's rise against how far OUT falls with all channels."""
     rises = _rises(window)
-    fall = traded[traded["measure"] == "fall_nats"].set_index("gain").loc[list(GAINS)]
-    ax.errorbar(fall["value"], rises["value"], _off(rises), fmt="o-", ms=3.5, lw=1, color="k")
+    fall = where(traded, measure="fall_nats").set_index("gain").loc[list(GAINS)]
+    bars(ax, fall["value"], rises, fmt="o-", ms=3.5, lw=1, color="k")
     _named(ax, fall["value"], rises["value"])
     ax.set(xlabel="lowest OUT after -1 nat (nats)", ylabel="rise of STN (%)")
 
@@ -347,13 +326,11 @@ def _fall(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
 def _times(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
     """Show STN's rise against the correlation of decision times with the MSPRT's."""
     rises = _rises(window)
-    times = traded[traded["measure"] == "pearson_r"]
     for (channels, (d_prime, _)), colour in zip(DECIDED.items(), ("C2", "C5"), strict=True):
-        r = times[times["channels"] == channels].set_index("gain").loc[list(GAINS)]
-        ax.errorbar(
-            r["value"], rises["value"], _off(rises), _off(r), fmt="o-", ms=3.5, lw=1,
-            color=colour, label=f"N = {channels}, d' = {d_prime:g}",
-        )  # fmt: skip
+        r = where(traded, measure="pearson_r", channels=channels).set_index("gain").loc[list(GAINS)]
+        style: dict[str, Any] = {"fmt": "o-", "ms": 3.5, "lw": 1, "color": colour}
+        label = f"N = {channels}, d' = {d_prime:g}"
+        ax.errorbar(r["value"], rises["value"], off(rises), off(r), label=label, **style)
     # Both have the same rises.
     _named(ax, r["value"], rises["value"])
     ax.set(xlabel="r of decision times", ylabel="rise of STN (%)")

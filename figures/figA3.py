@@ -14,7 +14,7 @@ from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.laws.homeostasis import recovery
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, key, letter, run, say_if_older, where
 
 CHANNELS = (2, 4)
 UP, DOWN = " weight +20%", " weight -20%"
@@ -69,14 +69,12 @@ def draw(settings: Settings, scored: Path, followed: Path, *, output: Path) -> F
     letter(middle, "b  N = 4")
     right = [figure.add_subplot(grid[0, 2]), figure.add_subplot(grid[1, 2])]
     for ax, edit in zip(right, EDITS, strict=True):
-        _course(ax, courses[courses["edit"] == edit])
+        _course(ax, where(courses, edit=edit))
     letter(right[0], f"c  {EDITS[0]}")
     letter(right[1], f"d  {EDITS[1]}")
     right[1].set_xlabel("time (time constants)")
     right[0].legend(loc="center right", ncols=2, columnspacing=1, handlelength=1.4)
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower left", ncols=5, columnspacing=1.2
-    )
+    key(figure, left, loc="outside lower left", ncols=5, columnspacing=1.2)
     say_if_older(figure, scored)
     return figure
 
@@ -89,15 +87,10 @@ def _weights(ax: Any, table: pd.DataFrame, count: int, weights: list[str], lost:
         for change, (mark, above) in CHANGES.items():
             rows = table.loc[[name + change for name in weights]]
             y = above + APART * (k - 1) - np.arange(len(weights))
-            r, low, high = (
-                rows[f"{rules}_{count}{end}"].to_numpy(float) for end in ("", "_low", "_high")
-            )
-            ax.errorbar(
-                r, y, xerr=np.maximum(np.stack([r - low, high - r]), 0), fmt=mark, ms=3,
-                lw=0.8, color=colour, mfc=fill,
-            )  # fmt: skip
-            missed = np.isnan(r)
-            ax.plot(np.full(missed.sum(), lost), y[missed], mark, ms=3, color=colour, mfc=fill)
+            style: dict[str, Any] = {"ms": 3, "color": colour, "mfc": fill}
+            bars(ax, y, rows, f"{rules}_{count}", across=True, fmt=mark, lw=0.8, **style)
+            missed = rows[f"{rules}_{count}"].isna().to_numpy()
+            ax.plot(np.full(missed.sum(), lost), y[missed], mark, **style)
         ax.plot([], [], "o", ms=3.5, color=colour, mfc=fill, label=said)
     for mark, label in (("<", DOWN.strip()), (">", UP.strip())):
         ax.plot([], [], mark, ms=3.5, color="0.4", label=label)
@@ -113,7 +106,7 @@ def _course(ax: Any, table: pd.DataFrame) -> None:
     """Show rates over their own at rest, from the edit on."""
     ax.axhline(1, color="0.8", lw=0.8, zorder=0)
     for name, colour in POPULATIONS.items():
-        rows = table[table["population"] == name].sort_values("time")
+        rows = where(table, population=name).sort_values("time")
         ax.plot(rows["time"], rows["share"], color=colour, lw=1.1, label=name)
     ax.set(ylabel="rate / its rate at rest", xlim=(0, SHOWN_UNTIL))
 

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, key, letter, run, say_if_older, where
 
 CONFLICT = 0.9
 INTACT, ACUTE, RECOVERED = "intact", "acute", "recovered"
@@ -46,7 +46,7 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
     grids = figure.add_gridspec(2, 1, height_ratios=[1.9, 1])
     grid: Any = grids[0].subgridspec(2, len(tasks)).subplots(sharex=True, sharey="row")
     for column, task in zip(grid.T, tasks, strict=True):
-        rows = behaviour[behaviour["evidence"] == task]
+        rows = where(behaviour, evidence=task)
         for ax, (measure, unit, _) in zip(column, CHANGES, strict=True):
             _against_rebound(ax, rows, measure, unit)
             ax.axvline(tuned_rebound(rows), color="0.6", lw=0.8, ls=":", zorder=0)
@@ -57,18 +57,14 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
         row[0].set_ylabel(label)
         letter(row[0], name)
     grid[1, 1].set_xlabel("rebound of SNr after a loss of all of STN (nats)")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
     lower: Any = grids[1].subgridspec(1, 3).subplots()
-    rows = behaviour[behaviour["evidence"] == SHOWN]
+    rows = where(behaviour, evidence=SHOWN)
     for ax, (measure, unit, label) in zip(lower, CHANGES, strict=False):
         _by_loss(ax, rows, measure, unit)
         ax.set(ylabel=label, xlabel="part of STN lost (%)")
     letter(lower[0], f"c  time, {SHOWN}")
     letter(lower[1], f"d  accuracy, {SHOWN}")
-    more = lower[0].get_legend_handles_labels()
-    figure.legend(
-        handles + more[0], labels + more[1], loc="outside lower center", ncols=3, columnspacing=1.5
-    )
+    key(figure, grid[0, 0], lower[0], ncols=3, columnspacing=1.5)
     _early(lower[2], anticipation)
     letter(lower[2], "e  before the onset")
     say_if_older(figure, behaved, ahead)
@@ -84,36 +80,22 @@ def tuned_rebound(rows: pd.DataFrame) -> float:
     return float((part["rebound_nats"] / part["lost"]).iloc[0])
 
 
-def _off(rows: pd.DataFrame, name: str, unit: float) -> np.ndarray:
-    """Return the distances from a value to the ends of its interval, (2, rows)."""
-    ends = [rows[name] - rows[f"{name}_low"], rows[f"{name}_high"] - rows[name]]
-    away: np.ndarray = np.maximum(np.stack(ends), 0) / unit
-    return away
-
-
 def _against_rebound(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
     """Show the change after a loss of all of STN, recovered, by conflict."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-    name = f"{measure}_change"
+    rows = where(rows, lost=1, state=RECOVERED).sort_values("rebound_nats")
     for conflict, colour in COLOUR.items():
-        part = rows[rows["conflict"] == conflict]
-        part = part[(part["lost"] == 1) & (part["state"] == RECOVERED)]
-        part = part.sort_values("rebound_nats")
+        part, name = where(rows, conflict=conflict), f"{measure}_change"
         label = "with conflict" if conflict else "without conflict"
-        ax.errorbar(
-            part["rebound_nats"], part[name] / unit, _off(part, name, unit),
-            fmt="o-", ms=3, lw=1, color=colour, label=label,
-        )  # fmt: skip
+        style: dict[str, Any] = {"fmt": "o-", "ms": 3, "lw": 1, "color": colour, "label": label}
+        bars(ax, part["rebound_nats"], part, name, unit=unit, **style)
 
 
 def _people(ax: Any, measure: str, unit: float) -> None:
     """Show what stimulation of STN did to people, beside the curves."""
     for conflict, (mean, error) in CAVANAGH[measure].items():
-        where = AT_NATS + (0.03 if conflict else -0.03)
-        ax.errorbar(
-            [where], [mean / unit], [T_OF_14 * error / unit], fmt="D", ms=4, mfc="w", lw=1,
-            color=COLOUR[conflict],
-        )  # fmt: skip
+        x, off = AT_NATS + (0.03 if conflict else -0.03), T_OF_14 * error / unit
+        ax.errorbar(x, mean / unit, off, fmt="D", ms=4, mfc="w", lw=1, color=COLOUR[conflict])
     ax.plot([], [], "D", ms=4, mfc="w", color="0.4", label="people, STN stimulated")
 
 
@@ -130,13 +112,12 @@ def _by_loss(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
         )
         for k, (state, nats, mark, label) in enumerate(states):
             for conflict, colour in COLOUR.items():
-                at = rows[(rows["lost"] == lost) & (rows["state"] == state)]
-                at = at[(at["conflict"] == conflict) & np.isclose(at["rebound_nats"], nats)]
-                where = i + 0.25 * (k - 1) + (0.05 if conflict else -0.05)
-                ax.errorbar(
-                    [where], at[name] / unit, _off(at, name, unit), fmt=mark, ms=3.5, lw=0.8,
-                    color=colour, mfc="w" if state == ACUTE else colour,
-                )  # fmt: skip
+                at = where(rows, lost=lost, state=state, conflict=conflict)
+                at = at[np.isclose(at["rebound_nats"], nats)]
+                x = i + 0.25 * (k - 1) + (0.05 if conflict else -0.05)
+                style: dict[str, Any] = {"fmt": mark, "ms": 3.5, "lw": 0.8, "color": colour}
+                fill = "w" if state == ACUTE else colour
+                bars(ax, [x], at, name, unit=unit, mfc=fill, **style)
             if not i:
                 fill = "w" if state == ACUTE else "0.4"
                 ax.plot([], [], mark, color="0.4", mfc=fill, ms=3.5, label=label)
@@ -145,16 +126,13 @@ def _by_loss(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
 
 def _early(ax: Any, table: pd.DataFrame) -> None:
     """Show the share of responses before the onset against the rebound."""
-    for task, style in zip(SLOW, ("-", "--"), strict=True):
+    for task, line in zip(SLOW, ("-", "--"), strict=True):
         for most, colour in RAMPS.items():
-            rows = table[(table["evidence"] == task) & (table["most_nats"] == most)]
-            whole = rows[rows["lost"] == 1].sort_values("rebound_nats")
+            whole = where(table, evidence=task, most_nats=most, lost=1).sort_values("rebound_nats")
             label = f"{task.split(', ')[1]}, up to {most:g} nats"
-            off = _off(whole, "anticipatory", 1)
-            ax.errorbar(
-                whole["rebound_nats"], whole["anticipatory"], off, fmt="o", ms=3, lw=1, ls=style,
-                color=colour, label=label, mfc=colour if style == "-" else "w",
-            )  # fmt: skip
+            fill = colour if line == "-" else "w"
+            style: dict[str, Any] = {"fmt": "o", "ls": line, "color": colour, "mfc": fill}
+            bars(ax, whole["rebound_nats"], whole, "anticipatory", ms=3, lw=1, label=label, **style)
     partly = table[(table["lost"] < 1) & (table["state"] != INTACT)]["anticipatory"].max()
     intact = table[table["state"] == INTACT]["anticipatory"].max()
     # One line for all of them, at the highest.

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, key, letter, run, say_if_older, where
 
 TESTS = {
     "MSPRT": ("MSPRT", "C0", "o"),
@@ -28,10 +27,11 @@ def draw(settings: Settings, times: Path, *, output: Path) -> Figure:
     table = read_table(times)
     figure, axes = plt.subplots(1, 2, figsize=(7.4, 3.4))
     for name, (label, colour, mark) in TESTS.items():
-        rows = table[table["model"] == name].sort_values("alternatives")
-        _line(axes[0], rows, "time_ms", colour, mark, label)
+        rows = where(table, model=name).sort_values("alternatives")
+        style: dict[str, Any] = {"color": colour, "marker": mark, "ms": 3.5, "lw": 1}
+        bars(axes[0], rows["alternatives"], rows, "time_ms", label=label, **style)
         if name != "MSPRT":
-            _line(axes[1], rows, "longer_ms", colour, mark)
+            bars(axes[1], rows["alternatives"], rows, "longer_ms", **style)
         printed = rows.dropna(subset=["printed_ms"])
         axes[0].plot(
             1.06 * printed["alternatives"], printed["printed_ms"], marker="_", ms=12, mew=1.6,
@@ -49,20 +49,9 @@ def draw(settings: Settings, times: Path, *, output: Path) -> Figure:
         ax.set_xlabel("alternatives N (logarithmic)")
     letter(axes[0], "a  time to decide")
     letter(axes[1], "b  what other tests cost")
-    figure.legend(loc="outside lower center", ncols=4)
+    key(figure, axes[0], ncols=4)
     say_if_older(figure, times)
     return figure
-
-
-def _line(
-    ax: Any, rows: pd.DataFrame, what: str, colour: str, mark: str, label: str | None = None
-) -> None:
-    """Show a mean and its interval over alternatives."""
-    middle = rows[what]
-    off = [middle - rows[f"{what}_low"], rows[f"{what}_high"] - middle]
-    ax.errorbar(
-        rows["alternatives"], middle, off, color=colour, marker=mark, ms=3.5, lw=1, label=label
-    )
 
 
 if __name__ == "__main__":

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, key, letter, run, say_if_older, where
 
 TESTS = {
     "MSPRT": ("MSPRT", "C0", "o", "-"),
@@ -26,12 +25,13 @@ def draw(settings: Settings, readings: Path, *, output: Path) -> Figure:
     table = read_table(readings)
     figure, axes = plt.subplots(2, 2, figsize=(7.4, 5.6), sharex=True)
     for column, alternatives in zip(axes.T, (2, 4), strict=True):
-        rows = table[table["alternatives"] == alternatives].sort_values("coherence")
-        for name, look in TESTS.items():
-            some = rows[rows["model"] == name]
-            _line(column[0], some, "time_readings", look)
+        rows = where(table, alternatives=alternatives).sort_values("coherence")
+        for name, (label, colour, mark, line) in TESTS.items():
+            some = where(rows, model=name)
+            look: dict[str, Any] = {"color": colour, "marker": mark, "ls": line, "ms": 3.5, "lw": 1}
+            bars(column[0], some["coherence"], some, "time_readings", label=label, **look)
             if name != "MSPRT":
-                _line(column[1], some, "longer_readings", look)
+                bars(column[1], some["coherence"], some, "longer_readings", **look)
         column[1].axhline(1, color="0.6", lw=0.8, ls=":")
         for ax in column:
             ax.set(xscale="log", yscale="log")
@@ -45,20 +45,9 @@ def draw(settings: Settings, readings: Path, *, output: Path) -> Figure:
     letter(axes[0, 1], "b  four directions")
     letter(axes[1, 0], "c  what the loop costs, two")
     letter(axes[1, 1], "d  what the loop costs, four")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    key(figure, axes[0, 0], ncols=2)
     say_if_older(figure, readings)
     return figure
-
-
-def _line(ax: Any, rows: pd.DataFrame, what: str, look: tuple[str, str, str, str]) -> None:
-    """Show a mean and its interval over coherence."""
-    label, colour, mark, line = look
-    off = [rows[what] - rows[f"{what}_low"], rows[f"{what}_high"] - rows[what]]
-    ax.errorbar(
-        rows["coherence"], rows[what], off, color=colour, marker=mark, ms=3.5, lw=1, ls=line,
-        label=label,
-    )  # fmt: skip
 
 
 if __name__ == "__main__":

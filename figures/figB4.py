@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, letter, run, say_if_older, where
 
 DECIDERS = {
     "MSPRT": ("MSPRT", "C0", "o"),
@@ -61,15 +61,11 @@ def draw(
 
 def _hick(ax: Any, times: pd.DataFrame, lines: pd.DataFrame) -> None:
     """Show mean times over the logarithm of the number, with fitted lines."""
-    some = times[(times["evidence"] == GAUSSIAN) & (times["accuracy"] == ACCURACY)]
+    some = where(times, evidence=GAUSSIAN, accuracy=ACCURACY)
     for name, (label, colour, mark) in DECIDERS.items():
-        rows = some[some["decider"] == name].dropna(subset=["time_ms"])
-        _points(ax, rows["alternatives"], rows, "time_ms", colour, mark, label)
-        fit = lines[
-            (lines["decider"] == name)
-            & (lines["accuracy"] == ACCURACY)
-            & (lines["of"] == "time_ms")
-        ]
+        rows = where(some, decider=name).dropna(subset=["time_ms"])
+        _points(ax, rows["alternatives"], rows, colour, mark, label)
+        fit = where(lines, decider=name, accuracy=ACCURACY, of="time_ms")
         if len(fit) and name != "ensemble":
             x = np.array([rows["alternatives"].min(), rows["alternatives"].max()])
             y = fit["intercept_ms"].iloc[0] + fit["slope_ms"].iloc[0] * np.log(x)
@@ -82,21 +78,19 @@ def _hick(ax: Any, times: pd.DataFrame, lines: pd.DataFrame) -> None:
 
 
 def _points(
-    ax: Any, x: Any, rows: pd.DataFrame, what: str, colour: str, mark: str, label: str | None
+    ax: Any, x: Any, rows: pd.DataFrame, colour: str, mark: str, label: str | None = None
 ) -> None:
-    """Show values with their intervals, s."""
-    middle = rows[what] / 1000
-    bars = [middle - rows[f"{what}_low"] / 1000, rows[f"{what}_high"] / 1000 - middle]
-    ax.errorbar(x, middle, bars, color=colour, marker=mark, ms=3.5, ls="", lw=1, label=label)
+    """Show mean times with their intervals, s."""
+    style: dict[str, Any] = {"color": colour, "marker": mark, "label": label}
+    bars(ax, x, rows, "time_ms", unit=1000, ms=3.5, ls="", lw=1, **style)
 
 
 def _tradeoff(ax: Any, times: pd.DataFrame) -> None:
     """Show accuracy over mean time, by alternatives."""
-    some = times[times["evidence"] == GAUSSIAN]
+    some = where(times, evidence=GAUSSIAN).dropna(subset=["time_ms"])
     for count, colour in SHADES.items():
         for name, (_, _, mark) in DECIDERS.items():
-            rows = some[(some["decider"] == name) & (some["alternatives"] == count)]
-            rows = rows.dropna(subset=["time_ms"])
+            rows = where(some, decider=name, alternatives=count)
             line = "-" if name == "MSPRT" else ""
             ax.plot(
                 rows["time_ms"] / 1000, rows["accuracy"], color=colour, ls=line, lw=1,
@@ -112,12 +106,12 @@ def _tradeoff(ax: Any, times: pd.DataFrame) -> None:
 
 def _quantiles(ax: Any, table: pd.DataFrame) -> None:
     """Show quantiles of times of right and wrong responses over the share of that response."""
-    some = table[table["alternatives"] == 2]
+    some = where(table, alternatives=2)
     names = {AT_GAIN: ("MSPRT at its gain", "C0", "o")} | {
         name: DECIDERS[name] for name in ("population", "ensemble")
     }
     for name, (label, colour, mark) in names.items():
-        rows = some[some["decider"] == name].sort_values("share")
+        rows = where(some, decider=name).sort_values("share")
         for q in QUANTILES:
             known = rows.dropna(subset=[f"q{q}_ms"])
             line = "-" if name == AT_GAIN else ""
@@ -135,27 +129,19 @@ def _quantiles(ax: Any, table: pd.DataFrame) -> None:
 
 def _taps(ax: Any, times: pd.DataFrame) -> None:
     """Show mean times on taps over alternatives, of the test and of the circuit."""
-    some = times[times["accuracy"] == ACCURACY]
+    some = where(times, accuracy=ACCURACY).dropna(subset=["time_ms"])
     looks = {"MSPRT": ("C0", "o"), "population": ("C1", "s"), CENTRED: ("C1", "D")}
     for k, (kind, line) in enumerate(KINDS.items()):
         for name, (colour, mark) in looks.items():
-            rows = some[(some["evidence"] == kind) & (some["decider"] == name)]
-            rows = rows.dropna(subset=["time_ms"])
+            rows = where(some, evidence=kind, decider=name)
             x = rows["alternatives"] * 1.04 ** (k - 1)
-            _points(ax, x, rows, "time_ms", colour, mark, None)
+            _points(ax, x, rows, colour, mark)
             ax.plot(x, rows["time_ms"] / 1000, color=colour, lw=0.9, ls=line)
     for kind, line in KINDS.items():
         ax.plot([], [], color="0.3", ls=line, lw=0.9, label=kind.replace(" 5 degrees", " 5°"))
     for name, (colour, mark) in looks.items():
-        ax.plot(
-            [],
-            [],
-            color=colour,
-            marker=mark,
-            ls="",
-            ms=3.5,
-            label=name.replace(", mean", ",\nmean"),
-        )
+        label = name.replace(", mean", ",\nmean")
+        ax.plot([], [], color=colour, marker=mark, ls="", ms=3.5, label=label)
     ax.set(
         xscale="log", yscale="log", xlabel="alternatives N", ylabel="mean time at accuracy .95 (s)"
     )
@@ -170,7 +156,7 @@ def _errors(ax: Any, table: pd.DataFrame) -> None:
     """Show the share of errors over what the criterion allows."""
     for count, colour in SHADES.items():
         for kind, line in KINDS.items():
-            rows = table[(table["alternatives"] == count) & (table["evidence"] == kind)]
+            rows = where(table, alternatives=count, evidence=kind)
             rows = rows[rows["accuracy"] < 1]  # the axes are logarithmic
             ax.plot(1 - rows["criterion"], 1 - rows["accuracy"], color=colour, ls=line, lw=1)
         ax.plot([], [], color=colour, label=f"N = {count}")
@@ -186,18 +172,11 @@ def _calibration(ax: Any, table: pd.DataFrame) -> None:
     """Show the share that is right over the posterior of the most probable alternative."""
     for count, colour in SHADES.items():
         for kind, line in KINDS.items():
-            rows = table[(table["alternatives"] == count) & (table["evidence"] == kind)]
-            bars = [rows["right"] - rows["right_low"], rows["right_high"] - rows["right"]]
-            ax.errorbar(
-                rows["posterior"], rows["right"], bars, color=colour, ls=line, lw=1, elinewidth=0.7
-            )
+            rows = where(table, alternatives=count, evidence=kind)
+            style: dict[str, Any] = {"color": colour, "ls": line, "lw": 1, "elinewidth": 0.7}
+            bars(ax, rows["posterior"], rows, "right", **style)
     ax.plot([0, 1], [0, 1], color="0.5", lw=0.8)
-    ax.set(
-        xlabel="highest posterior",
-        ylabel="share right",
-        xlim=(0.2, 1.02),
-        ylim=(0.2, 1.02),
-    )
+    ax.set(xlabel="highest posterior", ylabel="share right", xlim=(0.2, 1.02), ylim=(0.2, 1.02))
 
 
 if __name__ == "__main__":

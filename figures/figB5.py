@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from bgmodel.comparison.designed import CLOSE_MS
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, bars, letter, run, say_if_older
 
 NAMES = {
     "bogacz_gurney": "Bogacz & Gurney 2007",
@@ -93,14 +93,8 @@ def _beside(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
     for count, off, mark in ((2, -0.12, "o"), (4, 0.12, "s")):
         rows = table[(table["alternatives"] == count) & table["circuit"].isin(names)]
         y = np.array([names.index(name) for name in rows["circuit"]]) + off
-        bars = [
-            rows["agreement"] - rows["agreement_low"],
-            rows["agreement_high"] - rows["agreement"],
-        ]
-        ax.errorbar(
-            rows["agreement"], y, xerr=bars, color="C0", marker=mark, ls="", ms=4,
-            label=f"N = {count}",
-        )  # fmt: skip
+        style: dict[str, Any] = {"color": "C0", "marker": mark, "ls": "", "ms": 4}
+        bars(ax, y, rows, "agreement", across=True, label=f"N = {count}", **style)
         noisy = rows["agreement_ceiling"].where(rows["agreement_ceiling"] < 1)
         ax.plot(noisy, y, marker="|", color="0.4", ms=9, ls="")
         ax.plot(rows["agreement_chance"], y, marker="|", color="C3", ms=9, ls="")

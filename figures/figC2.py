@@ -19,7 +19,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.ndimage import gaussian_filter1d
 
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import channel_lines, raster
 from bgmodel.support.files import read_table, write_table
@@ -42,14 +42,9 @@ NARROW = {"handlelength": 1.6, "columnspacing": 1, "handletextpad": 0.4}
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Follow the first trial in full, and average all of them."""
-    evidence = separated_evidence(
-        settings.circuit_trials // 3,
-        READINGS,
-        D_PRIME / np.sqrt(2),
-        rng=stream(settings.seed, "figC2"),
-        hypotheses=CIRCUIT.channels,
-        step_ms=STEP_MS,
-    )
+    given: dict[str, Any] = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS}
+    rng, trials = stream(settings.seed, "figC2"), settings.circuit_trials // 3
+    evidence = gaussian_evidence(trials, channels=CIRCUIT.channels, seed=rng, **given)
     model = BasalGanglia(CIRCUIT, Ensemble(sample_ms=SAMPLE_MS), GAIN, settings.seed)
     table = pd.concat([one_trial(model, evidence[:1]), averages(model, evidence)])
     write_table(table, output, seed=settings.seed, settings=settings)

@@ -9,7 +9,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -19,7 +18,7 @@ from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve, tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.baselines import MaxVsAverage, Race
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
@@ -27,7 +26,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import Folds, folds
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from figures.common import Settings, letter, run
+from figures.common import Settings, bars, key, letter, run, where
 
 AT = 0.95
 ACCURACIES = (0.90, 0.95, 0.97)
@@ -41,11 +40,8 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
     for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), FEWEST_TRIALS)
-        given: dict[str, Any] = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
-        yield (
-            f"N = {count}",
-            separated_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given),
-        )
+        given: dict[str, Any] = {"d_prime": settings.d_prime, "channels": count, "t_max": 120}
+        yield f"N = {count}", gaussian_evidence(trials, seed=rng, **given)
     readings = tactile(taps)
     rng = stream(settings.seed, "figC3", "tactile")
     yield TACTILE, readings.draw(most, 40, rng=rng, step_ms=50.0)
@@ -124,19 +120,16 @@ def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figur
     for ax, (measure, label) in zip(axes[1], shown.items(), strict=True):
         _measures(ax, measures[measures["measure"] == measure])
         ax.set(xlabel="accuracy", title=label)
-    handles, labels = axes[1, 0].get_legend_handles_labels()
     curves = table[table["what"] == "curve"]
     for ax, name in zip(axes[2], COLOURS, strict=True):
-        lines = _speed_accuracy(ax, curves[curves["condition"] == name])
+        _speed_accuracy(ax, curves[curves["condition"] == name])
         letter(ax, name)
     letter(axes[2, 0], "c  speed, accuracy, N = 2")
     axes[2, 0].set_ylabel("expected accuracy")
-    other = Line2D([], [], color="k", ls="", marker="x", ms=3, mew=0.7)
+    other = Line2D([], [], color="k", ls="", marker="x", ms=3, mew=0.7, label="other choice")
     title = "a: one mark per trial.  b: filled circuit, open cortical decoder"
-    figure.legend(
-        [*handles, other], [*labels, "other choice"], loc="outside lower left", ncols=3, title=title
-    )
-    figure.legend(*lines, loc="outside lower right", ncols=3, title="c: lines")
+    key(figure, axes[1, 0], more=[other], loc="outside lower left", ncols=3, title=title)
+    key(figure, axes[2, -1], loc="outside lower right", ncols=3, title="c: lines")
     return figure
 
 
@@ -156,20 +149,16 @@ def _measures(ax: Axes, rows: pd.DataFrame) -> None:
     for i, (name, colour) in enumerate(COLOURS.items()):
         # Side by side: where both are 1, neither mark hides the other.
         for label, aside, face in ((CIRCUIT, -0.045, colour), (DECODER, 0.045, "w")):
-            here = rows[(rows["condition"] == name) & (rows["model"] == label)]
+            here = where(rows, condition=name, model=label)
             x = np.arange(len(here)) + 0.2 * (i - 1.5) + aside
-            off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
-            named = f"{name}" if label == CIRCUIT else None
-            ax.errorbar(
-                x, here["value"], np.maximum(off, 0), fmt="o", ms=2.5, lw=0.8, color=colour,
-                mfc=face, label=named,
-            )  # fmt: skip
+            style: dict[str, Any] = {"fmt": "o", "ms": 2.5, "lw": 0.8, "color": colour}
+            bars(ax, x, here, mfc=face, label=name if label == CIRCUIT else None, **style)
     if rows["measure"].iloc[0].endswith("agreement"):
         ax.margins(y=0.08)
     ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}".lstrip("0") for a in ACCURACIES])
 
 
-def _speed_accuracy(ax: Axes, rows: pd.DataFrame) -> tuple[list[Artist], list[Any]]:
+def _speed_accuracy(ax: Axes, rows: pd.DataFrame) -> None:
     styles: dict[str, dict[str, Any]] = {
         MSPRT_AT_GAIN: {"color": "k", "lw": 1.2},
         MSPRT: {"color": "k", "lw": 0.8, "ls": ":"},
@@ -183,7 +172,6 @@ def _speed_accuracy(ax: Axes, rows: pd.DataFrame) -> tuple[list[Artist], list[An
         ax.plot(here["value"] / 1000, here["accuracy"], label=name, **style)
     at = rows[(rows["model"] == MSPRT_AT_GAIN) & (rows["accuracy"] < 0.99)]
     ax.set(xlabel="mean decision time (s)", ylim=(0.6, 1.0), xlim=(0, 1.35e-3 * at["value"].max()))
-    return ax.get_legend_handles_labels()
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,20 +16,23 @@ from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.steady import out_shift, steady_out
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.circuit import Circuit
 from circuits.engines import Ensemble, Population
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
-from figures.common import BRIEF_MS, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, bars, key, letter, run, where
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
 AT, HIGHEST = 0.95, 0.96
+AT_ACCURACY: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
+"""Where edited circuits are compared."""
 SHOWN = 14
 SPAN_MS = 50.0
 # Where a change is asked how far it moves OUT: about the thresholds.
@@ -39,10 +43,8 @@ ODDS = float(np.log(0.85 / 0.15))
 
 def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
     """Return Gaussian evidence, readings every 50 ms."""
-    rng = stream(settings.seed, "figC4", name)
-    most = round(25 / d_prime**2)
-    separation = d_prime / np.sqrt(2)
-    return separated_evidence(trials, most, separation, rng=rng, hypotheses=count, step_ms=50.0)
+    rng, most = stream(settings.seed, "figC4", name), round(25 / d_prime**2)
+    return gaussian_evidence(trials, d_prime=d_prime, channels=count, t_max=most, seed=rng)
 
 
 def neurons(settings: Settings, *, output: Path) -> None:
@@ -84,8 +86,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "STN-SNr shuffled": shuffled_stn(table),
     }
     model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
-    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
-    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
+    found = compare_edits(model, edited, evidence, seed=settings.seed, **AT_ACCURACY)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
@@ -99,17 +100,30 @@ def numbers(settings: Settings, *, output: Path) -> None:
     every = perturbed(table)
     moved = [np.abs(out_shift(table, edit, OUTS, laws="cells")).max() for edit in every.values()]
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
-    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
+    edits = {name: every[name] for name in names}
+    in_spikes = names[: settings.varied_in_spikes]
+    found = with_edits(table, edits, in_spikes, evidence, settings.seed, resamples=200)
+    found.insert(len(found.columns) - 1, "of", len(every))
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def with_edits(
+    table: Circuit,
+    edits: Mapping[str, Circuit],
+    in_spikes: Iterable[str],
+    evidence: Evidence,
+    seed: int,
+    **more: Any,
+) -> pd.DataFrame:
+    """Return the comparison of edited circuits by populations with noise, and of some in spikes."""
     parts = []
-    for engine, count in (
-        (Population(settle_ms=BRIEF_MS), len(names)),
-        (Ensemble(settle_ms=BRIEF_MS), settings.varied_in_spikes),
-    ):
-        edited = {name: every[name] for name in names[:count]}
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
-        found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-        parts.append(found.assign(of=len(every), engine=engine.id))
-    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+    for kind, names in ((Population, edits), (Ensemble, in_spikes)):
+        engine = kind(settle_ms=BRIEF_MS)
+        model = BasalGanglia(table, engine, gain_of(table), seed)
+        some = {name: edits[name] for name in names}
+        found = compare_edits(model, some, evidence, seed=seed, **AT_ACCURACY, **more)
+        parts.append(found.assign(engine=engine.id))
+    return pd.concat(parts)
 
 
 def draw(settings: Settings, *data: Path, output: Path) -> Figure:
@@ -122,7 +136,7 @@ def draw(settings: Settings, *data: Path, output: Path) -> Figure:
     _edits(figure.add_subplot(grid[:, 1]), wired)
     right = figure.add_subplot(grid[:, 2])
     _numbers(right, varied)
-    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
+    key(figure, right, loc="outside lower right", ncols=2)
     return figure
 
 
@@ -140,17 +154,14 @@ def _noise(ax: Axes, table: pd.DataFrame) -> None:
 
 
 def _correlation(ax: Axes, table: pd.DataFrame) -> None:
-    rows = table[(table["measure"] == "pearson_r") & (table["accuracy"] == AT)]
+    rows = where(table, measure="pearson_r", accuracy=AT)
     styles: dict[str, dict[str, Any]] = {
         CIRCUIT: {"fmt": "o-"},
         DECODER: {"fmt": "o--", "mfc": "w"},
     }
     for name, style in styles.items():
-        here = rows[rows["model"] == name]
-        off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
-        ax.errorbar(
-            here["size"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
-        )
+        here = where(rows, model=name)
+        bars(ax, here["size"], here, ms=4, lw=0.8, label=name, **style)
     ax.set(xscale="log", xlabel="cells n, over the table's", ylabel=f"r of times, at accuracy {AT}")
     ax.set(ylim=(0.3, 1.02))
     _size_ticks(ax)
@@ -165,47 +176,34 @@ def _size_ticks(ax: Axes) -> None:
 
 
 def _edits(ax: Axes, table: pd.DataFrame) -> None:
-    rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
+    rows = where(table, kind="value", measure="within_50_ms")
     places = np.arange(len(rows))[::-1]
-    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-    ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
+    bars(ax, places, rows, across=True, fmt="o", ms=4, lw=0.8)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0, label="intact")
     ax.legend(loc="lower left", bbox_to_anchor=(0, 0.1))
     for place in places[rows["value"].isna().to_numpy()]:
         ax.text(0.02, place, "not reached", va="center")
     ax.set_yticks(places, rows["variant"])
-    ax.set(
-        xlabel=f"share within 50 ms of\nthe MSPRT's, accuracy {AT}",
-        xlim=(0, 1),
-        ylim=(-0.6, len(rows) - 0.4),
-    )
+    ax.set(xlabel=f"share within 50 ms of\nthe MSPRT's, accuracy {AT}")
+    ax.set(xlim=(0, 1), ylim=(-0.6, len(rows) - 0.4))
     letter(ax, "c  edits, N = 4")
 
 
 def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     """Show the numbers whose change moves accuracy most, and what a new threshold leaves of it."""
-    spiking, table = (table[table["engine"] == name] for name in ("ensemble", "population"))
-    in_spikes, fixed = (
-        part[(part["kind"] == "fixed") & (part["measure"] == "expected_accuracy")].set_index(
-            "variant"
-        )["value"]
-        for part in (spiking, table)
-    )
-    tuned = table[(table["kind"] == "change") & (table["measure"] == "pearson_r")]
-    tuned = tuned.set_index("variant")
+    by = table.set_index("variant")
+    kept = where(by, kind="fixed", measure="expected_accuracy")
+    in_spikes, fixed = (where(kept, engine=name)["value"] for name in ("ensemble", "population"))
+    tuned = where(by, engine="population", kind="change", measure="pearson_r")
     moved = (fixed - fixed["intact"]).drop("intact")
     worst = moved.abs().sort_values(ascending=False).index[:SHOWN]
     places = np.arange(len(worst))[::-1]
     ax.plot(moved[worst], places, "s", ms=4, color="C1", label="change of accuracy, threshold kept")
     known = [k for k, name in enumerate(worst) if name in in_spikes.index]
-    off = in_spikes[worst[known]] - in_spikes["intact"]
-    ax.plot(off, places[known], "x", ms=5, color="k", label="the same, in spikes")
-    here = tuned.loc[worst]
-    off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
-    ax.errorbar(
-        here["value"], places - 0.25, xerr=np.maximum(off, 0), fmt="o", ms=3, lw=0.8,
-        label="change of r of times, threshold tuned anew",
-    )  # fmt: skip
+    spiking = in_spikes[worst[known]] - in_spikes["intact"]
+    ax.plot(spiking, places[known], "x", ms=5, color="k", label="the same, in spikes")
+    here, label = tuned.loc[worst], "change of r of times, threshold tuned anew"
+    bars(ax, places - 0.25, here, across=True, fmt="o", ms=3, lw=0.8, label=label)
     for place in places[here["value"].isna().to_numpy()]:
         ax.text(-0.01, place - 0.18, "not reached", ha="right", va="top", fontsize="small")
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)

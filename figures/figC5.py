@@ -6,23 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.edited import compare_edits
-from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.steady import lesions, steady_shifts
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Ensemble, Population
-from figures.common import BRIEF_MS, Settings, letter, run
+from figures.common import Settings, bars, key, letter, run, where
+from figures.figC4 import with_edits
 
 CHANNELS = 4
-AT, HIGHEST = 0.95, 0.96
 LOG_ODDS = (1.75, 2.25, 2.75)
 
 
@@ -37,38 +33,21 @@ def steady(settings: Settings, *, output: Path) -> None:
 def behaviour(settings: Settings, *, output: Path) -> None:
     """Let lesioned circuits decide by populations, some in spikes, thresholds kept and tuned."""
     table = load_circuit(DEFAULT, CHANNELS)
-    evidence = separated_evidence(
-        settings.varied_trials,
-        40,
-        1 / np.sqrt(2),
-        rng=stream(settings.seed, "figC5"),
-        hypotheses=CHANNELS,
-        step_ms=50.0,
-    )
-    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
-    every, parts = lesions(table), []
+    rng = stream(settings.seed, "figC5")
+    evidence = gaussian_evidence(settings.varied_trials, d_prime=1.0, channels=CHANNELS, seed=rng)
+    every = lesions(table)
     in_spikes = list(every)[:: settings.spiking_every]
-    for engine, names in (
-        (Population(settle_ms=BRIEF_MS), list(every)),
-        (Ensemble(settle_ms=BRIEF_MS), in_spikes),
-    ):
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
-        edited = {name: every[name] for name in names}
-        found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-        parts.append(found.assign(engine=engine.id))
-    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+    found = with_edits(table, every, in_spikes, evidence, settings.seed)
+    write_table(found, output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Figure:
     """Draw measured against closed-form shifts, and behaviour before and after."""
     table, both = read_table(shifts), read_table(decided)
-    lesioned, spiking = (both[both["engine"] == name] for name in ("population", "ensemble"))
-    figure, axes = plt.subplots(
-        1, 4, figsize=(7.2, 3.4), width_ratios=[1.6, 0.9, 0.9, 0.9], sharey=False
-    )
+    lesioned, spiking = (where(both, engine=name) for name in ("population", "ensemble"))
+    figure, axes = plt.subplots(1, 4, figsize=(7.2, 3.4), width_ratios=[1.6, 0.9, 0.9, 0.9])
     _shifts(axes[0], table)
-    fixed = lesioned[lesioned["kind"] == "fixed"]
-    names = list(dict.fromkeys(fixed["variant"]))
+    names = list(where(lesioned, kind="fixed")["variant"].unique())
     places = {name: -i for i, name in enumerate(names)}
     for ax, measure, label in (
         (axes[1], "expected_accuracy", "accuracy"),
@@ -82,12 +61,10 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
         ax.plot(in_spikes, [places[name] for name in in_spikes.index], "kx", ms=4, label="spikes")
         ax.set(xlabel=label)
     axes[2].plot([], [], color="0.8", lw=0.8, label="intact")
-    handles, labels = axes[2].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower right", ncols=3)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=3, columnspacing=1)
+    key(figure, axes[2], loc="outside lower right", ncols=3)
+    key(figure, axes[0], loc="outside lower left", ncols=3, columnspacing=1)
     _tuned(axes[3], lesioned, places)
-    tuned = spiking[(spiking["kind"] == "value") & (spiking["measure"] == "within_50_ms")]
+    tuned = where(spiking, kind="value", measure="within_50_ms")
     axes[3].plot(tuned["value"], [places[name] for name in tuned["variant"]], "kx", ms=4)
     for ax in axes[1:]:
         ax.set(ylim=(-len(names) + 0.4, 0.6))
@@ -99,8 +76,7 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
 
 def _fixed(table: pd.DataFrame, measure: str) -> pd.Series:
     """Return a measure of each circuit with its threshold kept; times in s."""
-    rows = table[(table["kind"] == "fixed") & (table["measure"] == measure)]
-    values = rows.set_index("variant")["value"]
+    values = where(table, kind="fixed", measure=measure).set_index("variant")["value"]
     return values / 1000 if measure == "mean_ms" else values
 
 
@@ -115,9 +91,8 @@ def _shifts(ax: Axes, table: pd.DataFrame) -> None:
         colour = _colour(str(name))
         label = None if colour in seen else str(name).replace(",", "").split(" ")[0]
         seen.add(colour)
-        off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
         style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "label": label}
-        ax.errorbar(rows["finite_nats"], rows["value"], np.maximum(off, 0), **style)
+        bars(ax, rows["finite_nats"], rows, **style)
         ax.plot(rows["exact_nats"], rows["value"], "o", c=colour, mfc="w", ms=3, mew=0.5, zorder=1)
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
     ends = [table["value"].min() - 0.02, table["value"].max() + 0.02]
@@ -127,12 +102,11 @@ def _shifts(ax: Axes, table: pd.DataFrame) -> None:
 
 
 def _tuned(ax: Axes, table: pd.DataFrame, places: dict[str, int]) -> None:
-    rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
-    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-    where = [places[name] for name in rows["variant"]]
+    rows = where(table, kind="value", measure="within_50_ms")
+    at = [places[name] for name in rows["variant"]]
     colours: Any = [_colour(name) for name in rows["variant"]]
-    ax.errorbar(rows["value"], where, xerr=np.maximum(off, 0), fmt="none", lw=0.8, ecolor=colours)
-    ax.scatter(rows["value"], where, c=colours, s=14)
+    bars(ax, at, rows, across=True, fmt="none", lw=0.8, ecolor=colours)
+    ax.scatter(rows["value"], at, c=colours, s=14)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
     ax.set(xlabel="share within 50 ms\nof the MSPRT's")
 

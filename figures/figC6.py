@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,7 +23,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, Population
-from figures.common import GAIN, Settings, letter, run
+from figures.common import GAIN, Settings, bars, key, letter, run, where
 
 CHANNELS = 4
 CIRCUITS = {"macaque": "C0", "spiking_msprt": "C4"}
@@ -51,14 +50,9 @@ def traces(settings: Settings, *, output: Path) -> None:
         }
         for name, model in {MINUS_LN_P: Msprt(GAIN), **models}.items():
             trace = model.run(evidence)
-            columns = {
-                "model": name,
-                "design": design.name,
-                "held": design.held,
-                "time_ms": trace.time_ms,
-                "out_nats": trace.out_nats[0, :, 0],
-            }
-            parts.append(pd.DataFrame(columns))
+            known = {"model": name, "design": design.name, "held": design.held}
+            drawn = {"time_ms": trace.time_ms, "out_nats": trace.out_nats[0, :, 0]}
+            parts.append(pd.DataFrame(known | drawn))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
@@ -81,9 +75,9 @@ def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Fi
     grids = figure.add_gridspec(2, 1, height_ratios=[1, 1.25])
     row: Any = grids[0].subgridspec(1, len(every)).subplots(sharex=True, sharey=True)
     for ax, design in zip(row, every, strict=True):
-        key = (design.name, design.held)
-        _traces(ax, *(t[(t["design"] == key[0]) & (t["held"] == key[1])] for t in (curves, table)))
-        ax.set_title("\n".join(key).replace(", ", ",\n"), fontweight="normal", loc="center")
+        named = (design.name, design.held)
+        _traces(ax, *(where(t, design=named[0], held=named[1]) for t in (curves, table)))
+        ax.set_title("\n".join(named).replace(", ", ",\n"), fontweight="normal", loc="center")
     row[0].set(ylabel="OUT of the leader (nats)", xlim=(0, 1.9), ylim=(0, 1.7))
     row[2].set_xlabel("time from the onset of evidence (s)")
     letter(row[0], "a  ")
@@ -92,9 +86,7 @@ def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Fi
         _differences(ax, table[table["model"] == name])
     letter(pair[0], "b  macaque, spikes")
     letter(pair[1], "c  spiking_msprt, spikes")
-    handles, labels = row[0].get_legend_handles_labels()
-    more = pair[0].get_legend_handles_labels()
-    figure.legend(handles + more[0], labels + more[1], loc="outside lower center", ncols=5)
+    key(figure, row[0], pair[0], ncols=5)
     return figure
 
 
@@ -106,9 +98,9 @@ def _traces(ax: Axes, curves: pd.DataFrame, table: pd.DataFrame) -> None:
         ax.plot(rows["time_ms"] / 1000, rows["out_nats"], label=label, **style)
     for level in THRESHOLDS:
         ax.axhline(level, color="0.85", lw=0.6, zorder=0)
-    at = table[(table["threshold"] == SHOWN) & (table["model"] == next(iter(CIRCUITS)))]
+    at = where(table, threshold=SHOWN, model=next(iter(CIRCUITS)))
     for theory, colour in THEORIES.items():
-        when = at[at["theory"] == theory]["theory_ms"] / 1000
+        when = where(at, theory=theory)["theory_ms"] / 1000
         ax.plot(when, [SHOWN], "v", color=colour, ms=5, zorder=4)
 
 
@@ -116,20 +108,16 @@ def _differences(ax: Axes, table: pd.DataFrame) -> None:
     """Show one row per design, one colour per theory and one mark per threshold."""
     rows = table[table["held"] != ""]
     names = rows.drop_duplicates(["design", "held"])[["design", "held"]]
-    places = {tuple(key): -i for i, key in enumerate(names.itertuples(index=False, name=None))}
+    places = {tuple(each): -i for i, each in enumerate(names.itertuples(index=False, name=None))}
     ax.axvspan(-CLOSE_MS, CLOSE_MS, color="0.92", lw=0, zorder=0)
     for side in (-APART_MS, APART_MS):
         ax.axvline(side, color="0.6", lw=0.6, ls=":", zorder=0)
     for theory, colour in THEORIES.items():
         for i, (level, mark) in enumerate(MARKS.items()):
-            part = rows[(rows["theory"] == theory) & (rows["threshold"] == level)]
-            where = [
-                places[key] + 0.22 * (1 - i)
-                for key in zip(part["design"], part["held"], strict=True)
-            ]
-            off = np.stack([part["value"] - part["low"], part["high"] - part["value"]])
-            style: dict[str, Any] = {"fmt": mark, "ms": 3, "lw": 0.8, "color": colour}
-            ax.errorbar(part["value"], where, xerr=np.maximum(off, 0), **style)
+            part = where(rows, theory=theory, threshold=level)
+            held = zip(part["design"], part["held"], strict=True)
+            y = [places[each] + 0.22 * (1 - i) for each in held]
+            bars(ax, y, part, across=True, fmt=mark, ms=3, lw=0.8, color=colour)
         ax.plot([], [], "v", color=colour, ms=5, label=theory)
     for level, mark in MARKS.items():
         ax.plot([], [], mark, color="0.4", ms=3, label=f"at OUT {level:g}")

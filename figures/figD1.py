@@ -21,11 +21,7 @@ from matplotlib.lines import Line2D
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.dopamine import playable_levels
-from bgmodel.learning.dopamine_learner import (
-    learn_level,
-    level_outcomes,
-    scored_runs,
-)
+from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.files import read_table, write_table
@@ -33,7 +29,7 @@ from bgmodel.tactile.source import source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Engine, Ensemble, Population, Rate
-from figures.common import BRIEF_MS, COLOUR, Settings, letter, run
+from figures.common import BRIEF_MS, COLOUR, Settings, key, letter, run
 
 STEP_MS = 50.0
 STARTS = (1, -2)
@@ -76,9 +72,8 @@ def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> No
         levels = np.unique([*levels, *ends["start_level"], ends["best_level"].iloc[0]])
         fresh = _outcomes(settings, taps, model, float(period), "scored", levels)
         for start, of_start in ends.groupby("start_level"):
-            found = scored_runs(
-                of_start["learned_level"], fresh, xi=settings.xi, start_level=float(start)
-            )
+            given: dict[str, Any] = {"xi": settings.xi, "start_level": float(start)}
+            found = scored_runs(of_start["learned_level"], fresh, **given)
             parts.append(found.assign(period_mm=period)[COLUMNS])
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
@@ -128,11 +123,8 @@ def _learn(settings: Settings, taps: Path, engine: Engine, output: Path) -> None
             curves = smoothed(learned.mean_played, 500)[:, at]
             runs = scored_runs(learned.learned, fresh, xi=settings.xi, start_level=start)
             runs = runs.assign(period_mm=period)[COLUMNS]
-            parts.append(
-                runs.loc[runs.index.repeat(KEPT)].assign(
-                    episode=np.tile(at, RUNS), level=curves.ravel()
-                )
-            )
+            kept = runs.loc[runs.index.repeat(KEPT)]
+            parts.append(kept.assign(episode=np.tile(at, RUNS), level=curves.ravel()))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
@@ -145,19 +137,16 @@ def draw(
     # The circuits were given the readings of one fold.
     algorithm = algorithm[algorithm["fold"] == 0]
     _gap(axes[0], algorithm)
-    for ax, path, mark in (
-        (axes[1], rates, "b  circuit, rates"),
-        (axes[2], noisy, "c  circuit, noise"),
-    ):
-        _levels(ax, read_table(path))
-        letter(ax, mark)
+    _levels(axes[1], read_table(rates))
+    letter(axes[1], "b  circuit, rates")
+    _levels(axes[2], read_table(noisy))
+    letter(axes[2], "c  circuit, noise")
     _regret(axes[3], algorithm, *map(read_table, (rates, noisy, spiking)))
-    handles = axes[0].get_legend_handles_labels()[0]
-    figure.legend(handles=[*handles, *_key()], loc="outside lower center", ncols=4)
+    key(figure, axes[0], more=_marks(), ncols=4)
     return figure
 
 
-def _key() -> list[Line2D]:
+def _marks() -> list[Line2D]:
     """Return the marks that no grating's colour belongs to."""
     black: dict[str, Any] = {"color": "k", "lw": 0.8}
     return [

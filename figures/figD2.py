@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -20,7 +21,7 @@ from bgmodel.learning.dopamine import (
 from bgmodel.learning.dopamine_levels import levels_against_msprt
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from figures.common import Settings, letter, run
+from figures.common import Settings, bars, key, letter, run, where
 
 COLOURS = {2: "C0", 4: "C1"}
 EARLY = 0.02
@@ -44,7 +45,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.8))
     for channels, colour in COLOURS.items():
-        rows = table[table["channels"] == channels]
+        rows = where(table, channels=channels)
         _map(axes[0], rows, channels, colour)
         _tradeoff(axes[1], rows, colour)
         _gap(axes[2], rows, colour)
@@ -57,21 +58,24 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", xlim=(0, 5), ylim=(0.5, 1.0))
     axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
     axes[2].axhline(0, lw=0.8, color="0.6")
-    axes[2].set(
-        xlabel="posterior of what is chosen",
-        ylabel="accuracy minus the MSPRT's\nin equal time",
-    )
+    axes[2].set_xlabel("posterior of what is chosen")
+    axes[2].set_ylabel("accuracy minus the MSPRT's\nin equal time")
     titles = ("a  dopamine to posterior", "b  speed and accuracy", "c  beside the MSPRT")
     for ax, title in zip(axes, titles, strict=True):
         letter(ax, title)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, columnspacing=1.4)
+    key(figure, axes[0], ncols=6, columnspacing=1.4)
     return figure
 
 
 def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
-    found = rows[(rows["engine"] == engine) & (rows["measure"] == measure)]
+    found = where(rows, engine=engine, measure=measure)
     return found[found["reference"].isin(["", MSPRT])].set_index("level")
+
+
+def _style(mark: str, colour: str) -> dict[str, Any]:
+    """Return the look of an engine's marks; those of spikes are full."""
+    face = colour if mark == "s" else "w"
+    return {"marker": mark, "ls": "", "ms": 3, "color": colour, "mfc": face}
 
 
 def _map(ax: Axes, rows: pd.DataFrame, channels: int, colour: str) -> None:
@@ -79,44 +83,28 @@ def _map(ax: Axes, rows: pd.DataFrame, channels: int, colour: str) -> None:
     low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 24)
     exact = [stopping_posterior(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
-    ax.plot(
-        levels, exact, lw=0.8, color=colour, label=f"N = {channels}: fixed point (a), MSPRT (b)"
-    )
+    label = f"N = {channels}: fixed point (a), MSPRT (b)"
+    ax.plot(levels, exact, lw=0.8, color=colour, label=label)
     for engine, mark, name in ENGINES:
         points = _points(rows, engine, "mean_posterior")
-        off = [points["value"] - points["low"], points["high"] - points["value"]]
-        ax.errorbar(
-            points.index,
-            points["value"],
-            off,
-            fmt=mark,
-            ms=3,
-            lw=0.6,
-            color=colour,
-            mfc=colour if mark == "s" else "w",
-            label=name if channels == 2 else None,
-        )
+        named = name if channels == 2 else None
+        bars(ax, points.index, points, lw=0.6, label=named, **_style(mark, colour))
         early = _points(rows, engine, "premature")["value"] > EARLY
         ax.plot(points.index[early], points["value"][early], "x", ms=6, color="k", mew=0.8)
 
 
 def _tradeoff(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
-    line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
+    line = where(rows, measure="curve", reference=MSPRT)
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark, _ in ENGINES:
         time, known = (_points(rows, engine, name) for name in ("mean_ms", "mean_posterior"))
-        face = colour if mark == "s" else "w"
-        ax.plot(time["value"] / 1000, known["value"], mark, ms=3, color=colour, mfc=face)
+        ax.plot(time["value"] / 1000, known["value"], **_style(mark, colour))
 
 
 def _gap(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     for engine, mark, _ in ENGINES:
         gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "mean_posterior"))
-        off = [gap["value"] - gap["low"], gap["high"] - gap["value"]]
-        face = colour if mark == "s" else "w"
-        ax.errorbar(
-            known["value"], gap["value"], off, fmt=mark, ms=3, lw=0.6, color=colour, mfc=face
-        )
+        bars(ax, known["value"], gap, lw=0.6, **_style(mark, colour))
 
 
 if __name__ == "__main__":

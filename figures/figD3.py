@@ -31,7 +31,7 @@ from bgmodel.tactile.task import SameDifferent
 from bgmodel.theory.sprt import optimal_delta
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
-from figures.common import Settings, letter, run
+from figures.common import Settings, letter, run, where
 
 STEP_MS = 50.0
 RUNS = 20
@@ -157,26 +157,23 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw what is played in worlds that switch, and the trial after an error."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), width_ratios=[1, 1, 0.6])
-    titles = {
-        "xi": "a  cost of an error: 50 or 400",
-        "grating": "b  grating of 2.0 or 1.5 mm",
-    }
+    titles = {"xi": "a  cost of an error: 50 or 400", "grating": "b  grating of 2.0 or 1.5 mm"}
     names = {"algorithm": "gap (nats)", "circuit": "tonic dopamine\n(1: normal)"}
     for row, (model, label) in zip(axes, names.items(), strict=True):
         for ax, (world, title) in zip(row, titles.items(), strict=False):
-            rows = table[(table["world"] == world) & (table["model"] == model)]
+            rows = where(table, world=world, model=model)
             for _, one in rows.groupby("run"):
                 ax.plot(one["episode"] / 1000, one["value"], lw=0.4, alpha=0.3, color="C0")
             middle = rows.groupby("episode")["value"].median()
             ax.plot(middle.index / 1000, middle, lw=1.6, color="C0")
-            first = rows[rows["run"] == 0]
+            first = where(rows, run=0)
             ax.plot(first["episode"] / 1000, first["best"], lw=1, color="k", ls=":")
             ax.set(ylabel=f"{model}:\n{label}" if world == "xi" else "")
             if model == "algorithm":
                 letter(ax, title)
             else:
                 ax.set(xlabel="trials (1 000)")
-    errors = table[table["world"] == "errors"]
+    errors = where(table, world="errors")
     ax = axes[0, 2]
     for place, (_, rows) in enumerate(errors.groupby("carried")):
         spread = np.linspace(-0.15, 0.15, len(rows))

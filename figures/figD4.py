@@ -24,7 +24,7 @@ from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, 
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
 from bgmodel.support.files import read_table, write_table
 from circuits.engines import engine_of
-from figures.common import FULL, Settings, run, say_if_older
+from figures.common import FULL, Settings, run, say_if_older, where
 
 AGREE, NOT = "C2", "C1"
 COLOUR = {AGREES: AGREE, COMPATIBLE: AGREE, DISAGREES: NOT, DIFFERS: NOT, WITHOUT: "C3"}
@@ -54,7 +54,7 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         one = replace(experiment, task=replace(experiment.task, trials=trials))
         found = {
             "population": one.run().measures.assign(trials=trials),
-            "ensemble": in_spikes[in_spikes["file"] == file].drop(columns="file"),
+            "ensemble": where(in_spikes, file=file).drop(columns="file"),
         }
         source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
         about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
@@ -79,19 +79,13 @@ def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figur
     table = read_table(data)
     numbers = table["file"][table["published"].notna()].unique()
     files = [*numbers, *(file for file in table["file"].unique() if file not in numbers)]
-    figure, axes = plt.subplots(
-        1,
-        2,
-        sharey=True,
-        figsize=(8.2, 0.34 * len(files) + 0.9),
-        width_ratios=(1.4, 1.0),
-    )
-    drawn = table[table["kind"] == "effect"]
+    size = (8.2, 0.34 * len(files) + 0.9)
+    figure, axes = plt.subplots(1, 2, sharey=True, figsize=size, width_ratios=(1.4, 1.0))
     for ax, ((measure, condition), (label, ends)) in zip(axes, PANELS.items(), strict=True):
         ax.axvline(0, lw=0.5, color="0.6", zorder=0)
         for k in range(len(files)):
             ax.axhline(k + 0.5, lw=0.3, color="0.85", zorder=0)
-        rows = drawn[(drawn["measure"] == measure) & (drawn["condition"] == condition)]
+        rows = where(table, kind="effect", measure=measure, condition=condition)
         for row in rows.to_dict("records"):
             _marks(ax, files.index(row["file"]), row)
         ax.set(xlim=ends, ylim=(len(files) - 0.5, -0.5), yticks=[])
@@ -101,7 +95,7 @@ def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figur
     axes[0].set_xticks(TICKS_PERCENT, [f"{tick:+d}" if tick else "0" for tick in TICKS_PERCENT])
     axes[0].minorticks_off()
     for k, file in enumerate(files):
-        _words(axes, k, table[(table["file"] == file) & (table["engine"] == "population")])
+        _words(axes, k, where(table, file=file, engine="population"))
     axes[0].text(-0.02, -0.8, "experiment, source", **_at(axes[0], "right", weight="bold"))
     axes[1].text(1.03, -0.8, "predicted", **_at(axes[1], "left", weight="bold"))
     _key(figure)
@@ -137,7 +131,7 @@ def _words(axes: Sequence[Axes], k: int, rows: pd.DataFrame) -> None:
     first = rows.iloc[0]
     axes[0].text(-0.02, k - 0.17, first["name"], **_at(axes[0], "right"))
     axes[0].text(-0.02, k + 0.2, first["by"], **_at(axes[0], "right", color="0.4"))
-    said = rows[rows["kind"] == "prediction"].to_dict("records")
+    said = where(rows, kind="prediction").to_dict("records")
     for n, row in enumerate(said):
         line, place = divmod(n, PER_LINE)
         lines = -(-len(said) // PER_LINE)

@@ -30,7 +30,7 @@ from circuits.circuit import Circuit
 from circuits.engines import Ensemble
 from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
-from figures.common import BRIEF_MS, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, bars, letter, run, where
 
 NUCLEI, MSN = ("STN", "GPe"), ("D1", "D2")
 LEVELS = (1.2, 1.0, 0.85, 0.7, 0.5)
@@ -57,9 +57,8 @@ def compute(settings: Settings, *, output: Path) -> None:
     parts = [closed(table), frequencies(table.dopamine(LOW))]
     for level in LEVELS:
         for name, drive in DRIVES.items():
-            model = BasalGanglia(
-                table.dopamine(level), Ensemble(settle_ms=BRIEF_MS), seed=settings.seed
-            )
+            engine = Ensemble(settle_ms=BRIEF_MS)
+            model = BasalGanglia(table.dopamine(level), engine, seed=settings.seed)
             held = np.broadcast_to(drive, (settings.dopamine_trials, SECONDS + 1, len(drive)))
             counted = measured(model.run_drive(held, step_ms=1000.0))
             parts.append(pd.DataFrame(counted).assign(level=level, drive=name, by="spikes"))
@@ -82,11 +81,8 @@ def measured(activity: Activity) -> Iterator[dict[str, object]]:
     for name in MSN:
         each = np.asarray(activity.rates_hz[name], np.float64)[:, late].mean(axis=1)
         yield {"measure": "rate", "nucleus": f"{name} leader", **_interval(each[:, 0])}
-        yield {
-            "measure": "rate",
-            "nucleus": f"{name} competitor",
-            **_interval(each[:, 1:].mean(axis=1)),
-        }
+        others = _interval(each[:, 1:].mean(axis=1))
+        yield {"measure": "rate", "nucleus": f"{name} competitor", **others}
 
 
 def _interval(each: np.ndarray) -> dict[str, float]:
@@ -154,31 +150,28 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw spectra, their power and MSN's rate at each level, and what sets the frequency."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.4, 4.8))
-    for ax, nucleus, title in zip(
-        axes[0], NUCLEI, ("a  STN at rest", "b  GPe at rest"), strict=False
-    ):
-        _spectra(ax, table[table["nucleus"] == nucleus])
-        letter(ax, title)
-    lowest = float(table.loc[table["measure"] == "stopping_posterior", "at"].iloc[0])
-    _power(axes[0, 2], table[table["measure"] == "band"])
-    _striatum(axes[1, 0], table[table["measure"] == "rate"])
+    for ax, nucleus in zip(axes[0], NUCLEI, strict=False):
+        _spectra(ax, where(table, nucleus=nucleus, measure="power", drive="rest"))
+    letter(axes[0, 0], "a  STN at rest")
+    letter(axes[0, 1], "b  GPe at rest")
+    lowest = float(where(table, measure="stopping_posterior")["at"].iloc[0])
+    _power(axes[0, 2], where(table, measure="band"))
+    _striatum(axes[1, 0], where(table, measure="rate"))
     for ax in (axes[0, 2], axes[1, 0]):
         ax.axvspan(0.45, lowest, color="0.92", lw=0, zorder=0)
         ax.set(xlabel="dopamine (1: normal)", xlim=(0.45, 1.25))
-    _frequency(axes[1, 1], table[table["measure"] == "peak"])
+    _frequency(axes[1, 1], where(table, measure="peak"))
     axes[1, 2].axis("off")
     title = "dopamine: fixed point's\nposterior, decay of the loop"
-    key = axes[1, 2].legend(handles=_key(table), loc="center left", title=title, alignment="left")
-    key.set_in_layout(False)
+    box = axes[1, 2].legend(handles=_key(table), loc="center left", title=title, alignment="left")
+    box.set_in_layout(False)
     return figure
 
 
 def _spectra(ax: Axes, rows: pd.DataFrame) -> None:
-    rows = rows[(rows["measure"] == "power") & (rows["drive"] == "rest")]
     ax.axvspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
     for level, colour in COLOUR.items():
-        one = rows[rows["level"] == level]
-        theory, spikes = (one[one["by"] == name] for name in ("closed form", "spikes"))
+        theory, spikes = (where(rows, level=level, by=by) for by in ("closed form", "spikes"))
         ax.plot(theory["at"], theory["value"], lw=1, color=colour)
         ax.fill_between(spikes["at"], spikes["low"], spikes["high"], color=colour, alpha=0.25, lw=0)
         ax.plot(spikes["at"], spikes["value"], ".", ms=2.5, color=colour)
@@ -189,14 +182,12 @@ def _spectra(ax: Axes, rows: pd.DataFrame) -> None:
 
 def _power(ax: Axes, rows: pd.DataFrame) -> None:
     for nucleus, colour in zip(NUCLEI, ("C0", "C3"), strict=True):
-        one = rows[rows["nucleus"] == nucleus]
         for drive, face, line in (("rest", colour, "-"), ("evidence", "w", ":")):
-            of = one[one["drive"] == drive]
-            theory, spikes = (of[of["by"] == name] for name in ("closed form", "spikes"))
+            of = where(rows, nucleus=nucleus, drive=drive)
+            theory, spikes = (where(of, by=by) for by in ("closed form", "spikes"))
             ax.plot(theory["level"], theory["value"], lw=1, ls=line, color=colour)
-            off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
             style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
-            ax.errorbar(spikes["level"], spikes["value"], off, **style)
+            bars(ax, spikes["level"], spikes, **style)
         end = theory.iloc[-1]
         ax.text(1.25, 1.25 * end["value"], nucleus, color=colour, ha="right", va="bottom")
     low, high = BAND_HZ
@@ -208,13 +199,11 @@ def _power(ax: Axes, rows: pd.DataFrame) -> None:
 
 def _striatum(ax: Axes, rows: pd.DataFrame) -> None:
     for name, colour in zip(MSN, ("k", "0.55"), strict=True):
-        one = rows[rows["nucleus"] == f"{name} leader"]
         for drive, face in (("rest", colour), ("evidence", "w")):
-            spikes = one[one["drive"] == drive].sort_values("level")
-            normal = float(spikes.loc[spikes["level"] == 1, "value"].iloc[0])
-            off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
+            spikes = where(rows, nucleus=f"{name} leader", drive=drive).sort_values("level")
+            normal = float(where(spikes, level=1)["value"].iloc[0])
             style: dict[str, Any] = {"fmt": "o-", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
-            ax.errorbar(spikes["level"], spikes["value"] / normal, np.array(off) / normal, **style)
+            bars(ax, spikes["level"], spikes, unit=normal, **style)
         first = (LOW, spikes["value"].iloc[0] / normal)
         ax.annotate(name, first, (-4, 6), textcoords="offset points", color=colour)
     ax.axhline(1.3, ls=":", lw=0.8, color="k")
@@ -226,19 +215,12 @@ def _frequency(ax: Axes, rows: pd.DataFrame) -> None:
     ax.axhspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
     for k, (name, one) in enumerate(rows.groupby("nucleus", sort=False)):
         ax.plot(one["at"], one["value"], lw=1, color="k", ls=("-", "--", ":")[k], label=name)
-    both = rows[rows["nucleus"] == "both"]
+    both = where(rows, nucleus="both")
     for hz in (PARKINSONIAN_HZ[1], 12.0):
         factor = float(np.interp(-hz, -both["value"], both["at"]))
         ax.plot(factor, hz, "ko", ms=3)
-        ax.annotate(
-            f"x {factor:.2f}",
-            (factor, hz),
-            (-3, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=7,
-        )
+        below: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "top"}
+        ax.annotate(f"x {factor:.2f}", (factor, hz), (-3, -3), fontsize=7, **below)
     ax.axvline(1, lw=0.6, color="0.6")
     ax.set(xlabel="factor on the loop of STN and GPe", ylabel=f"peak of STN at {LOW:g} (Hz)")
     ax.set_xlim(0.8, 2.4)

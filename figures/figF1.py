@@ -14,13 +14,22 @@ from bgmodel import stream
 from bgmodel.fitting.design import design_of
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
-from figures.common import Settings, letter, run, say_if_older
-from figures.fitted import CIRCUIT, DATA, MONKEYS, PEOPLE, STYLE, TEST, mark_strengths, places
+from figures.common import Settings, key, letter, run, say_if_older, where
+from figures.fitted import (
+    CIRCUIT,
+    DATA,
+    MONKEYS,
+    PEOPLE,
+    QUANTILES,
+    STYLE,
+    TEST,
+    mark_quantiles,
+    mark_strengths,
+    places,
+)
 from figures.windows import share_height
 
-QUANTILES = ("q10_s", "q50_s", "q90_s")
 LABELS = {TEST: "test, constant gap", CIRCUIT: "circuit, threshold alone"}
-QUANTILE_MARK = dict(zip(QUANTILES, ("v", "o", "^"), strict=True))
 RESAMPLES = 400
 
 
@@ -34,39 +43,31 @@ def spread(settings: Settings, *, output: Path) -> None:
             rt = design.observed.rt_s[design.observed.cell == cell]
             rng = stream(settings.seed, "spread of times", who, f"{strength:g}")
             again = rng.choice(rt, (RESAMPLES, len(rt)))
-            errors = {
-                name: np.quantile(again, float(name[1:3]) / 100, axis=1).std() for name in QUANTILES
-            }
-            errors["sd_s"] = again.std(axis=1).std()
-            rows.append({"participant": who, "strength": strength, **errors})
+            row = {"participant": who, "strength": strength}
+            for name in QUANTILES:
+                row[name] = np.quantile(again, float(name[1:3]) / 100, axis=1).std()
+            rows.append(row | {"sd_s": again.std(axis=1).std()})
     write_table(pd.DataFrame(rows), output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, cells: Path, spreads: Path, *, output: Path) -> Figure:
     """Draw accuracy, mean times and quantiles: a column per monkey, and one of people."""
     table, errors = read_table(cells), read_table(spreads)
-    monkeys, people = (table[table["data"] == data] for data in (MONKEYS, PEOPLE))
+    monkeys, people = (where(table, data=data) for data in (MONKEYS, PEOPLE))
     names = sorted(monkeys["participant"].unique())
     figure, axes = plt.subplots(3, len(names) + 1, figsize=(7.4, 6.6))
     for column, name in zip(axes.T, names, strict=False):
-        _monkey(
-            column, monkeys[monkeys["participant"] == name], errors[errors["participant"] == name]
-        )
+        _monkey(column, *(where(one, participant=name) for one in (monkeys, errors)))
     for row in axes:
         share_height(row[:-1])
     _people(axes[:, -1], people)
     letter(axes[0, 0], f"a  monkey {names[0]}")
     letter(axes[0, 1], f"b  monkey {names[1]}")
     letter(axes[0, -1], f"c  {people['participant'].nunique()} people")
-    for ax, label in zip(
-        axes[:, 0], ("share correct", "mean time (s)", "quantiles of times (s)"), strict=True
-    ):
+    labels = ("share correct", "mean time (s)", "quantiles of times (s)")
+    for ax, label in zip(axes[:, 0], labels, strict=True):
         ax.set_ylabel(label)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    more = axes[2, -1].get_legend_handles_labels()
-    figure.legend(
-        handles + more[0], labels + more[1], loc="outside lower center", ncols=5, columnspacing=1.2
-    )
+    key(figure, axes[0, 0], axes[2, -1], ncols=5, columnspacing=1.2)
     say_if_older(figure, cells)
     return figure
 
@@ -74,7 +75,7 @@ def draw(settings: Settings, cells: Path, spreads: Path, *, output: Path) -> Fig
 def _monkey(column: Any, table: pd.DataFrame, errors: pd.DataFrame) -> None:
     """Show accuracy, mean times and quantiles of one monkey against strength."""
     for model, label in LABELS.items():
-        rows = table[table["model"] == model].sort_values("strength")
+        rows = where(table, model=model).sort_values("strength")
         at = places(rows["strength"])
         column[0].plot(at, rows["model_accuracy"], label=label, **STYLE[model])
         column[1].plot(at, rows["model_mean_s"], **STYLE[model])
@@ -82,32 +83,23 @@ def _monkey(column: Any, table: pd.DataFrame, errors: pd.DataFrame) -> None:
             column[2].plot(at, rows[f"model_{name}"], **STYLE[model])
     column[0].errorbar(at, rows["accuracy"], rows["accuracy_se"], label="data", **DATA)
     column[1].errorbar(at, rows["mean_s"], rows["mean_se"], **DATA)
-    errors = errors.sort_values("strength")
-    for name in QUANTILES:
-        mark = DATA | {"marker": QUANTILE_MARK[name]}
-        column[2].errorbar(at, rows[name], errors[name].to_numpy(), **mark)
-    for ax in column:
-        mark_strengths(ax, rows["strength"])
+    mark_quantiles(column[2], rows, errors.sort_values("strength"))
     for ax in column[:2]:
+        mark_strengths(ax, rows["strength"])
         ax.tick_params(labelbottom=False)
-    column[2].set_xlabel("coherence (%)")
 
 
 def _people(column: Any, table: pd.DataFrame) -> None:
     """Show what people did against what both models say, a colour per person."""
-    kinds: tuple[tuple[str, ...], ...] = (("accuracy",), ("mean_s",), QUANTILES)
+    kinds = ({"accuracy": "o"}, {"mean_s": "o"}, QUANTILES)
     labels = ("observed share correct", "observed mean time (s)", "observed quantiles (s)")
-    for ax, names, label in zip(column, kinds, labels, strict=True):
+    for ax, marks, label in zip(column, kinds, labels, strict=True):
         for k, (_, rows) in enumerate(table.groupby("participant")):
-            for name in names:
-                mark = QUANTILE_MARK.get(name, "o")
-                for model, fill in ((TEST, "none"), (CIRCUIT, f"C{k}")):
-                    one = rows[rows["model"] == model]
-                    size = 4.5 if model == TEST else 2.5
-                    ax.plot(
-                        one[f"model_{name}"], one[name], mark, ms=size, mew=0.6, color=f"C{k}",
-                        mfc=fill,
-                    )  # fmt: skip
+            for name, mark in marks.items():
+                for model, fill, size in ((TEST, "none", 4.5), (CIRCUIT, f"C{k}", 2.5)):
+                    one = where(rows, model=model)
+                    style: dict[str, Any] = {"ms": size, "color": f"C{k}", "mfc": fill}
+                    ax.plot(one[f"model_{name}"], one[name], mark, mew=0.6, **style)
         low = min(ax.get_xlim()[0], ax.get_ylim()[0])
         high = max(ax.get_xlim()[1], ax.get_ylim()[1])
         ax.plot([low, high], [low, high], color="0.8", lw=0.8, zorder=0)

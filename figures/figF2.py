@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.dynamics.fixed_point import resting_hz
-from figures.common import Settings, letter, run, say_if_older
-from figures.figF1 import QUANTILE_MARK, QUANTILES
+from figures.common import Settings, key, letter, run, say_if_older, where
 from figures.fitted import (
     CIRCUIT,
     DATA,
@@ -21,12 +20,14 @@ from figures.fitted import (
     FALLING,
     MONKEYS,
     ONSET,
+    QUANTILES,
     STRENGTHS,
     STYLE,
     TEST,
     fitted,
     fitted_table,
     follow,
+    mark_quantiles,
     mark_strengths,
     places,
 )  # fmt: skip
@@ -81,18 +82,12 @@ def rates(model: str, values: dict[str, float], settings: Settings) -> pd.DataFr
         follow(table, values, strength, settings.circuit_trials // 4, SECONDS, settings.seed)
         for strength in STRENGTHS
     ]
-    return pd.concat(
-        pd.DataFrame(
-            {
-                "nucleus": name,
-                "time_s": did[0].time_ms / 1000,
-                "value": np.mean([each.rates_hz[name] for each in did], axis=(0, 1, 3))
-                - rest[name],
-            }
-        )
-        for name in NUCLEI
-        if name in rest
-    )
+    time_s, parts = did[0].time_ms / 1000, []
+    for name in NUCLEI:
+        if name in rest:
+            hz = np.mean([each.rates_hz[name] for each in did], axis=(0, 1, 3)) - rest[name]
+            parts.append(pd.DataFrame({"nucleus": name, "time_s": time_s, "value": hz}))
+    return pd.concat(parts)
 
 
 def criterion(model: str, values: dict[str, float], settings: Settings) -> pd.DataFrame:
@@ -116,15 +111,13 @@ def draw(
 ) -> Figure:
     """Draw spread and quantiles, left-out trials, rates, and the criterion."""
     table, better, errors, did = map(read_table, (cells, predicted, spreads, rates))
-    monkeys = table[table["data"] == MONKEYS]
+    monkeys = where(table, data=MONKEYS)
     names = sorted(monkeys["participant"].unique())
     figure = plt.figure(figsize=(7.6, 7.6))
     grid = figure.add_gridspec(3, 3, width_ratios=[1, 1, 1.15])
     above = [[figure.add_subplot(grid[row, k]) for k in range(2)] for row in range(2)]
-    for k, name in enumerate(names):
-        column = [above[0][k], above[1][k]]
-        one = errors[errors["participant"] == name]
-        _spread(column, monkeys[monkeys["participant"] == name], one)
+    for name, *column in zip(names, *above, strict=True):
+        _spread(column, *(where(one, participant=name) for one in (monkeys, errors)))
     for row, label in zip(above, ("sd of times (s)", "quantiles of times (s)"), strict=True):
         share_height(row)
         row[0].set_ylabel(label)
@@ -134,16 +127,15 @@ def draw(
     _left_out(right, better)
     letter(right, "c  trials that were left out")
     below = [figure.add_subplot(grid[2, k]) for k in range(3)]
-    _criterion(below[0], did[did["participant"] == names[0]])
-    _criterion(below[1], did[did["participant"] == names[1]])
-    below[1].tick_params(labelleft=False)
-    below[0].set_ylabel("evidence at the decision (s$^{1/2}$)")
+    for ax, name in zip(below, names, strict=False):
+        _criterion(ax, where(did, participant=name, kind="criterion"))
     letter(below[0], f"d  criterion, monkey {names[0]}")
     letter(below[1], f"e  criterion, monkey {names[1]}")
+    below[1].tick_params(labelleft=False)
+    below[0].set_ylabel("evidence at the decision (s$^{1/2}$)")
     _rates(below[2], did, names)
     letter(below[2], "f  rates of the circuit")
-    handles, labels = above[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, columnspacing=1.2)
+    key(figure, above[0][0], ncols=3, columnspacing=1.2)
     say_if_older(figure, cells, predicted)
     return figure
 
@@ -151,21 +143,17 @@ def draw(
 def _spread(column: list[Any], table: pd.DataFrame, errors: pd.DataFrame) -> None:
     """Show spread and quantiles of one monkey's times, data and all models."""
     for model, label in SHORT.items():
-        rows = table[table["model"] == model].sort_values("strength")
+        rows = where(table, model=model).sort_values("strength")
         at = places(rows["strength"])
         column[0].plot(at, rows["model_sd_s"], label=label, **STYLE[model])
         for name in QUANTILES:
             column[1].plot(at, rows[f"model_{name}"], **STYLE[model])
     errors = errors.sort_values("strength")
     column[0].errorbar(at, rows["sd_s"], errors["sd_s"].to_numpy(), label="data", **DATA)
-    for name in QUANTILES:
-        mark = DATA | {"marker": QUANTILE_MARK[name]}
-        column[1].errorbar(at, rows[name], errors[name].to_numpy(), **mark)
-    for ax in column:
-        mark_strengths(ax, rows["strength"])
+    mark_strengths(column[0], rows["strength"])
     column[0].tick_params(labelbottom=False)
     column[0].set_ylim(bottom=0)
-    column[1].set_xlabel("coherence (%)")
+    mark_quantiles(column[1], rows, errors)
 
 
 def _left_out(ax: Any, table: pd.DataFrame) -> None:
@@ -175,7 +163,7 @@ def _left_out(ax: Any, table: pd.DataFrame) -> None:
     shown = [model for model in SHORT if model != TEST]
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     for place, (data, who) in enumerate(people.itertuples(index=False)):
-        rows = table[(table["data"] == data) & (table["participant"] == who)].set_index("model")
+        rows = where(table, data=data, participant=who).set_index("model")
         for k, model in enumerate(shown):
             one = rows.loc[model]
             ax.errorbar(
@@ -194,25 +182,21 @@ def _left_out(ax: Any, table: pd.DataFrame) -> None:
     ax.axhline(0.5 - monkeys.sum(), color="0.6", lw=0.6, ls=":")
 
 
-def _criterion(ax: Any, table: pd.DataFrame) -> None:
+def _criterion(ax: Any, rows: pd.DataFrame) -> None:
     """Show the evidence that a decision takes at each time: gap, fixed point, and simulated."""
-    rows = table[table["kind"] == "criterion"]
     for model in (TEST, FALLING):
-        gap = rows[rows["model"] == model]
+        gap = where(rows, model=model)
         ax.plot(gap["time_s"], gap["value"], **STYLE[model])
     for model in (CIRCUIT, ONSET):
-        mean = rows[rows["model"] == model]
-        ax.errorbar(
-            mean["time_s"], mean["value"], 1.96 * mean["se"], marker="o", ms=3, mfc="w",
-            **STYLE[model],
-        )  # fmt: skip
+        mean, style = where(rows, model=model), STYLE[model] | {"marker": "o", "ms": 3, "mfc": "w"}
+        ax.errorbar(mean["time_s"], mean["value"], 1.96 * mean["se"], **style)
     ax.set(xlabel="response time (s)", xlim=(0.2, 1.6), ylim=(0, MOST_EVIDENCE))
 
 
 def _rates(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
     """Show rates above rest of STN_onset and of SNr, with and without these cells."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-    rows = table[table["kind"] == "rate"]
+    rows = where(table, kind="rate")
     shown = (
         (ONSET, "STN_onset", "C4", "STN_onset"),
         (ONSET, "SNr", "C1", "SNr, mean of both channels"),
@@ -220,8 +204,7 @@ def _rates(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
     )
     for name, style in zip(names, ("-", "--"), strict=False):
         for model, nucleus, colour, label in shown:
-            one = rows[(rows["participant"] == name) & (rows["model"] == model)]
-            one = one[one["nucleus"] == nucleus]
+            one = where(rows, participant=name, model=model, nucleus=nucleus)
             ax.plot(one["time_s"], one["value"], ls=style, lw=1.1, color=colour,
                     label=label if style == "-" else None)  # fmt: skip
         ax.plot([], [], style, color="0.3", lw=1.1, label=f"monkey {name}")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from scipy.stats import t as student
 
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, key, letter, run, say_if_older, where
 
 MOVES = {
     "nothing": ("nothing", "0.5"),
@@ -40,8 +40,7 @@ def draw(settings: Settings, cells: Path, moves: Path, *, output: Path) -> Figur
     letter(axes[0, 1], "c  trials that were left out")
     _each(axes[1, 1], table)
     letter(axes[1, 1], "d  the same, person by person")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, columnspacing=1.2)
+    key(figure, axes[0, 0], ncols=6, columnspacing=1.2)
     say_if_older(figure, cells, moves)
     return figure
 
@@ -72,18 +71,15 @@ def effects(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 def _effects(ax: Any, table: pd.DataFrame, measure: str) -> None:
     """Show the effects of people, and of the circuit with each move."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-    first = table[table["moved"] == next(iter(MOVES))]
+    first = where(table, moved=next(iter(MOVES)))
     place = np.arange(len(EFFECTS))
     seen = effects(first, measure)
-    ax.errorbar(
-        place - 0.32, seen["mean"], seen["off"], fmt="D", ms=4, lw=1, color="k", label="people"
-    )
+    look: dict[str, Any] = {"fmt": "D", "ms": 4, "lw": 1, "color": "k", "label": "people"}
+    ax.errorbar(place - 0.32, seen["mean"], seen["off"], **look)
     for k, (move, (label, colour)) in enumerate(MOVES.items()):
-        said = effects(table[table["moved"] == move], f"model_{measure}")
-        ax.errorbar(
-            place - 0.16 + 0.12 * k, said["mean"], said["off"], fmt="o", ms=3, lw=0.9,
-            color=colour, label=f"circuit: {label}",
-        )  # fmt: skip
+        said, x = effects(where(table, moved=move), f"model_{measure}"), place - 0.16 + 0.12 * k
+        look = {"fmt": "o", "ms": 3, "lw": 0.9, "color": colour, "label": f"circuit: {label}"}
+        ax.errorbar(x, said["mean"], said["off"], **look)
     ax.axvline(1.5, color="0.6", lw=0.6, ls=":")
     ax.set_xticks(place, EFFECT_LABELS)
 

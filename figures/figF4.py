@@ -13,7 +13,7 @@ from scipy.stats import beta, kstwo
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, key, letter, run, say_if_older, where
 
 CRITERION = {"test": "bound", "circuit": "threshold_nats"}
 LABELS = {
@@ -39,14 +39,13 @@ def draw(settings: Settings, recovered: Path, calibrated: Path, *, output: Path)
     figure, axes = plt.subplots(3, 3, figsize=(7.4, 7.2))
     for row, by in zip(axes, CRITERION, strict=False):
         for ax, name in zip(row, ("sensitivity", CRITERION[by], "t0_s"), strict=True):
-            rows = table[(table["by"] == by) & (table["parameter"] == name)]
-            found = calibration[(calibration["by"] == by) & (calibration["parameter"] == name)]
+            rows, found = (where(one, by=by, parameter=name) for one in (table, calibration))
             _recovery(ax, rows, found["correlation"].item(), name)
         row[0].set_ylabel("posterior mean")
     letter(axes[0, 0], "a  the test")
     letter(axes[1, 0], "b  the circuit")
     for ax, by in zip(axes[2], CRITERION, strict=False):
-        _ranks(ax, table[table["by"] == by])
+        _ranks(ax, where(table, by=by))
     axes[2, 0].set_ylabel("share of ranks below, less even")
     axes[2, 1].sharey(axes[2, 0])
     axes[2, 1].tick_params(labelleft=False)
@@ -54,11 +53,7 @@ def draw(settings: Settings, recovered: Path, calibrated: Path, *, output: Path)
     letter(axes[2, 1], "d  ranks, the circuit")
     _coverage(axes[2, 2], calibration)
     letter(axes[2, 2], "e  coverage")
-    handles: dict[str, Any] = {}
-    for ax in (axes[2, 0], axes[2, 1], axes[2, 2]):
-        lines, labels = ax.get_legend_handles_labels()
-        handles |= dict(zip(labels, lines, strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=5)
+    key(figure, *axes[2], ncols=5)
     say_if_older(figure, recovered, calibrated)
     return figure
 
@@ -84,14 +79,16 @@ def _ranks(ax: Any, table: pd.DataFrame) -> None:
     place = np.arange(RANKED + 1)
     for name, rows in table.groupby("parameter", sort=False):
         below = np.searchsorted(np.sort(rows["rank"]), place, side="right") / len(rows)
-        ax.step(
-            place / RANKED, below - (place + 1) / (RANKED + 1), where="post", lw=1,
-            color=COLOUR[str(name)],
-        )  # fmt: skip
+        less = below - (place + 1) / (RANKED + 1)
+        ax.step(place / RANKED, less, where="post", lw=1, color=COLOUR[str(name)])
     for name in table["parameter"].unique():
-        said = "criterion" if name in CRITERION.values() else LABELS[name].partition(" (")[0]
-        ax.plot([], [], lw=1.4, color=COLOUR[name], label=said)
+        ax.plot([], [], lw=1.4, color=COLOUR[name], label=_short(name))
     ax.set(xlabel="rank of the truth among draws (share)", xlim=(0, 1))
+
+
+def _short(name: str) -> str:
+    """Return the name of a parameter without its unit; criteria of both models have one."""
+    return "criterion" if name in CRITERION.values() else LABELS[name].partition(" (")[0]
 
 
 def interval(inside: float, sets: int) -> Array:
@@ -108,20 +105,17 @@ def _coverage(ax: Any, table: pd.DataFrame) -> None:
     ax.axhline(SHARE, color="0.6", lw=0.8, ls=":")
     names: list[str] = []
     for by, mark, move in (("test", "o", -0.12), ("circuit", "s", 0.12)):
-        rows = table[table["by"] == by]
+        rows = where(table, by=by)
         row: Any
         for place, row in enumerate(rows.itertuples()):
-            ends = interval(row.coverage, row.sets)
-            ax.errorbar(
-                [place + move], [row.coverage], np.abs(np.array(ends) - row.coverage)[:, None],
-                fmt=mark, ms=3.5, lw=0.9, color=COLOUR[row.parameter],
-                mfc="w" if by == "test" else COLOUR[row.parameter],
-            )  # fmt: skip
+            away = np.abs(interval(row.coverage, row.sets) - row.coverage)[:, None]
+            colour = COLOUR[row.parameter]
+            style: dict[str, Any] = {"color": colour, "mfc": "w" if by == "test" else colour}
+            ax.errorbar(place + move, row.coverage, away, fmt=mark, ms=3.5, lw=0.9, **style)
         names = list(rows["parameter"])
-        ax.plot([], [], mark, ms=3.5, color="0.3", mfc="w" if by == "test" else "0.3",
-                label=f"coverage, the {by}")  # fmt: skip
-    said = ["criterion" if n in CRITERION.values() else LABELS[n].partition(" (")[0] for n in names]
-    ax.set_xticks(range(len(said)), said, rotation=35, ha="right", fontsize=6)
+        fill = "w" if by == "test" else "0.3"
+        ax.plot([], [], mark, ms=3.5, color="0.3", mfc=fill, label=f"coverage, the {by}")
+    ax.set_xticks(range(len(names)), map(_short, names), rotation=35, ha="right", fontsize=6)
     ax.set(
         ylabel=f"share of {100 * SHARE:.0f} % intervals", ylim=(min(0.5, ax.get_ylim()[0]), 1.02)
     )

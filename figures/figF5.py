@@ -16,9 +16,17 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.dynamics.fixed_point import resting_hz
-from figures.common import Settings, letter, run, say_if_older
+from figures.common import Settings, key, letter, run, say_if_older, where
 from figures.fitted import MONKEYS, ONSET, STRENGTHS, Followed, fitted, fitted_table, follow
-from figures.windows import ABOUT_MS, PREFERRED, WINDOWS, averaged, likeness, share_height
+from figures.windows import (
+    ABOUT_MS,
+    PREFERRED,
+    WINDOWS,
+    averaged,
+    finish_rows,
+    likeness,
+    name_patterns,
+)
 
 NUCLEI = ("STN", "STN_onset", "GPe", "SNr")
 SECONDS = 2.5
@@ -84,7 +92,7 @@ def seen_from_motion(
 def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> Figure:
     """Draw a row per nucleus and a column per window, and the likeness to the three patterns."""
     whole = read_table(data)
-    table = whole[whole["split"] == SPLITS[0]]
+    table = where(whole, split=SPLITS[0])
     names = sorted(table["participant"].unique())
     figure, axes = plt.subplots(
         len(NUCLEI), 4, figsize=(7.4, 6.6), sharex="col", width_ratios=[1, 1, 1, 1.1]
@@ -100,24 +108,14 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
                         lw=0.9, color=colour, mfc=colour if mark == MARKS[0] else "w",
                         label=f"monkey {name}, {PREFERRED[own]}",
                     )  # fmt: skip
-            ax.axhline(0, color="0.8", lw=0.8, zorder=0)
-            ax.set(xscale="log")
-            ax.set_xticks(100 * np.array(STRENGTHS), [f"{100 * s:.3g}" for s in STRENGTHS])
-            ax.tick_params(axis="x", labelsize=6)
-            ax.set_xticks([], minor=True)
-        share_height(row[:3])
-        row[0].set_ylabel(f"{nucleus}\n(Hz above rest)")
-        _likeness(row[3], whole[whole["nucleus"] == nucleus], names)
+        _likeness(row[3], where(whole, nucleus=nucleus), names)
+    percent = [100 * strength for strength in STRENGTHS]
     letter(axes[0, 0], "a  100-300 ms")
     letter(axes[0, 1], "b  300-500 ms")
     letter(axes[0, 2], "c  response ± 100 ms")
     letter(axes[0, 3], "d  likeness")
-    for ax in axes[-1, :3]:
-        ax.set_xlabel("coherence (%)")
-    axes[-1, 3].set_xlabel("r with a pattern")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    more = axes[0, 3].get_legend_handles_labels()
-    figure.legend(handles + more[0], labels + more[1], loc="outside lower center", ncols=3)
+    finish_rows(axes, NUCLEI, percent, [f"{each:.3g}" for each in percent], "coherence (%)")
+    key(figure, axes[0, 0], axes[0, 3], ncols=3)
     say_if_older(figure, parameters)
     return figure
 
@@ -125,8 +123,9 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
 def _likeness(ax: Any, rows: pd.DataFrame, names: list[str]) -> None:
     """Show the correlation with each pattern, a bar per monkey, and of the other split of t0."""
     for k, name in enumerate(names):
-        one = rows[rows["participant"] == name]
-        found, other = (likeness(one[one["split"] == split], STRENGTHS) for split in SPLITS)
+        found, other = (
+            likeness(where(rows, participant=name, split=split), STRENGTHS) for split in SPLITS
+        )
         place = np.arange(len(found)) + 0.3 * (k - 0.5)
         fill = FILLS if k == 0 else ["w"] * len(found)
         ax.barh(place, list(found.values()), height=0.28, edgecolor=FILLS, lw=0.8, color=fill)
@@ -134,10 +133,7 @@ def _likeness(ax: Any, rows: pd.DataFrame, names: list[str]) -> None:
     ax.plot([], [], "s", color="0.4", label=f"likeness, monkey {names[0]}")
     ax.plot([], [], "s", color="0.4", mfc="w", label=f"likeness, monkey {names[1]}")
     ax.plot([], [], "k|", ms=7, mew=1.4, label=f"likeness, {BEFORE_MS:.0f} ms to evidence")
-    ax.axvline(0, color="0.6", lw=0.8)
-    ax.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-    ax.invert_yaxis()
-    ax.set_yticks(range(len(found)), list(found), fontsize=6)
+    name_patterns(ax, list(found))
 
 
 if __name__ == "__main__":

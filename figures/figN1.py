@@ -18,7 +18,7 @@ from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import FOLDS, source
 from bgmodel.tactile.task import Orientations
-from figures.common import Settings, letter, run
+from figures.common import Settings, key, letter, run, where
 
 SHOWN_MM = (1.5, 2.0, 2.5)
 POSTERIORS = np.concatenate([np.linspace(0.15, 0.9, 16), [0.93, 0.95, 0.97, 0.98, 0.99]])
@@ -37,19 +37,10 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                 trace = Msprt().run(evidence)
                 # The lowest of these posteriors lie below chance of few alternatives.
                 counts = tally(trace, evidence.truth, -np.log(POSTERIORS), checked=False)
-                rows.append(
-                    pd.DataFrame(
-                        {
-                            "period_mm": period,
-                            "orientations": count,
-                            "fold": fold,
-                            "posterior": POSTERIORS,
-                            "trials": counts.trials,
-                            "accuracy": counts.accuracy,
-                            "mean_steps": counts.mean_steps,
-                        }
-                    )
-                )
+                row: dict[str, Any] = {"period_mm": period, "orientations": count, "fold": fold}
+                row |= {"posterior": POSTERIORS, "trials": counts.trials}
+                row |= {"accuracy": counts.accuracy, "mean_steps": counts.mean_steps}
+                rows.append(pd.DataFrame(row))
     write_table(pd.concat(rows), output, seed=settings.seed, settings=settings)
 
 
@@ -60,7 +51,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     for ax, period in zip(axes, SHOWN_MM, strict=True):
         ends = []
         for count in range(2, 9):
-            here = table[(table["period_mm"] == period) & (table["orientations"] == count)]
+            here = where(table, period_mm=period, orientations=count)
             folds = here.groupby("posterior")
             mean = folds[["mean_steps", "accuracy"]].mean()
             # Where the prior alone is enough, no reading is taken: not shown.
@@ -77,9 +68,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         letter(ax, f"{period:g} mm")
     for ax in axes[1:]:
         ax.set_ylabel("")
-    handles = axes[0].get_legend_handles_labels()[0]
-    handles.append(Line2D([], [], color="0.5", lw=0.7, ls=":", label="chance, 1/N"))
-    figure.legend(handles=handles, ncols=8, loc="outside lower center", columnspacing=1.2)
+    chance = Line2D([], [], color="0.5", lw=0.7, ls=":", label="chance, 1/N")
+    key(figure, axes[0], more=[chance], ncols=8, columnspacing=1.2)
     return figure
 
 

@@ -14,7 +14,7 @@ from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import reliability
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.likelihood import Density, calibration
-from figures.common import Settings, letter, run
+from figures.common import Settings, key, letter, run, where
 
 # Fitting a t density takes a twentieth of a second, hence half of the usual folds.
 FORMS = {"kde": Density(kind="kde"), "t": Density(kind="t", inner_folds=5)}
@@ -48,14 +48,13 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     figure, axes = plt.subplots(1, len(shown), figsize=(7.2, 2.2), sharex=True, sharey=True)
     for ax, period in zip(axes, shown, strict=True):
         for form, (label, colour, aside) in LOOKS.items():
-            here = table[(table["period_mm"] == period) & (table["form"] == form)]
+            here = where(table, period_mm=period, form=form)
             beside = here.assign(stated=here["stated"] + aside)
             reliability(ax, beside, color=colour, lw=0.9, label=label)
         letter(ax, f"{period:g} mm")
         ax.label_outer()
-    handles = axes[0].get_legend_handles_labels()[0]
-    handles.append(Line2D([], [], color="0.8", lw=0.8, label="observed as stated"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    diagonal = Line2D([], [], color="0.8", lw=0.8, label="observed as stated")
+    key(figure, axes[0], more=[diagonal], ncols=3)
     return figure
 
 

@@ -26,6 +26,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Population
 from circuits.errors import RangeWarning
+from figures.common import where
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
 TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"
@@ -39,6 +40,8 @@ STYLE: dict[str, dict[str, Any]] = {
 }
 """How each model's line looks: of two that agree the thin one lies on the thick one."""
 DATA: dict[str, Any] = {"color": "k", "marker": "o", "ms": 3, "ls": "", "lw": 0.8, "zorder": 4}
+QUANTILES = {"q10_s": "v", "q50_s": "o", "q90_s": "^"}
+"""Quantiles of times that are drawn, and their marks."""
 STRENGTHS = (0.032, 0.064, 0.128, 0.256, 0.512)
 SAMPLE_MS = 5.0
 
@@ -57,9 +60,26 @@ def mark_strengths(ax: Any, strength: pd.Series) -> None:
     ax.set_xticks([], minor=True)
 
 
+def mark_quantiles(ax: Any, data: pd.DataFrame, errors: pd.DataFrame) -> None:
+    """Draw quantiles of times of one monkey, and put its strengths under the panel.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where.
+    data, errors : DataFrame
+        Columns strength and ``QUANTILES``; the latter, standard errors, in the same order.
+    """
+    for name, mark in QUANTILES.items():
+        style = DATA | {"marker": mark}
+        ax.errorbar(places(data["strength"]), data[name], errors[name].to_numpy(), **style)
+    mark_strengths(ax, data["strength"])
+    ax.set_xlabel("coherence (%)")
+
+
 def fitted(parameters: pd.DataFrame, who: str, model: str) -> dict[str, float]:
     """Return the parameters that a model was fitted with to somebody, by name."""
-    rows = parameters[(parameters["participant"] == who) & (parameters["model"] == model)]
+    rows = where(parameters, participant=who, model=model)
     return dict(zip(rows["parameter"], rows["value"].astype(float), strict=True))
 
 

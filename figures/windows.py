@@ -116,6 +116,43 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
     }
 
 
+def finish_rows(
+    axes: Any, labels: Iterable[str], strengths: Sequence[float], ticks: Sequence[str], what: str
+) -> None:
+    """Label panels: a row per nucleus, a column per window, and one of the likeness.
+
+    Parameters
+    ----------
+    axes : array of Axes (nuclei, 4)
+        Whose rates are drawn.
+    labels : iterable of str
+        Name of each nucleus.
+    strengths, ticks : sequence of float, sequence of str
+        Where the ticks of strength stand, and their text.
+    what : str
+        What strength is.
+    """
+    for row, label in zip(axes, labels, strict=True):
+        for ax in row[:3]:
+            ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+            ax.set(xscale="log")
+            ax.set_xticks(strengths, ticks, fontsize=6)
+            ax.set_xticks([], minor=True)
+        share_height(row[:3])
+        row[0].set_ylabel(f"{label}\n(Hz above rest)")
+    for ax in axes[-1, :3]:
+        ax.set_xlabel(what)
+    axes[-1, 3].set_xlabel("r with a pattern")
+
+
+def name_patterns(ax: Any, names: Sequence[str]) -> None:
+    """Name the bars of the likeness to each pattern, from the top."""
+    ax.axvline(0, color="0.6", lw=0.8)
+    ax.set(xlim=(-1, 1), ylim=(-0.6, len(names) - 0.4))
+    ax.invert_yaxis()
+    ax.set_yticks(range(len(names)), names, fontsize=6)
+
+
 def share_height(axes: Iterable[Any]) -> None:
     """Give panels one range of heights, labelled at the first alone."""
     axes = list(axes)

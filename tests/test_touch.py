@@ -80,8 +80,8 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
 ):
     monkeypatch.setattr("bgmodel.touch.Learner", partial(Learner, episodes=500))
     shown, folders = hexagon(), []
-    for name, count in (("train", 320), ("held", 240)):
-        yaws = np.linspace(-180, 179, count)
+    for name, count in (("train", 320), ("held", 360)):
+        yaws = np.linspace(-180, 179, count) + 0.3 * (name == "held")
         images = [draw(shown + field(shown, yaw)) for yaw in yaws]
         folders.append(write(tmp_path / name, images, "dev-data"))
     mine = tmp_path / "mine"

@@ -1,61 +1,15 @@
 """Compute all scores: make score, python -m benchmarks.scores."""
 
-from benchmarks import hssm_check
-from benchmarks.scores import (
-    agreement,
-    calibrated,
-    conflict,
-    crosschecks,
-    experiments,
-    fits,
-    hick,
-    learning,
-    lesions,
-    levels,
-    likelihood,
-    limits,
-    loss,
-    others,
-    parts,
-    population,
-    posteriors,
-    printed,
-    published,
-    raw,
-    recovery,
-    sensitivity,
-    stimulation,
-    worst,
-)
+from importlib import import_module
+from pkgutil import iter_modules
+
+from benchmarks import hssm_check, scores
 from benchmarks.scores.pieces import main
 
-MODULES = (
-    raw,
-    parts,
-    agreement,
-    limits,
-    lesions,
-    loss,
-    levels,
-    learning,
-    experiments,
-    posteriors,
-    fits,
-    stimulation,
-    conflict,
-    recovery,
-    sensitivity,
-    worst,
-    population,
-    likelihood,
-    hssm_check,
-    published,
-    crosschecks,
-    hick,
-    calibrated,
-    printed,
-    others,
-)
+NAMES = [name for _, name, _ in iter_modules(scores.__path__) if not name.startswith("_")]
+FOUND = [import_module(f"benchmarks.scores.{name}") for name in NAMES]
+MODULES = (*(module for module in FOUND if hasattr(module, "SCORE")), hssm_check)
+"""Every module of this folder that has a score, and the one outside it."""
 
 if __name__ == "__main__":
     main(*(module.SCORE for module in MODULES))

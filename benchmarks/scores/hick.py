@@ -27,7 +27,7 @@ from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
@@ -62,13 +62,10 @@ FEWEST_RESPONSES = 30
 
 def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SEED) -> Evidence:
     """Draw the Gaussian problem; the likelihoods are those of d' .5 at any d'."""
-    given = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
-    separation = d_prime / np.sqrt(2)
-    found = separated_evidence(
-        trials, READINGS, separation, rng=given, hypotheses=alternatives, step_ms=STEP_MS
-    )
-    taken = found.log_likelihood * (D_PRIME / d_prime)
-    return replace(found, log_likelihood=taken)
+    rng = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
+    given = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
+    found = gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
+    return replace(found, log_likelihood=found.log_likelihood * (D_PRIME / d_prime))
 
 
 def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:

@@ -18,7 +18,7 @@ from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import separated_evidence
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
@@ -54,9 +54,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
         "STN's sum to the wrong channel": shuffled_stn(table),
     }
     rng = stream(SCORING_SEED, "control")
-    evidence = separated_evidence(
-        trials, 40, 1 / np.sqrt(2), rng=rng, hypotheses=CHANNELS, step_ms=50.0
-    )
+    evidence = gaussian_evidence(trials, d_prime=1.0, channels=CHANNELS, seed=rng)
     model = BasalGanglia(table, Ensemble(workers=workers), GAIN, SCORING_SEED)
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,))
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]

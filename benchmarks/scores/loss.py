@@ -21,7 +21,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.evidence import Evidence, expecting, separated_evidence
+from bgmodel.evidence import Evidence, expecting, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
@@ -65,15 +65,9 @@ TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48
 
 def evidence(task: Task, conflict: float, trials: int) -> Evidence:
     """Draw the evidence of a task; that with conflict differs from that without in one mean."""
-    return separated_evidence(
-        trials,
-        task.readings,
-        task.d_prime / np.sqrt(2),
-        rng=stream(SCORING_SEED, "loss", task.name),
-        hypotheses=task.channels,
-        step_ms=STEP_MS,
-        conflict=conflict,
-    )
+    given = {"d_prime": task.d_prime, "channels": task.channels, "t_max": task.readings}
+    rng = stream(SCORING_SEED, "loss", task.name)
+    return gaussian_evidence(trials, step_ms=STEP_MS, conflict=conflict, seed=rng, **given)
 
 
 def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:

@@ -26,7 +26,7 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff, curve, time_at, tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
@@ -130,15 +130,9 @@ NOTHING, WITHOUT, NEVER = "nothing to change", "decides without evidence", "does
 
 def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the problem; conflict raises the mean of one competitor and changes no noise."""
-    return separated_evidence(
-        trials,
-        READINGS,
-        D_PRIME / np.sqrt(2),
-        rng=stream(seed, "others", str(alternatives)),
-        hypotheses=alternatives,
-        step_ms=STEP_MS,
-        conflict=conflict,
-    )
+    given = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS, "conflict": conflict}
+    rng = stream(seed, "others", str(alternatives))
+    return gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
 
 
 def model_of(entrant: Entrant, alternatives: int, gain: float, seed: int) -> BasalGanglia:

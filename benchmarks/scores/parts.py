@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
-from bgmodel.evidence import separated_evidence
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
@@ -53,9 +52,8 @@ def changes(
     """Return the change by each edit, and the circuit itself."""
     table = load_circuit(DEFAULT, channels)
     rng = stream(SCORING_SEED, "parts", str(channels), str(d_prime))
-    evidence = separated_evidence(
-        trials, readings, d_prime / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
-    )
+    given = {"d_prime": d_prime, "channels": channels, "t_max": readings}
+    evidence = gaussian_evidence(trials, seed=rng, **given)
     shared = shared_nats * rng.standard_normal((trials, readings, 1))
     evidence = replace(evidence, log_likelihood=evidence.log_likelihood + shared)
     engine = Population(workers=workers)

@@ -22,7 +22,7 @@ from scipy.stats import ks_2samp
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from circuits.activity import Activity
@@ -71,14 +71,9 @@ ENGINES = {
 
 def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
     """Draw the evidence of one condition."""
-    return separated_evidence(
-        trials,
-        READINGS[d_prime],
-        d_prime / np.sqrt(2),
-        rng=stream(SCORING_SEED, "population", str(channels), str(d_prime)),
-        hypotheses=channels,
-        step_ms=STEP_MS,
-    )
+    rng = stream(SCORING_SEED, "population", str(channels), str(d_prime))
+    given = {"d_prime": d_prime, "t_max": READINGS[d_prime], "step_ms": STEP_MS}
+    return gaussian_evidence(trials, channels=channels, seed=rng, **given)
 
 
 def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeoff:

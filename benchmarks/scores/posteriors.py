@@ -14,7 +14,7 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import threshold_from_posterior
@@ -52,21 +52,14 @@ def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
 
 def behaviour(trials: int, workers: int) -> pd.DataFrame:
     """Return accuracy, times and late trials of each circuit at its posteriors, same trials."""
-    evidence = separated_evidence(
-        trials,
-        READINGS,
-        D_PRIME / np.sqrt(2),
-        rng=stream(SCORING_SEED, "posteriors"),
-        step_ms=STEP_MS,
-    )
+    rng = stream(SCORING_SEED, "posteriors")
+    evidence = gaussian_evidence(trials, d_prime=D_PRIME, t_max=READINGS, step_ms=STEP_MS, seed=rng)
     rows = []
     for lost, table, asked in cases():
-        model = BasalGanglia(
-            table, Population(workers=workers), gain_of(load_circuit(DEFAULT)), SCORING_SEED
-        )
-        found = decide_at_thresholds(
-            model, evidence, threshold_from_posterior(asked), decoder_tau_ms=None
-        )[CIRCUIT]
+        gain, engine = gain_of(load_circuit(DEFAULT)), Population(workers=workers)
+        model = BasalGanglia(table, engine, gain, SCORING_SEED)
+        levels = threshold_from_posterior(asked)
+        found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
         for k, out_nats in enumerate(found.settings):
             decided = ~found.forced[k]
             time_ms, choice = pd.Series(found.time_ms[k]), pd.Series(found.choice[k])

@@ -8,8 +8,9 @@ recursive test of Caballero, Humphries & Gurney (2018) on intervals between spik
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial, reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ def times(
             parts[name].append(tradeoff(model.run(evidence), evidence, marks[name]))
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     found = {
-        name: time_at([accuracy], curve(joined(some), weights))[:, 0]
+        name: time_at([accuracy], curve(reduce(add, some), weights))[:, 0]
         for name, some in parts.items()
     }
     optimal = next(iter(found.values()))
@@ -116,13 +117,6 @@ def times(
             row |= {what: values[0], f"{what}_low": low, f"{what}_high": high}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def joined(parts: Sequence[Tradeoff]) -> Tradeoff:
-    """Return the decisions of all batches as one."""
-    fields = ("choice", "time_ms", "forced", "premature", "posterior")
-    whole = (np.concatenate([getattr(each, name) for each in parts], axis=1) for name in fields)
-    return Tradeoff(parts[0].settings, *whole)
 
 
 def at_errors(models: Mapping[str, Integrator], alternatives: int, trials: int) -> pd.DataFrame:

@@ -13,13 +13,12 @@ from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
@@ -88,14 +87,9 @@ CASES = (
 
 def evidence(channels: int, trials: int) -> Evidence:
     """Draw the evidence of the cases of so many alternatives."""
-    return separated_evidence(
-        trials,
-        READINGS[channels],
-        D_PRIME[channels] / np.sqrt(2),
-        rng=stream(SCORING_SEED, "sensitivity", str(channels)),
-        hypotheses=channels,
-        step_ms=50.0,
-    )
+    given = {"d_prime": D_PRIME[channels], "t_max": READINGS[channels]}
+    rng = stream(SCORING_SEED, "sensitivity", str(channels))
+    return gaussian_evidence(trials, channels=channels, seed=rng, **given)
 
 
 def changes(case: Case, trials: int, workers: int) -> pd.DataFrame:

@@ -10,20 +10,15 @@ fall silent sooner.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.tuning.filters import ACCURACIES
-from benchmarks.tuning.neighbours import TUNING_SEEDS, tuning_evidence
-from bgmodel import stream
-from bgmodel.comparison.matched import matched_measures
-from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
+from benchmarks.tuning.neighbours import TUNING_SEEDS, against_msprt, options, tuning_evidence
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Ensemble
@@ -79,24 +74,14 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 
 def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
     """Return r at each of the accuracies, and the offset in ms."""
-    test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
     model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
-    own = decide_at_thresholds(model, evidence, thresholds_about(test), decoder_tau_ms=None)[
-        CIRCUIT
-    ]
-    rng = stream(0, "unused")
-    found = matched_measures(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
-    values = found.set_index("measure")["value"]
+    values = against_msprt(model, evidence, ACCURACIES)
     return values["pearson_r"].to_numpy(), float(values["offset_ms"])
 
 
 def main() -> None:
     """Print r for everything tried."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--channels", type=int, default=2)
-    parser.add_argument("--d-prime", type=float, default=1.0)
-    parser.add_argument("--trials", type=int, default=1000)
-    given = parser.parse_args()
+    given = options(__doc__, channels=2, d_prime=1.0, trials=1000).parse_args()
     table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table)
     drawn = [

@@ -10,7 +10,6 @@ lowest four and the highest three of them.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -18,7 +17,7 @@ from itertools import product
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, options, tuning_evidence
 from bgmodel import stream
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
@@ -100,10 +99,7 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 
 def main() -> None:
     """Print r for every filter tried."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--channels", type=int, default=2)
-    parser.add_argument("--d-prime", type=float, default=1.0)
-    parser.add_argument("--trials", type=int, default=2000)
+    parser = options(__doc__, channels=2, d_prime=1.0, trials=2000)
     parser.add_argument("--gain", type=float)
     given = parser.parse_args()
     table = load_circuit("spiking_msprt", given.channels)

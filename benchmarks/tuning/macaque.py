@@ -9,18 +9,20 @@ extra time. Kept was what holds r up without losing the rise of STN, at rates of
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.tuning.neighbours import ACCURACIES, TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.neighbours import (
+    ACCURACIES,
+    TUNING_SEEDS,
+    against_msprt,
+    options,
+    tuning_evidence,
+)
 from bgmodel import stream
-from bgmodel.comparison.matched import matched_measures
-from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
 from circuits.cells import Phase
 from circuits.circuit import Circuit
@@ -69,8 +71,8 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
     means = []
     for conflict in (0.0, 0.9):
         rng = stream(seed, "conflict", channels)
-        given = {"hypotheses": channels, "step_ms": 50.0, "conflict": conflict}
-        evidence = separated_evidence(300, 14, 1 / np.sqrt(2), rng=rng, **given)
+        given = {"d_prime": 1.0, "channels": channels, "conflict": conflict}
+        evidence = gaussian_evidence(300, t_max=14, seed=rng, **given)
         model = BasalGanglia(edit, Population(noise=False), gain_of(edit), seed)
         found = model.activity(evidence)
         seen = (found.time_ms >= 150) & (found.time_ms <= 600)
@@ -80,22 +82,14 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
 
 def scored(table: Circuit, evidence: Evidence, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return r and the extra time in ms at each of the accuracies."""
-    test = msprt_tradeoffs(evidence, gain_of(table))[MSPRT_AT_GAIN]
     model = BasalGanglia(table, Population(sample_ms=2.0), gain_of(table), seed)
-    thresholds = thresholds_about(test)
-    own = decide_at_thresholds(model, evidence, thresholds, decoder_tau_ms=None)[CIRCUIT]
-    given = {"rng": stream(0, "unused"), "accuracies": ACCURACIES, "resamples": 2}
-    values = matched_measures(test, own, **given).set_index("measure")["value"]
+    values = against_msprt(model, evidence, ACCURACIES)
     return values["pearson_r"].to_numpy(), values["extra_ms"].to_numpy()
 
 
 def main() -> None:
     """Print a line for everything tried."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--channels", type=int, default=2)
-    parser.add_argument("--d-prime", type=float, default=0.5)
-    parser.add_argument("--trials", type=int, default=2000)
-    given = parser.parse_args()
+    given = options(__doc__, channels=2, d_prime=0.5, trials=2000).parse_args()
     drawn = [
         (tuning_evidence(given.trials, given.channels, given.d_prime, seed), seed)
         for seed in TUNING_SEEDS

@@ -12,16 +12,20 @@ of OUT and the usual gain were tuned with ``benchmarks.tuning.filters``, the cor
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.page import page
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
 from circuits.cells.membrane import fit_current
@@ -36,10 +40,27 @@ STEP_MS = 50.0
 def tuning_evidence(trials: int, channels: int, d_prime: float, seed: int) -> Evidence:
     """Return Gaussian evidence for tuning, long enough for an accuracy of .98."""
     steps, rng = int(60 / d_prime), stream(seed, "tuning", channels)
-    separation = d_prime / np.sqrt(2)
-    return separated_evidence(
-        trials, steps, separation, rng=rng, hypotheses=channels, step_ms=STEP_MS
-    )
+    return gaussian_evidence(trials, d_prime=d_prime, channels=channels, t_max=steps, seed=rng)
+
+
+def options(text: str, *, channels: int, d_prime: float, trials: int) -> argparse.ArgumentParser:
+    """Return the options of a script that tunes, with its defaults."""
+    parser = argparse.ArgumentParser(description=text)
+    parser.add_argument("--channels", type=int, default=channels)
+    parser.add_argument("--d-prime", type=float, default=d_prime)
+    parser.add_argument("--trials", type=int, default=trials)
+    return parser
+
+
+def against_msprt(
+    model: BasalGanglia, evidence: Evidence, accuracies: Sequence[float]
+) -> pd.Series:
+    """Return measures at equal accuracy against the MSPRT at a circuit's gain, by their name."""
+    test = msprt_tradeoffs(evidence, model.gain)[MSPRT_AT_GAIN]
+    levels = thresholds_about(test)
+    own = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+    given = {"rng": stream(0, "unused"), "accuracies": accuracies, "resamples": 2}
+    return matched_measures(test, own, **given).set_index("measure")["value"]
 
 
 def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
@@ -94,11 +115,7 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
 
 def main() -> None:
     """Print the table of variants."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--channels", type=int, default=4)
-    parser.add_argument("--d-prime", type=float, default=0.5)
-    parser.add_argument("--trials", type=int, default=500)
-    given = parser.parse_args()
+    given = options(__doc__, channels=4, d_prime=0.5, trials=500).parse_args()
     table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table)
     tried = neighbours(table)

@@ -15,7 +15,7 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.deciding.decision import Decision, first_crossing
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
 from circuits.circuit import Circuit
@@ -81,11 +81,8 @@ def late(found: Decision, exact: Decision) -> float:
 
 def drawn(d_prime: float, channels: int, trials: int, readings: int = READINGS) -> Evidence:
     """Return Gaussian evidence, a reading every 50 ms."""
-    rng = stream(SEED, "strength")
-    separation = d_prime / np.sqrt(2)
-    return separated_evidence(
-        trials, readings, separation, rng=rng, hypotheses=channels, step_ms=50.0
-    )
+    given = {"t_max": readings, "seed": stream(SEED, "strength")}
+    return gaussian_evidence(trials, d_prime=d_prime, channels=channels, **given)
 
 
 def main() -> None:
