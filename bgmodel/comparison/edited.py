@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -43,7 +42,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
-from circuits.errors import EditWarning, InputError, user_level
+from circuits.errors import EditWarning, InputError
 
 INTACT, AS_EDITED = "intact", "as edited"
 
@@ -107,11 +106,7 @@ def compare_edits(
     for name, circuit in edited.items():
         check_edit_of(model.circuit, circuit, f"edited[{name!r}]")
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
-        warnings.warn(
-            f"{', '.join(alike)}: the edit changes nothing in this circuit",
-            EditWarning,
-            stacklevel=user_level(),
-        )
+        EditWarning.warn(f"{', '.join(alike)}: the edit changes nothing in this circuit")
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -32,7 +31,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.errors import InputError, RangeWarning, user_level
+from circuits.errors import InputError, RangeWarning
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
@@ -123,11 +122,7 @@ def unreached(
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
-        warnings.warn(
-            f"nothing is compared at accuracy {listed(lost)}: {why}",
-            RangeWarning,
-            stacklevel=user_level(),
-        )
+        RangeWarning.warn(f"nothing is compared at accuracy {listed(lost)}: {why}")
     return lost
 
 
