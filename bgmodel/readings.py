@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from bgmodel.support.arrays import Integers
+from bgmodel.support.arrays import Integers, Reals, Truths
 from circuits.errors import DataWarning
 
 MOST_TRIALS = 1000
@@ -22,9 +21,7 @@ CORRELATED = 0.5
 0.8, and independent readings about 0."""
 
 
-def warn_of_readings(
-    log_likelihood: npt.NDArray[np.floating], lengths: Integers | None = None
-) -> None:
+def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> None:
     """Warn if values look like probabilities or running sums, or axes as if they were exchanged.
 
     Parameters
@@ -67,7 +64,7 @@ def warn_of_readings(
         )
 
 
-def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) -> None:
+def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
     """Warn if trials hold the very readings of other ones: together they tell no more than one.
 
     Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be alike by
@@ -93,7 +90,7 @@ def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) 
         )
 
 
-def serial_correlation(values: npt.NDArray[np.floating], read: npt.NDArray[np.bool_]) -> float:
+def serial_correlation(values: Reals, read: Truths) -> float:
     """Return the correlation of successive readings within a trial; 0 if it is not known.
 
     Parameters

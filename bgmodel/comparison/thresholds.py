@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.comparison.cautions import (
@@ -29,6 +28,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
+from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, RangeWarning
@@ -57,9 +57,7 @@ def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Seque
         warn_of_calibration(test.posterior[k], test.choice[k] == evidence.truth)
 
 
-def tuned_thresholds(
-    model: BasalGanglia, test: Tradeoff, highest: float, lowest: float
-) -> npt.NDArray[np.float64]:
+def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
     """Return the thresholds of a circuit at which evidence decides, and not noise at rest."""
     found = thresholds_of(model.circuit, test, highest, lowest)
     quiet = without_noise_alone(model, found)
@@ -73,9 +71,7 @@ def tuned_thresholds(
     return quiet
 
 
-def decided_by_evidence(
-    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def decided_by_evidence(model: BasalGanglia, thresholds: Array) -> Array:
     """Return those thresholds at which evidence decides, if there are any."""
     found = deciding_thresholds(model.circuit, thresholds)
     return without_noise_alone(model, found) if found.size else found
@@ -133,9 +129,7 @@ def without_accuracies(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFra
     return table.assign(**{name: table[name].mask(gone) for name in columns})
 
 
-def moved(
-    before: Circuit, after: Circuit, levels: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def moved(before: Circuit, after: Circuit, levels: Array) -> Array:
     """Return the shift of OUT by an edit at each level; 0 where it is not known."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)

@@ -144,7 +144,7 @@ class BasalGanglia(Facts):
         """
         return self.trace(self.activity(evidence), evidence)
 
-    def drive(self, evidence: Evidence) -> npt.NDArray[np.float64]:
+    def drive(self, evidence: Evidence) -> Array:
         """Return the drive: raw evidence, or as ``drive_of`` where it is centred.
 
         Raises
@@ -364,7 +364,7 @@ class BasalGanglia(Facts):
                 f"decision times come out too long; give {most:g} or less"
             )
 
-    def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
+    def out_at_rest(self, trials: int = 40) -> Array:
         """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
         silence = np.zeros((trials, 1, self.circuit.channels))
         quiet = replace(self, engine=self.engine.at_rest())
@@ -555,9 +555,7 @@ def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
     return thresholds_nats[(thresholds_nats >= low) & (thresholds_nats < rest_out(circuit))]
 
 
-def drive_of(
-    evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf
-) -> npt.NDArray[np.float64]:
+def drive_of(evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf) -> Array:
     """Return the drive of a circuit that needs it centred, (trials, steps + 1, hypotheses) nats.
 
     Parameters
