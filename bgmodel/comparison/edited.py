@@ -10,14 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import (
-    warn_of_ceiling,
-)
-from bgmodel.comparison.matched import (
-    ACCURACIES,
-    checked_accuracies,
-    matched_measures,
-)
+from bgmodel.comparison.cautions import warn_of_ceiling
+from bgmodel.comparison.matched import ACCURACIES, checked_accuracies, matched_measures
 from bgmodel.comparison.thresholds import (
     MSPRT,
     decided_by_evidence,
@@ -30,16 +24,8 @@ from bgmodel.comparison.thresholds import (
 )
 from bgmodel.deciding.tradeoff import Tradeoff, margin
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-)
-from bgmodel.integrators.deciding import (
-    CIRCUIT,
-    HIGHEST,
-    LOWEST,
-    decide_at_thresholds,
-    silent_nats,
-)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, silent_nats
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError

@@ -7,12 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.cautions import (
-    listed,
-)
-from bgmodel.comparison.matched import (
-    MOST_FORCED,
-)
+from bgmodel.comparison.cautions import listed
+from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.deciding.calibration import warn_of_calibration
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin, tradeoff
 from bgmodel.evidence import Evidence
@@ -22,10 +18,7 @@ from bgmodel.integrators.basal_ganglia import (
     deciding_thresholds,
     rest_out,
 )
-from bgmodel.integrators.deciding import (
-    thresholds_of,
-    without_noise_alone,
-)
+from bgmodel.integrators.deciding import thresholds_of, without_noise_alone
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from bgmodel.support.arrays import Array

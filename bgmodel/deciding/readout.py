@@ -10,13 +10,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals, whole
-from circuits.errors import (
-    DeadlineWarning,
-    InputError,
-    NoiseWarning,
-    RangeWarning,
-    require,
-)
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""

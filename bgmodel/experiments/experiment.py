@@ -18,11 +18,7 @@ from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
-from bgmodel.experiments.predictions import (
-    FEWEST_DECIDED,
-    PERCENT,
-    RELATIVE,
-)
+from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,
@@ -31,9 +27,7 @@ from bgmodel.experiments.record import (
     uncalibrated,
     unchanged,
 )
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of

@@ -33,13 +33,7 @@ from circuits.activity import RateMeans, checked_drive, warn_beyond_range
 from circuits.anatomy import load_circuit as named
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, EngineOrName
-from circuits.errors import (
-    BgmodelWarning,
-    EditWarning,
-    InputError,
-    NoiseWarning,
-    RangeWarning,
-)
+from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
 from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
