@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import numpy.typing as npt
 
@@ -11,7 +9,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, NoiseWarning, require, user_level
+from circuits.errors import InputError, NoiseWarning, require
 
 FEWEST_TRIALS = 100
 
@@ -68,11 +66,9 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
         drawn["groups"] = len(np.unique(np.asarray(groups)))
     for name, count in drawn.items():
         if count < FEWEST_DRAWN[name]:
-            warnings.warn(
+            NoiseWarning.warn(
                 f"95 % intervals from {count} {name} are too rough to tell: give "
-                f"{FEWEST_DRAWN[name]} or more",
-                NoiseWarning,
-                stacklevel=user_level(),
+                f"{FEWEST_DRAWN[name]} or more"
             )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.readings import warn_of_readings
+from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals, whole
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.reprs import Facts
@@ -71,15 +72,15 @@ class Evidence(Facts):
         If the values look like probabilities or like running sums.
     """
 
-    log_likelihood: npt.NDArray[np.floating]
-    truth: npt.NDArray[np.integer] | None = None
-    prior: npt.NDArray[np.float64] = None  # type: ignore[assignment]
+    log_likelihood: Reals
+    truth: Integers | None = None
+    prior: Array = None  # type: ignore[assignment]
     onset_ms: float = 0.0
     step_ms: float = 1.0
-    lengths: npt.NDArray[np.integer] | None = None
-    numbers: npt.NDArray[np.integer] | None = None
+    lengths: Integers | None = None
+    numbers: Integers | None = None
     baseline: float | None = None
-    expectancy_nats: npt.NDArray[np.float64] | None = None
+    expectancy_nats: Array | None = None
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
@@ -186,17 +187,17 @@ class Evidence(Facts):
         return int(self.log_likelihood.shape[2])
 
     @property
-    def readings(self) -> npt.NDArray[np.integer]:
+    def readings(self) -> Integers:
         """Number of readings of each trial, (trials,)."""
         return np.full(self.trials, self.steps) if self.lengths is None else self.lengths
 
     @property
-    def trial_numbers(self) -> npt.NDArray[np.integer]:
+    def trial_numbers(self) -> Integers:
         """Number of each trial, (trials,)."""
         return np.arange(self.trials) if self.numbers is None else self.numbers
 
     @property
-    def totals(self) -> npt.NDArray[np.float64]:
+    def totals(self) -> Array:
         """Log prior plus all readings so far, (trials, 1 + steps, hypotheses) nats."""
         total = np.empty((self.trials, self.steps + 1, self.hypotheses))
         total[:, 0] = np.log(self.prior)
@@ -204,7 +205,7 @@ class Evidence(Facts):
         return np.cumsum(total, axis=1, out=total)
 
     @property
-    def own_totals(self) -> npt.NDArray[np.float64]:
+    def own_totals(self) -> Array:
         """What each channel is told by itself, (trials, 1 + steps, hypotheses) nats.
 
         The totals less constants that are known before a trial: the baseline for each reading so
@@ -236,7 +237,7 @@ class Evidence(Facts):
         return float(total / (self.readings.sum() * self.hypotheses))
 
     @cached_property
-    def posterior(self) -> npt.NDArray[np.float64]:
+    def posterior(self) -> Array:
         """Probability of each hypothesis given all readings so far, shaped as ``totals``."""
         return np.exp(-minus_log_softmax(self.totals))
 
@@ -277,7 +278,7 @@ class Evidence(Facts):
         return trials
 
 
-def needed_truth(evidence: Evidence) -> npt.NDArray[np.integer]:
+def needed_truth(evidence: Evidence) -> Integers:
     """Return the truth of each trial (trials,); ValueError where it is not known."""
     if evidence.truth is None:
         raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
@@ -299,7 +300,7 @@ def check_evidence(given: Evidence) -> Evidence:
     )
 
 
-def minus_log_softmax(y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def minus_log_softmax(y: Array) -> Array:
     """Return ``-y_i + ln sum_j exp y_j`` (..., N): -ln P of unnormalised log posteriors."""
     # A loop over channels: numpy reduces a short last axis ten times slower.
     channels = range(y.shape[-1])
@@ -455,7 +456,7 @@ def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
     return steps
 
 
-def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[np.float64]:
+def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> Array:
     """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is none."""
     if prior is None:
         return np.full(hypotheses, 1.0 / hypotheses)
@@ -483,9 +484,7 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     return float(value)
 
 
-def _checked_expectancy(
-    expectancy: npt.ArrayLike, shape: tuple[int, int]
-) -> npt.NDArray[np.float64]:
+def _checked_expectancy(expectancy: npt.ArrayLike, shape: tuple[int, int]) -> Array:
     values = np.asarray(reals("expectancy_nats", expectancy), dtype=np.float64)
     require(
         values.shape == shape and np.isfinite(values).all(),
@@ -496,15 +495,11 @@ def _checked_expectancy(
     return values
 
 
-def _of_trials(
-    name: str, values: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
-) -> npt.NDArray[np.integer] | None:
+def _of_trials(name: str, values: npt.ArrayLike | None, log_likelihood: Reals) -> Integers | None:
     return None if values is None else one_per_trial(name, values, len(log_likelihood))
 
 
-def _checked_lengths(
-    lengths: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
-) -> npt.NDArray[np.integer] | None:
+def _checked_lengths(lengths: npt.ArrayLike | None, log_likelihood: Reals) -> Integers | None:
     steps = log_likelihood.shape[1]
     values = _of_trials("lengths", lengths, log_likelihood)
     if values is None:
@@ -518,5 +513,5 @@ def _checked_lengths(
     return values
 
 
-def _truth(truth: npt.ArrayLike | None, shape: tuple[int, ...]) -> npt.NDArray[np.integer] | None:
+def _truth(truth: npt.ArrayLike | None, shape: tuple[int, ...]) -> Integers | None:
     return None if truth is None else checked_truth(truth, shape[0], shape[2])

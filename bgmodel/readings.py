@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
-import numpy.typing as npt
 
-from bgmodel.support.arrays import Integers
-from circuits.errors import DataWarning, user_level
+from bgmodel.support.arrays import Integers, Reals, Truths
+from circuits.errors import DataWarning
 
 MOST_TRIALS = 1000
 """Trials that are looked at: enough to tell, and quick."""
@@ -24,9 +21,7 @@ CORRELATED = 0.5
 0.8, and independent readings about 0."""
 
 
-def warn_of_readings(
-    log_likelihood: npt.NDArray[np.floating], lengths: Integers | None = None
-) -> None:
+def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> None:
     """Warn if values look like probabilities or running sums, or axes as if they were exchanged.
 
     Parameters
@@ -44,11 +39,9 @@ def warn_of_readings(
     """
     _, steps, hypotheses = log_likelihood.shape
     if hypotheses >= MANY and hypotheses > steps:
-        warnings.warn(
+        DataWarning.warn(
             f"{hypotheses} hypotheses and {steps} readings: are the axes exchanged? They are "
-            "(trials, readings, hypotheses)",
-            DataWarning,
-            stacklevel=user_level(),
+            "(trials, readings, hypotheses)"
         )
     values = log_likelihood[:MOST_TRIALS]
     read = np.ones(values.shape[:2], bool)
@@ -58,24 +51,20 @@ def warn_of_readings(
         return
     told = values[read]
     if told.min() > 0 and told.max() < 1 and np.ptp(told) > 0:
-        warnings.warn(
+        DataWarning.warn(
             "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
-            "logarithms",
-            DataWarning,
-            stacklevel=user_level(),
+            "logarithms"
         )
     r = serial_correlation(values, read)
     if r > CORRELATED:
-        warnings.warn(
+        DataWarning.warn(
             f"successive readings of a trial correlate (r = {r:.2f}), but they are added up as "
             "independent: if these are running sums or posteriors, give the log-likelihood of "
-            "each reading alone",
-            DataWarning,
-            stacklevel=user_level(),
+            "each reading alone"
         )
 
 
-def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) -> None:
+def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
     """Warn if trials hold the very readings of other ones: together they tell no more than one.
 
     Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be alike by
@@ -95,15 +84,13 @@ def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) 
         copies += key in seen and SHORTEST <= length == len(np.unique(values[:length, 0]))
         seen.add(key)
     if copies:
-        warnings.warn(
+        DataWarning.warn(
             f"{copies} of {len(lengths)} trials hold the very readings of an earlier trial: "
-            "intervals count them as new; keep one of each",
-            DataWarning,
-            stacklevel=user_level(),
+            "intervals count them as new; keep one of each"
         )
 
 
-def serial_correlation(values: npt.NDArray[np.floating], read: npt.NDArray[np.bool_]) -> float:
+def serial_correlation(values: Reals, read: Truths) -> float:
     """Return the correlation of successive readings within a trial; 0 if it is not known.
 
     Parameters

@@ -8,6 +8,7 @@ warnings is silenced or made an error as any other:
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Hashable
 from typing import Any, Self
 
@@ -108,6 +109,11 @@ def user_level() -> int:
 
 class BgmodelWarning(UserWarning):
     """Any warning of this package: a result is there, and doubtful."""
+
+    @classmethod
+    def warn(cls, sentence: str) -> None:
+        """Give a warning of this family that points at the line that called the package."""
+        warnings.warn(sentence, cls, stacklevel=user_level())
 
 
 class RangeWarning(BgmodelWarning):

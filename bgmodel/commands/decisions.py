@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
-from bgmodel.commands.checks import (
-    Shows,
-    Writes,
-    check_ending,
-    check_whole,
-    options_of,
-    say,
-)
+from bgmodel.commands.checks import Shows, Writes, check_ending, check_whole, options_of, say
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior

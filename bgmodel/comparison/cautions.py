@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
-from circuits.errors import DeadlineWarning, user_level
+from circuits.errors import DeadlineWarning
 
 
 def ceiling(evidence: Evidence) -> float:
@@ -34,12 +33,10 @@ def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[flo
     top = ceiling(evidence)
     lost = [accuracy for accuracy in accuracies if accuracy - top > margin(accuracy)]
     if lost:
-        warnings.warn(
+        DeadlineWarning.warn(
             f"no threshold reaches an accuracy of {listed(lost)}: all readings of a trial, "
             f"{evidence.steps} at most, allow {top:.3f}; give more readings (t_max) or ask for a "
-            "lower accuracy",
-            DeadlineWarning,
-            stacklevel=user_level(),
+            "lower accuracy"
         )
     return [accuracy for accuracy in accuracies if accuracy not in lost]
 
@@ -60,12 +57,10 @@ def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float])
     best = int(reached.argmax())
     lost = [accuracy for accuracy in accuracies if accuracy - reached[best] > margin(accuracy)]
     if lost:
-        warnings.warn(
+        DeadlineWarning.warn(
             f"{name} reaches no accuracy of {listed(lost)}: at the best of its thresholds it has "
             f"{reached[best]:.3f}, and the deadline decides {found.forced[best].mean():.0%} of its "
-            "trials there",
-            DeadlineWarning,
-            stacklevel=user_level(),
+            "trials there"
         )
 
 

@@ -10,10 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import (
-    warn_of_ceiling,
-    warn_of_own_ceiling,
-)
+from bgmodel.comparison.cautions import warn_of_ceiling, warn_of_own_ceiling
 from bgmodel.comparison.edited import check_edit_of
 from bgmodel.comparison.matched import (
     ACCURACIES,
@@ -34,12 +31,7 @@ from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
 from bgmodel.integrators.baselines import BASELINES
-from bgmodel.integrators.deciding import (
-    CIRCUIT,
-    HIGHEST,
-    LOWEST,
-    decide_at_thresholds,
-)
+from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -11,14 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import (
-    warn_of_ceiling,
-)
-from bgmodel.comparison.matched import (
-    ACCURACIES,
-    checked_accuracies,
-    matched_measures,
-)
+from bgmodel.comparison.cautions import warn_of_ceiling
+from bgmodel.comparison.matched import ACCURACIES, checked_accuracies, matched_measures
 from bgmodel.comparison.thresholds import (
     MSPRT,
     decided_by_evidence,
@@ -31,19 +24,11 @@ from bgmodel.comparison.thresholds import (
 )
 from bgmodel.deciding.tradeoff import Tradeoff, margin
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-)
-from bgmodel.integrators.deciding import (
-    CIRCUIT,
-    HIGHEST,
-    LOWEST,
-    decide_at_thresholds,
-    silent_nats,
-)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, silent_nats
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
-from circuits.errors import EditWarning, InputError, user_level
+from circuits.errors import EditWarning, InputError
 
 INTACT, AS_EDITED = "intact", "as edited"
 
@@ -107,11 +92,7 @@ def compare_edits(
     for name, circuit in edited.items():
         check_edit_of(model.circuit, circuit, f"edited[{name!r}]")
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
-        warnings.warn(
-            f"{', '.join(alike)}: the edit changes nothing in this circuit",
-            EditWarning,
-            stacklevel=user_level(),
-        )
+        EditWarning.warn(f"{', '.join(alike)}: the edit changes nothing in this circuit")
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

@@ -11,10 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from bgmodel.deciding.tradeoff import ChoicesAndTimes
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 
 NEAR_MS = 50.0
 """Decisions whose lag differs by no more from the median lag count as near in time."""
@@ -89,7 +88,7 @@ class SameChoice:
         """Return it of each trial with itself, (trials,)."""
         return np.asarray(self.test == self.other, dtype=np.float64)
 
-    def summed(self, here: npt.NDArray[np.bool_], first: Array, second: Array) -> Array:
+    def summed(self, here: Truths, first: Array, second: Array) -> Array:
         """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
         x, y = self.test[here], self.other[here]
         kinds = np.union1d(x, y)[:, None]
@@ -109,7 +108,7 @@ class NearInTime:
         late = self.other_ms - self.test_ms - self.lag_ms
         return (np.abs(late) <= NEAR_MS + ROUNDING_MS).astype(np.float64)
 
-    def summed(self, here: npt.NDArray[np.bool_], first: Array, second: Array) -> Array:
+    def summed(self, here: Truths, first: Array, second: Array) -> Array:
         """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
         order = np.argsort(self.other_ms[here])
         rising, due = self.other_ms[here][order], self.test_ms[here] + self.lag_ms
@@ -130,7 +129,7 @@ class Product:
         """Return it of each trial with itself, (trials,)."""
         return np.asarray(self.test * self.other)
 
-    def summed(self, here: npt.NDArray[np.bool_], first: Array, second: Array) -> Array:
+    def summed(self, here: Truths, first: Array, second: Array) -> Array:
         """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
         return np.asarray((first @ self.test[here]) * (second @ self.other[here]))
 

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.comparison.cautions import (
-    listed,
-)
-from bgmodel.comparison.matched import (
-    MOST_FORCED,
-)
+from bgmodel.comparison.cautions import listed
+from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.deciding.calibration import warn_of_calibration
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin, tradeoff
 from bgmodel.evidence import Evidence
@@ -24,15 +18,13 @@ from bgmodel.integrators.basal_ganglia import (
     deciding_thresholds,
     rest_out,
 )
-from bgmodel.integrators.deciding import (
-    thresholds_of,
-    without_noise_alone,
-)
+from bgmodel.integrators.deciding import thresholds_of, without_noise_alone
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
+from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.errors import InputError, RangeWarning, user_level
+from circuits.errors import InputError, RangeWarning
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
@@ -58,9 +50,7 @@ def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Seque
         warn_of_calibration(test.posterior[k], test.choice[k] == evidence.truth)
 
 
-def tuned_thresholds(
-    model: BasalGanglia, test: Tradeoff, highest: float, lowest: float
-) -> npt.NDArray[np.float64]:
+def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
     """Return the thresholds of a circuit at which evidence decides, and not noise at rest."""
     found = thresholds_of(model.circuit, test, highest, lowest)
     quiet = without_noise_alone(model, found)
@@ -74,9 +64,7 @@ def tuned_thresholds(
     return quiet
 
 
-def decided_by_evidence(
-    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def decided_by_evidence(model: BasalGanglia, thresholds: Array) -> Array:
     """Return those thresholds at which evidence decides, if there are any."""
     found = deciding_thresholds(model.circuit, thresholds)
     return without_noise_alone(model, found) if found.size else found
@@ -123,11 +111,7 @@ def unreached(
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
-        warnings.warn(
-            f"nothing is compared at accuracy {listed(lost)}: {why}",
-            RangeWarning,
-            stacklevel=user_level(),
-        )
+        RangeWarning.warn(f"nothing is compared at accuracy {listed(lost)}: {why}")
     return lost
 
 
@@ -138,9 +122,7 @@ def without_accuracies(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFra
     return table.assign(**{name: table[name].mask(gone) for name in columns})
 
 
-def moved(
-    before: Circuit, after: Circuit, levels: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def moved(before: Circuit, after: Circuit, levels: Array) -> Array:
     """Return the shift of OUT by an edit at each level; 0 where it is not known."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.support.arrays import Array, Integers
-from circuits.errors import CalibrationWarning, user_level
+from circuits.errors import CalibrationWarning
 
 FEWEST_CHOICES = 20
 """Choices that can tell whether they go against the evidence."""
@@ -93,12 +91,10 @@ def warn_of_units(evidence: Evidence) -> None:
     units = "".join(
         f"give natural logarithms, those of {u} times {UNITS[u]:.3f}, or " for u in found
     )
-    warnings.warn(
+    CalibrationWarning.warn(
         "the log-likelihoods do not fit the truth: posteriors would be right if each were "
         f"multiplied by about {scale:.2g}: {units}look for readings that are not independent, "
-        "another truth, or likelihoods of other readings",
-        CalibrationWarning,
-        stacklevel=user_level(),
+        "another truth, or likelihoods of other readings"
     )
 
 
@@ -176,7 +172,7 @@ def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
     """
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
     if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
-        warnings.warn(said, CalibrationWarning, stacklevel=user_level())
+        CalibrationWarning.warn(said)
 
 
 def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
@@ -219,7 +215,7 @@ def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
     stated = posterior_at(evidence, times, decision.choice)
     if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
-        warnings.warn(said, CalibrationWarning, stacklevel=user_level())
+        CalibrationWarning.warn(said)
     if evidence.truth is None:
         return
     warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,14 +10,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import is_number, reals, whole
-from circuits.errors import (
-    DeadlineWarning,
-    InputError,
-    NoiseWarning,
-    RangeWarning,
-    require,
-    user_level,
-)
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
@@ -62,11 +54,9 @@ class ReadOut:
         """Warn of a threshold that was probably meant as a posterior: in nats it is a low one."""
         low, high = POSTERIORS
         if self.unit == NATS and max(low, np.log(2)) < threshold < high < np.log(hypotheses):
-            warnings.warn(
+            RangeWarning.warn(
                 f"a threshold of {threshold:g} nats stops at a posterior of "
-                f"{np.exp(-threshold):.3f}{meant(threshold)}",
-                RangeWarning,
-                stacklevel=user_level(),
+                f"{np.exp(-threshold):.3f}{meant(threshold)}"
             )
 
     def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
@@ -129,11 +119,9 @@ class ReadOut:
         for wrong, why in ((early, self._without_evidence), (low, self._unread)):
             if wrong.any():
                 said = why(float(rows[wrong].flat[0]))
-                warnings.warn(
+                RangeWarning.warn(
                     f"{wrong.sum()} of {len(rows)} thresholds mean nothing, the first of them: "
-                    f"{said}",
-                    RangeWarning,
-                    stacklevel=user_level(),
+                    f"{said}"
                 )
 
     def _without_evidence(self, threshold: float) -> str:
@@ -250,4 +238,4 @@ def check_early_and_late(
         who = f"{wrong[0]} of {trials} trials"
         if count > 1:
             who = f"at {most.sum()} of {count} thresholds most trials"
-        warnings.warn(f"{who} {what}: give {better}", kind, stacklevel=user_level())
+        kind.warn(f"{who} {what}: give {better}")

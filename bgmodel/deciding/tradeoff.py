@@ -11,7 +11,7 @@ import numpy.typing as npt
 from bgmodel.deciding.calibration import posterior_at
 from bgmodel.deciding.decision import Trace, check_trace, first_crossing
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError
@@ -61,10 +61,10 @@ class Tradeoff(Facts):
     """
 
     settings: Array
-    choice: npt.NDArray[np.integer]
+    choice: Integers
     time_ms: Array
-    forced: npt.NDArray[np.bool_]
-    premature: npt.NDArray[np.bool_]
+    forced: Truths
+    premature: Truths
     posterior: Array
 
     def facts(self) -> dict[str, str]:
@@ -82,7 +82,7 @@ class Tradeoff(Facts):
         return int(self.choice.shape[1])
 
     @property
-    def without_evidence(self) -> npt.NDArray[np.bool_]:
+    def without_evidence(self) -> Truths:
         """Whether most trials decide before their first reading, (K,)."""
         return np.asarray(self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE)
 
@@ -94,7 +94,7 @@ class Tradeoff(Facts):
         joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
         return replace(self, **joined)
 
-    def at(self, chosen: npt.NDArray[np.bool_]) -> Tradeoff:
+    def at(self, chosen: Truths) -> Tradeoff:
         """Return the decisions at some of the settings."""
         names = ("settings", "choice", "time_ms", "forced", "premature", "posterior")
         return Tradeoff(*(getattr(self, name)[chosen] for name in names))

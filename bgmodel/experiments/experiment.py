@@ -6,7 +6,6 @@ and, before anything is run, which measure goes which way by how much at least.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
@@ -19,11 +18,7 @@ from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
-from bgmodel.experiments.predictions import (
-    FEWEST_DECIDED,
-    PERCENT,
-    RELATIVE,
-)
+from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,
@@ -32,16 +27,14 @@ from bgmodel.experiments.record import (
     uncalibrated,
     unchanged,
 )
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError, user_level
+from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -148,14 +141,12 @@ class Experiment(ExperimentRecord):
             trials.append(table.assign(anticipatory=behaviour.anticipatory))
         measures = _table(found, evidence.trials)
         if unchanged(measures):
-            warnings.warn(
+            EditWarning.warn(
                 f"{UNCHANGED}: the manipulation says nothing to the {self.engine} engine, or "
-                "nothing while a trial lasts; look at its units and times",
-                EditWarning,
-                stacklevel=user_level(),
+                "nothing while a trial lasts; look at its units and times"
             )
         if said := uncalibrated(self, measures):
-            warnings.warn(said, CalibrationWarning, stacklevel=user_level())
+            CalibrationWarning.warn(said)
         whole = pd.concat(trials, ignore_index=True)
         return Outcome(self, given, tuple(models), measures, whole)
 
@@ -302,7 +293,7 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     if against := behaviour.against_evidence():
         if condition == "control":
             raise ValueError(f"the control's {against}")
-        warnings.warn(f"the {condition}'s {against}", CalibrationWarning, stacklevel=user_level())
+        CalibrationWarning.warn(f"the {condition}'s {against}")
     decided = int((~missed).sum())
     if condition == "control" and decided < FEWEST_DECIDED:
         raise ValueError(
@@ -310,10 +301,8 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
             f"{FEWEST_DECIDED} are needed"
         )
     if missed.mean() > MANY_MISSED:
-        warnings.warn(
+        DeadlineWarning.warn(
             f"the {condition} decides in time in {decided} of {len(missed)} trials: accuracy, "
             "times and the mean posterior are those of these alone; give more readings (t_max) or "
-            "a lower posterior",
-            DeadlineWarning,
-            stacklevel=user_level(),
+            "a lower posterior"
         )

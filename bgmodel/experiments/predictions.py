@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
-from circuits.errors import DataWarning, InputError, require, user_level
+from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
@@ -128,9 +127,7 @@ def check_size(what: str, measure: str, size: float, below: float) -> None:
         units = {"decided": "a number of trials", **dict.fromkeys(SHARES, "a share of trials")}
         of_diffusion = "in the units of EZ-diffusion, with a noise of s = 0.1"
         units |= dict.fromkeys(OF_DIFFUSION[:2], of_diffusion)
-        warnings.warn(
+        DataWarning.warn(
             f"{what} = {size:g} is an unlikely change of {measure}, which is "
-            f"{units.get(measure, 'in ms, not in s')}",
-            DataWarning,
-            stacklevel=user_level(),
+            f"{units.get(measure, 'in ms, not in s')}"
         )

@@ -9,10 +9,7 @@ import pandas as pd
 from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
 from bgmodel.evidence import needed_truth
-from bgmodel.experiments.predictions import (
-    Effect,
-    Prediction,
-)
+from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits

@@ -23,11 +23,7 @@ from bgmodel.fitting.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.stored import read_crossings, write_crossings
-from bgmodel.integrators.basal_ganglia import (
-    ROUNDING_NATS,
-    BasalGanglia,
-    identity,
-)
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__

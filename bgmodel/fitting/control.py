@@ -208,7 +208,7 @@ def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
     step, sd = v * BIN_S, np.sqrt(BIN_S)
     weights = np.exp(nodes[:, None] * v)
     spent = np.exp(-(v**2) / 2 * BIN_S * np.arange(bins)[:, None])
-    ends: list[npt.NDArray[np.float64]] = []
+    ends: list[Array] = []
     for side in (-1, 1):
         over = ndtr((side * (nodes[:, None] + step) - bound) / sd)
         ends.append(masses @ (weights * over) * spent)

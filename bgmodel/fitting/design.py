@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +14,7 @@ from bgmodel.fitting.window import in_window
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
-from circuits.errors import DataWarning, InputError, user_level
+from circuits.errors import DataWarning, InputError
 
 ALONE = 1.0
 """Strength of every trial where there is no column of strengths."""
@@ -121,12 +120,10 @@ def _warn_of_several(choices: Choices) -> None:
     people = choices.people()
     if len(people) > 1:
         named = ", ".join(people[:3]) + (", ..." if len(people) > 3 else "")
-        warnings.warn(
+        DataWarning.warn(
             f"choices are of {len(people)} participants ({named}), and are taken for those of one: "
             "parameters are then a mixture. Fit each on its own, "
-            f"choices.where(choices.participant == {people[0]!r}), or say pooled=True",
-            DataWarning,
-            stacklevel=user_level(),
+            f"choices.where(choices.participant == {people[0]!r}), or say pooled=True"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -21,7 +20,7 @@ from bgmodel.fitting.simulation import Simulation, simulation_error, without_par
 from bgmodel.fitting.slow import warn_of_slow
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
-from circuits.errors import FitWarning, user_level
+from circuits.errors import FitWarning
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,7 +230,7 @@ def fit_likelihood(
     cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
     cautions += [*_ended(found), *_short(drawn)]
     for caution in cautions:
-        warnings.warn(caution, FitWarning, stacklevel=user_level())
+        FitWarning.warn(caution)
     return Fit(found, there, simulated, apart, drawn)
 
 

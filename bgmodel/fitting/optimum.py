@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from bgmodel.fitting.design import Design
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
 from bgmodel.fitting.responses import moments, responded
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import FitWarning, user_level
+from circuits.errors import FitWarning
 
 OPTIMUM_SEED = 24_101
 """Of the search, which draws."""
@@ -96,12 +95,10 @@ def _warn_of_later(model: Model, design: Design) -> None:
     rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
     later = int((rt_s > seconds).sum())
     if later:
-        warnings.warn(
+        FitWarning.warn(
             f"{design.who}: {later} of {len(rt_s)} responses come after the {seconds:g} s "
             f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it never decides "
-            "then, so that they count as lapses. Simulate longer trials (seconds)",
-            FitWarning,
-            stacklevel=user_level(),
+            "then, so that they count as lapses. Simulate longer trials (seconds)"
         )
 
 

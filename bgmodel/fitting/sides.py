@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +10,7 @@ from bgmodel.deciding.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
-from circuits.errors import DataWarning, InputError, user_level
+from circuits.errors import DataWarning, InputError
 
 SAME = 0.6
 """Share of one response to evidence for either side above which it may say right or wrong."""
@@ -50,12 +49,10 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
         _check_right(some, who + named)
         share, z = lean(some)
         if abs(z) > STANDARD_ERRORS:
-            warnings.warn(
+            DataWarning.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
                 f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
-                f"bias to one response: this one enters the other parameters{_coded(some, share)}",
-                DataWarning,
-                stacklevel=user_level(),
+                f"bias to one response: this one enters the other parameters{_coded(some, share)}"
             )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
-from circuits.errors import FitWarning, user_level
+from circuits.errors import FitWarning
 
 TAILS_S = (0.75, 1.5, 3.0)
 """Means of the exponential delays that slow trials may have, s."""
@@ -66,14 +65,12 @@ def warn_of_slow(found: Optimum) -> None:
     held = "lapse" in likelihood.freedom.held
     free = "let lapse be free, which takes some of them up, or " if held else ""
     count = round(slow.share * len(design.observed.cell))
-    warnings.warn(
+    FitWarning.warn(
         f"{design.who}, {model}: about {count} of {len(design.observed.cell)} trials are slower "
         f"than the model allows (with an exponential delay of {slow.tail_s:g} s in "
         f"{slow.share:.1%} of trials the log likelihood is {slow.gain_nats:.1f} nats higher). "
         f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
-        "rt_window (at the terminal --rt-window)",
-        FitWarning,
-        stacklevel=user_level(),
+        "rt_window (at the terminal --rt-window)"
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.tables.columns import FEWEST
-from circuits.errors import DataWarning, InputError, require, user_level
+from circuits.errors import DataWarning, InputError, require
 
 RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
@@ -108,12 +107,10 @@ def in_window(
             "rt_window",
         )
     if out:
-        warnings.warn(
+        DataWarning.warn(
             f"{who}: {out} of {responses} response times are left out of the fit, the longest "
             f"{rt_s[~inside].max():.3g} s: it uses those {span}. Another window: rt_window (at the "
-            "terminal --rt-window); 0 inf keeps all",
-            DataWarning,
-            stacklevel=user_level(),
+            "terminal --rt-window); 0 inf keeps all"
         )
     elif rule:
         # Nothing is left out: the likelihood is that of all times.

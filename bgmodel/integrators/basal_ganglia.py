@@ -34,14 +34,7 @@ from circuits.activity import RateMeans, checked_drive, warn_beyond_range
 from circuits.anatomy import load_circuit as named
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, EngineOrName
-from circuits.errors import (
-    BgmodelWarning,
-    EditWarning,
-    InputError,
-    NoiseWarning,
-    RangeWarning,
-    user_level,
-)
+from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
 from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
@@ -120,11 +113,9 @@ class BasalGanglia(Facts):
     def _warn_of_ignored_edits(self) -> None:
         """Warn if the engine makes no use of a number that was edited."""
         if ignored := ignored_edits(self.circuit, self.engine):
-            warnings.warn(
+            EditWarning.warn(
                 f"the {self.engine} engine makes no use of these edits of {self.circuit.name}: "
-                f"{'; '.join(ignored)}; take another engine, or leave them out",
-                EditWarning,
-                stacklevel=user_level(),
+                f"{'; '.join(ignored)}; take another engine, or leave them out"
             )
 
     def facts(self) -> dict[str, str]:
@@ -148,7 +139,7 @@ class BasalGanglia(Facts):
         """
         return self.trace(self.activity(evidence), evidence)
 
-    def drive(self, evidence: Evidence) -> npt.NDArray[np.float64]:
+    def drive(self, evidence: Evidence) -> Array:
         """Return the drive: raw evidence, or as ``drive_of`` where it is centred.
 
         Raises
@@ -389,21 +380,19 @@ class BasalGanglia(Facts):
         )
         if lead >= REFUSED_TIMES * most:
             raise InputError(f"{said}; lower the gain or give weaker evidence", "evidence")
-        warnings.warn(said, RangeWarning, stacklevel=user_level())
+        RangeWarning.warn(said)
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times come out too long."""
         sample_ms = self.engine.sample_ms
         most = max(COARSE_MS, COARSE_SHARE * evidence.step_ms)
         if sample_ms > most:
-            warnings.warn(
+            BgmodelWarning.warn(
                 f"sample_ms = {sample_ms:g}: a decision is made only at a sample of OUT, so that "
-                f"decision times come out too long; give {most:g} or less",
-                BgmodelWarning,
-                stacklevel=user_level(),
+                f"decision times come out too long; give {most:g} or less"
             )
 
-    def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
+    def out_at_rest(self, trials: int = 40) -> Array:
         """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
         silence = np.zeros((trials, 1, self.circuit.channels))
         quiet = replace(self, engine=self.engine.at_rest())
@@ -416,12 +405,10 @@ class BasalGanglia(Facts):
         out = self.out_at_rest()
         share = any_crossing(out, threshold_nats).mean()
         if share > NOISE_SHARE:
-            warnings.warn(
+            NoiseWarning.warn(
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
-                f"{out.std():.2f}",
-                NoiseWarning,
-                stacklevel=user_level(),
+                f"{out.std():.2f}"
             )
 
     def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:
@@ -596,9 +583,7 @@ def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
     return thresholds_nats[(thresholds_nats >= low) & (thresholds_nats < rest_out(circuit))]
 
 
-def drive_of(
-    evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf
-) -> npt.NDArray[np.float64]:
+def drive_of(evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf) -> Array:
     """Return the drive of a circuit that needs it centred, (trials, steps + 1, hypotheses) nats.
 
     Parameters

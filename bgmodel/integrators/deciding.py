@@ -22,6 +22,7 @@ from bgmodel.integrators.basal_ganglia import (
     rest_out,
 )
 from bgmodel.integrators.decoder import decoded
+from bgmodel.support.arrays import Array
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
@@ -42,9 +43,7 @@ def sample_ms(step_ms: float) -> float:
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
-def thresholds_about(
-    test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
-) -> npt.NDArray[np.float64]:
+def thresholds_about(test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST) -> Array:
     """Return thresholds for a circuit, nats, around the test's at accuracies lowest to highest.
 
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
@@ -56,7 +55,7 @@ def thresholds_about(
 
 def thresholds_of(
     circuit: Circuit, test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
-) -> npt.NDArray[np.float64]:
+) -> Array:
     """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
 
     Without nats they lie evenly from OUT at rest down to the lowest that is read.
@@ -81,9 +80,7 @@ def thresholds_of(
     return found
 
 
-def without_noise_alone(
-    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def without_noise_alone(model: BasalGanglia, thresholds: Array) -> Array:
     """Return those thresholds that noise at rest hardly ever crosses.
 
     Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a

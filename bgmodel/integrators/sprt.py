@@ -13,6 +13,7 @@ from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
 from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
 from bgmodel.integrators.session import Session
+from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import InputError
 
@@ -106,17 +107,15 @@ class Sprt(Decides):
         log_odds(evidence.log_likelihood, start, out)
         return at_readings(out, evidence, OF_SPRT)
 
-    def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def start(self, prior: Array) -> Array:
         """Return the state before the first reading: Z_0, shape (1,)."""
         return np.asarray(np.log(prior[1:]) - np.log(prior[:1]))
 
-    def add(
-        self, state: npt.NDArray[np.float64], reading: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float64]:
+    def add(self, state: Array, reading: Array) -> Array:
         """Return the state after one more reading (2,)."""
         return np.asarray(state + (reading[1] - reading[0]))
 
-    def output(self, state: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def output(self, state: Array) -> Array:
         """Return OUT (2,) of a state."""
         return np.append(state, -state)
 
@@ -144,17 +143,15 @@ class Msprt(Decides):
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
         return at_readings(self.output(check_evidence(evidence).totals), evidence, OF_MSPRT)
 
-    def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def start(self, prior: Array) -> Array:
         """Return the state before the first reading: log priors (N,)."""
         return np.log(prior)
 
-    def add(
-        self, state: npt.NDArray[np.float64], reading: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float64]:
+    def add(self, state: Array, reading: Array) -> Array:
         """Return the state after one more reading (N,)."""
         return state + reading
 
-    def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def output(self, log_posterior: Array) -> Array:
         """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
         return minus_log_softmax(self.gain * log_posterior)
 
@@ -205,13 +202,13 @@ def checked_two(evidence: Evidence) -> Evidence:
     return evidence
 
 
-def sprt_threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def sprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
     """Return the ``Sprt`` threshold on OUT, ``-delta/2`` nats, for the paper's gap delta >= 0."""
     gap = _checked_gap(delta)
     return -gap / 2
 
 
-def msprt_threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def msprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
     """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
 
     ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is no posterior: for that there
@@ -223,20 +220,18 @@ def msprt_threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
         If a gap is negative or not finite.
     """
     gap = _checked_gap(delta)
-    criterion: npt.NDArray[np.float64] = np.log1p(np.exp(-gap / 2))
+    criterion: Array = np.log1p(np.exp(-gap / 2))
     return criterion
 
 
-def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def _checked_gap(delta: npt.ArrayLike) -> Array:
     gap = np.asarray(reals("delta", delta), dtype=np.float64)
     if not (gap.size and np.isfinite(gap).all() and (gap >= 0).all()):
         raise InputError.of("delta", "must be finite and >= 0 nats", gap)
     return gap
 
 
-def at_readings(
-    out: npt.NDArray[np.float64], evidence: Evidence, readout: ReadOut | None = None
-) -> Trace:
+def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) -> Trace:
     """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior.
 
     A trial ends with its last reading; ``readout`` says what its thresholds mean.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, Ensemble
 
@@ -17,7 +18,7 @@ SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
 
 
-def leader_drive(log_odds: npt.ArrayLike, channels: int) -> npt.NDArray[np.float64]:
+def leader_drive(log_odds: npt.ArrayLike, channels: int) -> Array:
     """Return a steady drive that favours the first channel, (log odds, 1, channels) nats.
 
     Parameters
@@ -33,9 +34,7 @@ def leader_drive(log_odds: npt.ArrayLike, channels: int) -> npt.NDArray[np.float
     return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
 
-def leader_out(
-    circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
-) -> npt.NDArray[np.float64]:
+def leader_out(circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table") -> Array:
     """Return the favoured channel's OUT at the fixed point, nats, in the shape of ``log_odds``.
 
     Parameters
@@ -56,7 +55,7 @@ def leader_out(
 
 def out_shift(
     circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, laws: str = "table"
-) -> npt.NDArray[np.float64]:
+) -> Array:
     """Return the shift of the winner's OUT by an edit at the fixed point, nats.
 
     Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
@@ -83,7 +82,7 @@ def out_shift(
 
 def steady_out(
     circuit: Circuit, log_odds: npt.ArrayLike, *, seed: int, trials: int, mean_ms: int = 1000
-) -> npt.NDArray[np.float64]:
+) -> Array:
     """Return the favoured channel's OUT under constant evidence, (log odds, trials) nats.
 
     Parameters

@@ -8,7 +8,6 @@ of the level, no gap, no evidence and no test.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from functools import lru_cache
 
@@ -31,7 +30,7 @@ from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
 from circuits.circuit import Circuit
-from circuits.errors import InputError, NoiseWarning, require, user_level
+from circuits.errors import InputError, NoiseWarning, require
 
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
@@ -253,6 +252,6 @@ def decide_at_levels(
     ]
     for level, row in zip(falling, rows, strict=True):
         if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
-            warnings.warn(f"at a level of {level:g} {said}", NoiseWarning, stacklevel=user_level())
+            NoiseWarning.warn(f"at a level of {level:g} {said}")
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))

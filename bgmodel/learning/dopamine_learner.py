@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -17,7 +15,7 @@ from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from circuits.errors import DeadlineWarning, InputError, require, user_level
+from circuits.errors import DeadlineWarning, InputError, require
 
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
@@ -59,10 +57,8 @@ def check_decided(outcomes: LevelOutcomes) -> None:
             "evidence",
         )
     if late.any():
-        warnings.warn(
-            f"the deadline decides most trials at {late.sum()} of {len(late)} levels",
-            DeadlineWarning,
-            stacklevel=user_level(),
+        DeadlineWarning.warn(
+            f"the deadline decides most trials at {late.sum()} of {len(late)} levels"
         )
 
 

@@ -11,13 +11,7 @@ import pandas as pd
 
 from bgmodel.deciding.reward import mean_reward
 from bgmodel.learning.policies import DELTA_RANGE, Policy
-from bgmodel.learning.reinforce import (
-    Learned,
-    Learner,
-    exhaustive_search,
-    learn,
-    smoothed,
-)
+from bgmodel.learning.reinforce import Learned, Learner, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream

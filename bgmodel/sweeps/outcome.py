@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -22,7 +21,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
 from circuits.declaration.edits import FRACTION, VERBS
-from circuits.errors import EditWarning, InputError, user_level
+from circuits.errors import EditWarning, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,11 +157,9 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
     table = pd.concat(whole, ignore_index=True)
     for key in plan.axes:
         if _idle(table, key, list(plan.axes)):
-            warnings.warn(
+            EditWarning.warn(
                 f"no measure depends on {key}: it says nothing to the engine, or nothing while a "
-                "trial lasts; look at its units and times",
-                EditWarning,
-                stacklevel=user_level(),
+                "trial lasts; look at its units and times"
             )
     return table
 

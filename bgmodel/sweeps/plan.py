@@ -15,10 +15,7 @@ import numpy as np
 
 from bgmodel.conditions import Observed, read_once
 from bgmodel.deciding.measures import MEASURES
-from bgmodel.integrators.basal_ganglia import (
-    gain_of,
-    identity,
-)
+from bgmodel.integrators.basal_ganglia import gain_of, identity
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of

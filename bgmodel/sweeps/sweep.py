@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +17,7 @@ from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
-from circuits.errors import BgmodelWarning, shown, user_level
+from circuits.errors import BgmodelWarning, shown
 
 if TYPE_CHECKING:
     import xarray
@@ -104,7 +103,7 @@ class Sweep:
             tables = [measured(point, place) for point in self.points]
             outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
         for caution in outcome.cautions():
-            warnings.warn(caution, BgmodelWarning, stacklevel=user_level())
+            BgmodelWarning.warn(caution)
         return outcome
 
 

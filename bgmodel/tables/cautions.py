@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +11,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array
 from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
-from circuits.errors import DataWarning, InputError, user_level
+from circuits.errors import DataWarning, InputError
 
 LATE, TOO_LATE = 3.0, 10.0
 """Multiples of the slowest response at which a deadline is doubted, and refused."""
@@ -66,20 +65,16 @@ def check_times(rt_s: Array) -> None:
             "rt",
         )
     if not SHORT_MEDIAN_S <= median <= LONG_MEDIAN_S:
-        warnings.warn(
+        DataWarning.warn(
             f"the median of rt is {median:.3g} s: check that rt is in seconds from the onset of "
-            "evidence (hundredths of a second have to be divided by 100)",
-            DataWarning,
-            stacklevel=user_level(),
+            "evidence (hundredths of a second have to be divided by 100)"
         )
     for step_s in STEPS_S:
         if (np.abs(given - step_s * np.round(given / step_s)) <= STEP_ERROR_S).all():
-            warnings.warn(
+            DataWarning.warn(
                 f"all {len(given)} times are multiples of {step_s:.3g} s: rounding adds "
                 f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and cutting off also takes "
-                f"{500 * step_s:.0f} ms off t0_s",
-                DataWarning,
-                stacklevel=user_level(),
+                f"{500 * step_s:.0f} ms off t0_s"
             )
             break
     _warn_of_pile(given)
@@ -91,12 +86,10 @@ def _warn_of_pile(given: Array) -> None:
     ends, times = int((given == longest).sum()), len(np.unique(given))
     # Of times in coarse steps, as many share each of them.
     if ends >= PILE and ends > PILE_SHARE * len(given) and ends > PILE * len(given) / times:
-        warnings.warn(
+        DataWarning.warn(
             f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: where a "
             "trial ended then without a response, leave rt and response empty, and give that time "
-            "as the deadline (deadline_s, at the terminal --deadline)",
-            DataWarning,
-            stacklevel=user_level(),
+            "as the deadline (deadline_s, at the terminal --deadline)"
         )
 
 
@@ -113,12 +106,10 @@ def warn_of_far(strength: Array) -> None:
     for first in np.flatnonzero(above & (sizes[:-1] > 0)) + 1:
         many = int(counts[first:].sum())
         if many < FEWEST:
-            warnings.warn(
+            DataWarning.warn(
                 f"{many} of {len(strength)} trials have a strength of {sizes[first]:g} or more, "
                 f"and all others of {sizes[first - 1]:g} or less: check them, since few such "
-                "trials set the sensitivity of all",
-                DataWarning,
-                stacklevel=user_level(),
+                "trials set the sensitivity of all"
             )
             break
 
@@ -140,12 +131,10 @@ def warn_of_units(strength: Array) -> None:
     if pairs >= 2 and 2 * pairs >= len(sizes):
         many = int(counts[larger.any(axis=0)].sum())
         first = sizes[larger.any(axis=1)][0]
-        warnings.warn(
+        DataWarning.warn(
             f"{pairs} of {len(sizes)} strengths occur a second time a hundred times as large, as "
             f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
-            "trials, are in per cent, divide them by 100",
-            DataWarning,
-            stacklevel=user_level(),
+            "trials, are in per cent, divide them by 100"
         )
 
 
@@ -167,13 +156,11 @@ def warn_of_copies(table: pd.DataFrame) -> None:
         return
     alike, chance = _alike(table)
     if alike > 1.25 * chance + 5 * np.sqrt(chance) + 5:
-        warnings.warn(
+        DataWarning.warn(
             f"{copies} of {len(table)} rows are copies of earlier ones: {alike:.0f} pairs of rows "
             f"are the same in all columns, and about {chance:.0f} would be by chance. If trials "
             "were put together twice, leave out the copies (drop_duplicates in pandas), since "
-            "standard errors count each row as a new trial",
-            DataWarning,
-            stacklevel=user_level(),
+            "standard errors count each row as a new trial"
         )
 
 
@@ -234,11 +221,9 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
         if missed
         else "leave it out, since every trial has a response"
     )
-    warnings.warn(
+    DataWarning.warn(
         f"the slowest of {len(given)} responses took {slowest:.3g} s, and deadline_s is "
-        f"{deadline_s:g}: {advice}",
-        DataWarning,
-        stacklevel=user_level(),
+        f"{deadline_s:g}: {advice}"
     )
 
 
@@ -295,22 +280,18 @@ def warn_without_strength(
         if called or abs(r) > max(CORRELATED, ERRORS_OF_R / np.sqrt(len(values))):
             found.append(f"{name} ({distinct} values, correlation with response 1 {r:.2f})")
     if found:
-        warnings.warn(
+        DataWarning.warn(
             f"no strength is named, and {', '.join(found)} may hold it: without strength all "
             "trials count as equally difficult. Name the column of signed strengths (strength, at "
-            "the terminal --strength)",
-            DataWarning,
-            stacklevel=user_level(),
+            "the terminal --strength)"
         )
         return
     share = float((response[response >= 0] == 1).mean())
     if share < LEAST_RIGHT:
-        warnings.warn(
+        DataWarning.warn(
             f"no strength is given, so that response 1 is taken for the right one, and it is "
             f"{share:.0%} of responses: name the column of signed strengths (strength, at the "
-            "terminal --strength)",
-            DataWarning,
-            stacklevel=user_level(),
+            "terminal --strength)"
         )
 
 
@@ -338,11 +319,9 @@ def without_rounding(strength: Array) -> Array:
         some = group == each
         merged[some] = sizes[some][np.argmax(counts[some])]
     first = int(np.flatnonzero(merged != sizes)[0])
-    warnings.warn(
+    DataWarning.warn(
         f"{len(sizes)} strengths are taken for {group[-1] + 1}, since some differ by rounding "
-        f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}",
-        DataWarning,
-        stacklevel=user_level(),
+        f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}"
     )
     at = np.searchsorted(sizes, np.abs(strength))
     return np.asarray(np.sign(strength) * merged[at])

@@ -15,6 +15,7 @@ import pandas as pd
 from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.readings import warn_of_copies
+from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
@@ -308,10 +309,10 @@ def _steps(
     return np.asarray(step - start, dtype=np.intp)
 
 
-def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]:
+def _numbers(table: pd.DataFrame, columns: list[str]) -> Array:
     for name in columns:
         _check_numeric(table[name])
-    values: npt.NDArray[np.float64]
+    values: Array
     values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.abs(values) <= MOST_NATS)
     if wrong.any():

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.support.arrays import Truths
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Trials:
                 "names", f"must be of {self.evidence.hypotheses} hypotheses", self.names
             )
 
-    def where(self, chosen: npt.NDArray[np.bool_]) -> Trials:
+    def where(self, chosen: Truths) -> Trials:
         """Return some of the trials."""
         columns = self.columns[chosen].reset_index(drop=True) if len(self.columns) else self.columns
         return replace(self, evidence=self.evidence[chosen], columns=columns)
