@@ -12,7 +12,7 @@ DRAWN = """--output-is-none, --trials many, --seed -1, --seed x, --trials 0, --t
     --trials 2.5, --t-max 0"""
 STIMULI = f"""{DRAWN}, --step-ms 0, --step-ms nan, --channels 1, --channels two, --d-prime 0,
     --d-prime inf, --conflict 1, --task walk, --period-mm 3.5, --evidence absent.csv"""
-CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits 'spread 5',
+CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits 'heterogeneity 5',
     --engine algebra --edits 'neurons 3'"""
 
 COMMANDS = {

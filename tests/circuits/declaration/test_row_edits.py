@@ -278,15 +278,6 @@ def test_a_change_that_changes_nothing_returns_the_circuit():
         assert circuit.add() is circuit
 
 
-def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():
-    with refused("cv"):
-        TABLE.with_population("STN", cv=0.1)
-    with refused("tau_ms"):
-        TABLE.with_cell("STN", tau_ms=0.1)
-    with refused("name"):
-        TABLE.with_population("STN", **{"name": "GPi"})
-
-
 def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
     table = anatomy.macaque().add("TRN like=STN")
     assert table.population("STN").published_hz
