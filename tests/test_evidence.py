@@ -38,18 +38,12 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
         (lambda: some_evidence(step_ms=0.0), "step_ms"),
         (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
         (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
-        (
-            lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)),
-            "log_likelihood at least one trial",
-        ),
+        (lambda: Evidence(np.zeros((0, 1, 2))), "log_likelihood at least one trial"),
         (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
         (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
-        (
-            lambda: some_evidence(lengths=np.full(300, 2)),
-            "lengths after the last of a trial must be 0",
-        ),
+        (lambda: some_evidence(lengths=np.full(300, 2)), "lengths after the last of a trial"),
         (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
         (lambda: some_evidence(numbers=[1]), "numbers"),
     ],
@@ -83,11 +77,7 @@ def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
     drawn = small()
     part = drawn[1:]
     assert (part.trials, part.steps, part.hypotheses) == (1, 2, 2)
-    assert (part.trial_numbers.tolist(), part.truth.tolist(), part.lengths.tolist()) == (
-        [1],
-        [1],
-        [2],
-    )
+    assert [part.trial_numbers, part.truth, part.lengths] == [[1], [1], [2]]
     assert part[np.array([True])].trial_numbers.tolist() == [1]
     assert (part.step_ms, part.onset_ms, part.prior.tolist()) == (50.0, 100.0, [0.25, 0.75])
 

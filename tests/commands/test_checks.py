@@ -94,18 +94,8 @@ def cannot(**given):
 
 def test_a_run_that_the_deadline_decides_is_warned_of(tmp_path):
     out = tmp_path / "out.csv"
-    arguments = [
-        "--engine",
-        "algebra",
-        "--circuit",
-        "bogacz_gurney",
-        "--gain",
-        0.7,
-        "--trials",
-        20,
-        "--t-max",
-        2,
-    ]
+    arguments = ["--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 0.7]
+    arguments += ["--trials", 20, "--t-max", 2]
     with pytest.warns(UserWarning, match="20 of 20 trials never meet the threshold"):
         assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
 

@@ -134,10 +134,7 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
 @pytest.mark.parametrize(
     ("text", "row"),
     [
-        (
-            "D1->GPe weight=-0.1 delay_ms=4",
-            Projection("D1", "GPe", -0.1, delay_ms=4),
-        ),
+        ("D1->GPe weight=-0.1 delay_ms=4", Projection("D1", "GPe", -0.1, delay_ms=4)),
         (
             "D1 -> GPe like=D1->SNr weight=-0.1",
             replace(
@@ -221,10 +218,7 @@ def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, ver
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (
-            "set STN->GPe.delay_ms=fast",
-            "delay_ms",
-        ),
+        ("set STN->GPe.delay_ms=fast", "delay_ms"),
         ("set STN.bias_nats=", "bias_nats"),
         ("set STN.neurons=2.5", "neurons"),
         ("set STN.pooled=maybe", "pooled"),
