@@ -1,6 +1,5 @@
 """The table: edits return new circuits, and what makes no sense is refused in one sentence."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
 from circuits.errors import EditWarning
 from tests.circuits.helpers import run_algebra
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 from tests.strategies.edits import WRONG
 
 EDITS = {
@@ -318,7 +317,6 @@ def test_numbers_far_outside_physiology_are_warned_of(edit):
 
 
 def test_no_shipped_table_is_outside_physiology():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for name in CIRCUITS:
             named(name, 3)

@@ -2,7 +2,6 @@
 
 import json
 import re
-import warnings
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.predictions import AGREES, WITHOUT
 from bgmodel.support.files import provenance_path, read_provenance
-from tests.helpers import GOOD, run
+from tests.helpers import GOOD, run, unwarned
 
 
 def test_the_file_of_one_that_is_shipped_is_printed_and_runs_as_its_own(tmp_path, refusal, capsys):
@@ -183,8 +182,7 @@ def test_conditions_that_say_nothing_are_refused(experiment_file, refusal):
 def test_many_missed_trials_are_told_and_few_are_not(experiment_file):
     """4 of 120 trials are missed at 40 readings; at 20, 26 by the control, 4 by the other."""
     text = experiment_file.read_text()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         assert run("experiment", experiment_file) == 0
     experiment_file.write_text(text.replace("t_max = 40", "t_max = 20"))
     with pytest.warns(UserWarning, match="decides in time") as told:

@@ -104,11 +104,11 @@ def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
         for t in (times, times + 400, 2 * times, times + 400 * (choice != truth))
     )
     assert (found["accuracy"], found["decided"]) == (pytest.approx([0.8]), [500])
-    assert (found["drift"][0], found["bound"][0]) == pytest.approx(want[:2])
+    assert (found["drift"][0], found["boundary_separation"][0]) == pytest.approx(want[:2])
     assert found["non_decision_ms"][0] == pytest.approx(1000 * want[2])
     assert later["non_decision_ms"][0] == pytest.approx(found["non_decision_ms"][0] + 400)
     assert slower["non_decision_ms"][0] == pytest.approx(2 * found["non_decision_ms"][0])
-    for name, other in (("drift", 0.5**0.5), ("bound", 2**0.5)):
+    for name, other in (("drift", 0.5**0.5), ("boundary_separation", 2**0.5)):
         assert later[name] == pytest.approx(found[name])
         assert wrong_later[name] == pytest.approx(found[name])
         assert slower[name] == pytest.approx(other * found[name])

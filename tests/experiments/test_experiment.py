@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-import warnings
 from dataclasses import MISSING, fields, replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
 from circuits.declaration.edits import Edits
-from tests.helpers import GOOD, ROOT, behaving, refused, run
+from tests.helpers import GOOD, ROOT, behaving, refused, run, told
 
 EFFECT = """[[effects]]
 measure = "{}"
@@ -176,10 +175,7 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
         return lambda model, evidence, *_: behaving(evidence.truth, times, evidence.truth, missed)
 
     monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(missed))
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        experiment.run()
-    said = [str(w.message) for w in caught if "decides in time in" in str(w.message)]
+    said = [text for text in told(experiment.run) if "decides in time in" in text]
     assert len(said) == warned
     assert all(f"decides in time in {100 - missed} of 100 trials" in text for text in said)
     monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(81))

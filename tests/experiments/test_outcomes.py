@@ -28,6 +28,8 @@ from circuits.declaration.edits import Edits
 from circuits.errors import CalibrationWarning, EditWarning
 from tests.helpers import behaving
 
+B = "boundary_separation"
+
 
 def changes(table):
     return table[table["condition"] == "change"].set_index("measure")
@@ -53,12 +55,14 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     assert said["drift"] != DISAGREES
     assert changes(table).loc["mean_ms", "low"] > 0
     shown = page(experiment, table)
-    assert "bound up, by 0.005: the model agrees" in shown
+    assert "boundary_separation up, by 0.005: the model agrees" in shown
     assert all(name in shown for name in MEASURES)
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
         assert re.search(rf"^{measure} +{form}( |$)", shown, re.MULTILINE)
-    assert "drift: 1/s, bound: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
-    few = table.assign(value=table["value"].where(~table["measure"].isin(["drift", "bound"])))
+    assert "drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
+    few = table.assign(
+        value=table["value"].where(~table["measure"].isin(["drift", B]))
+    )
     assert "EZ-diffusion" not in page(experiment, few)
 
 
@@ -78,7 +82,7 @@ def test_a_page_says_why_a_diffusion_is_withheld(by_threshold):
 
 @pytest.mark.parametrize(
     ("channels", "measure", "told"),
-    [(2, "mean_ms", True), (2, "bound", True), (4, "mean_ms", False), (4, "bound", True)],
+    [(2, "mean_ms", True), (2, B, True), (4, "mean_ms", False), (4, B, True)],
 )
 def test_a_page_names_a_withheld_diffusion_of_two_alternatives_or_one_that_was_predicted(
     channels, measure, told
@@ -401,7 +405,7 @@ def test_percent_are_those_of_the_control():
     table = experiment.run().measures
     value = table.set_index(["condition", "measure"])["value"]
     shown = page(experiment, table)
-    for measure in ("mean_ms", "accuracy", "bound"):
+    for measure in ("mean_ms", "accuracy", B):
         of = 100 * value["change", measure] / value["control", measure]
         assert value["percent", measure] == pytest.approx(of)
     assert "mean_ms in %: -6.8 [-18.0, +4.4], the model " in shown

@@ -1,6 +1,5 @@
 """A user's own table of evidence: read as it is, or told what is wrong."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.trials import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
-from tests.helpers import long_table, refused
+from tests.helpers import long_table, refused, unwarned
 
 
 def test_a_users_table_gives_back_the_evidence():
@@ -336,16 +335,14 @@ def test_logarithms_to_another_base_are_told_by_the_truth(channels, unit, nats):
     other = in_units(evidence, nats)
     with pytest.warns(CalibrationWarning, match=f"those of {unit} times"):
         trials_from_table(long_table(other))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         trials_from_table(long_table(other, truth=False))
         trials_from_table(long_table(evidence))
 
 
 def test_natural_logarithms_are_never_taken_for_others():
     """The z score of each table is at most 3.29 in all but one of a thousand."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for seed in range(200):
             for trials, separation in ((40, 0.35), (200, 1.5)):
                 drawn = separated_evidence(
@@ -355,8 +352,7 @@ def test_natural_logarithms_are_never_taken_for_others():
 
 
 def test_taps_that_ship_are_natural_logarithms():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for task in ("same-different", "yaw"):
             warn_of_units(Stimuli(task=task, trials=1000).draw(0, "taps").evidence)
 
@@ -370,6 +366,5 @@ def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_uni
 
 def test_readings_of_one_truth_alone_tell_no_unit():
     evidence = separated_evidence(600, 30, 0.4, rng=5)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         warn_of_units(in_units(evidence[evidence.truth == 0], np.log(10)))

@@ -16,7 +16,6 @@ from circuits.declaration.transfer import MOST_NATS
 from circuits.engines import Population, run
 from circuits.laws import stability
 from circuits.laws.posterior import off_nats
-from tests.circuits.helpers import hashes
 from tests.helpers import refused
 
 ALTERNATIVES = (2, 4, 8)
@@ -191,10 +190,6 @@ def test_what_channels_are_told_differs_by_the_evidence_between_them_alone(seed,
     evidence = Evidence(values, baseline=mean, prior=rng.dirichlet(np.full(channels, 3)))
     own, totals = evidence.own_totals, evidence.totals
     np.testing.assert_allclose(own - own[..., :1], totals - totals[..., :1], atol=1e-9)
-
-
-def test_no_number_changes_by_accident():
-    assert hashes("macaque") == ("eb0d59b5", "7d25c26c")
 
 
 @pytest.mark.parametrize("channels", [2, 4])
