@@ -9,7 +9,7 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from tests.helpers import GOOD
+from tests.helpers import GOOD, run
 from tests.levels import LEVELS, MODEL, SEED
 
 # A test gives one result, however busy the machine is: examples have no time limit, nor has drawing
@@ -21,6 +21,20 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("bgmodel")
+
+
+@pytest.fixture
+def refusal(capsys):
+    """Return what runs a command that must be refused, and returns what is said on stderr."""
+
+    def refused(*arguments):
+        capsys.readouterr()
+        assert run(*arguments) == 2
+        said = capsys.readouterr().err
+        assert all(line.startswith("bgmodel: ") for line in said.splitlines()), said
+        return said
+
+    return refused
 
 
 @pytest.fixture

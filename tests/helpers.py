@@ -1,6 +1,7 @@
 """What tests of several modules use: a command, evidence, a table, an experiment's file."""
 
 import importlib
+import warnings
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -87,3 +88,19 @@ def refused(wanted):
     with pytest.raises(InputError, match=words or None) as caught:
         yield caught
     assert caught.value.field == field
+
+
+@contextmanager
+def unwarned():
+    """Assert that nothing is warned of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def told(call, *given, **named):
+    """Return all that a call warns of, as texts."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call(*given, **named)
+    return [str(one.message) for one in caught]

@@ -25,13 +25,6 @@ def said(path):
     return json.loads(provenance_path(path).read_text())["parameters"]
 
 
-def one_sentence(capsys):
-    error = capsys.readouterr().err
-    assert error.startswith("bgmodel: ")
-    assert error.count("\n") == 1
-    return error
-
-
 def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
     edits = ["--channels", 3, "--edits", "lesion STN 50%", "lesion GPe[1] 25%"]
     assert run("circuit", "show", "spiking_msprt", *edits, "--save", "mine.toml") == 0
@@ -43,31 +36,27 @@ def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
     assert capsys.readouterr().out.strip() == first[: first.index("\n\nedited")].strip()
 
 
-def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_read(here, capsys):
+def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_read(here, refusal):
     assert run("circuit", "show", "gpr", "--save", "mine.toml") == 0
     before = (here / "mine.toml").read_bytes()
-    capsys.readouterr()
-    assert run("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4) == 2
-    assert "'mine.toml' is there already" in one_sentence(capsys)
-    assert run("circuit", "show", "mine.toml", "--save", "mine.toml", "--force") == 2
-    assert "circuit and save are one file" in one_sentence(capsys)
+    four = ("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4)
+    assert "'mine.toml' is there already" in refusal(*four)
+    own = ("circuit", "show", "mine.toml", "--save", "mine.toml", "--force")
+    assert "circuit and save are one file" in refusal(*own)
     assert (here / "mine.toml").read_bytes() == before
-    assert run("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4, "--force") == 0
+    assert run(*four, "--force") == 0
     assert anatomy.load_circuit("mine.toml").channels == 4
-    capsys.readouterr()
-    assert run("circuit", "show", "gpr", "--save", "mine.csv") == 2
-    assert "save must end in .toml, got 'mine.csv'" in one_sentence(capsys)
     assert [path.name for path in here.iterdir()] == ["mine.toml"]
 
 
 @pytest.mark.parametrize(
-    "command", [("circuit", "run"), ("compare",), ("circuit", "compare-edits")]
+    ("command", "edits"),
+    [("circuit run", []), ("compare", []), ("circuit compare-edits", ["lesion STN 20%"])],
 )
-def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
+def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits):
     table_files.write(anatomy.spiking_msprt(2), "mine.toml")
-    edit = ["lesion STN 20%"] if command[-1] == "lesion" else []
     for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
-        assert run(*command, output, *edit, "--circuit", name, *SMALL) == 0
+        assert run(*command.split(), output, *edits, "--circuit", name, *SMALL) == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
     behind = {"name": "spiking_msprt", "sha256": digest(anatomy.spiking_msprt(2))}
     assert said(here / "a.csv")["circuit"] == said(here / "b.csv")["circuit"] == behind
@@ -112,7 +101,7 @@ at_least = 20
 """
 
 
-def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
+def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     (here / "in" / "tables").mkdir(parents=True)
     table_files.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
     (here / "in" / "experiment.toml").write_text(EXPERIMENT)
@@ -126,10 +115,8 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
     file.write_text(EXPERIMENT.replace("tables/mine.toml", "spiking_msprt"))
     assert run("experiment", file, "b.csv") == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
-    capsys.readouterr()
     file.write_text(EXPERIMENT.replace("tables/mine.toml", "mine.toml"))
-    assert run("experiment", file, "c.csv") == 2
-    assert "mine.toml' can't be read: No such file" in one_sentence(capsys)
+    assert "mine.toml' can't be read: No such file" in refusal("experiment", file, "c.csv")
 
 
 @pytest.mark.parametrize(
@@ -156,21 +143,17 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        (
-            "nope",
-            f"must be one of {', '.join(anatomy.CIRCUITS)}",
-        ),
+        ("nope", f"must be one of {', '.join(anatomy.CIRCUITS)}"),
         ("nope.toml", "the circuit 'nope.toml' can't be read: No such file or directory"),
-        ("bad.toml", "bad.toml, line 17: STN: gain_hz_per_nat must be a number, got 'x'"),
+        ("bad.toml", "STN: gain_hz_per_nat must be a number, got 'x'"),
     ],
 )
-def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, name, says, capsys):
+def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, name, says, refusal):
     text = table_files.text(anatomy.bogacz_gurney())
-    place = next(k for k, line in enumerate(text.splitlines()) if '["STN", ' in line)
-    lines = text.splitlines()
-    lines[place] = lines[place].replace("8,", '"x",')
-    (here / "bad.toml").write_text("\n".join(lines))
+    row = next(line for line in text.splitlines() if '["STN", ' in line)
+    (here / "bad.toml").write_text(text.replace(row, row.replace("8,", '"x",')))
     name = [name] if command[-1] == "show" else ["--circuit", name]
-    assert run(*command, *name) == 2
-    assert says.replace("line 17", f"line {place + 1}") in one_sentence(capsys)
+    said = refusal(*command, *name)
+    assert says in said
+    assert said.count("\n") == 1
     assert [path.name for path in here.iterdir()] == ["bad.toml"]

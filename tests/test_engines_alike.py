@@ -47,13 +47,6 @@ def held(circuit, engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_an_option_that_an_engine_does_not_take_is_refused(engine):
-    for name in ("nonsense", *({"spikes"} if engine not in SPIKING else ())):
-        with pytest.raises(ValueError, match=f"the {engine} engine takes no '{name}': "):
-            all_of(TABLE, CENTRED[:, None], engine, **{name: ("STN",)})
-
-
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("step_ms", ["50", 0, -1, np.nan, np.inf, None])
 def test_a_step_that_is_no_time_is_refused(engine, step_ms):
     with refused("step_ms"):
@@ -149,11 +142,6 @@ def test_rates_can_be_left_out(engine):
 def test_engines_with_noise_need_a_seed(engine):
     with refused("seed"):
         run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine=engine, step_ms=10)
-
-
-def test_an_unknown_engine_lists_those_that_there_are():
-    with refused("engine algebra, rate, population, ensemble, .*"):
-        run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
 
 
 @pytest.mark.parametrize("engine", DROPPING)

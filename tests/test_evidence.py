@@ -1,6 +1,5 @@
 """Evidence: drawn alike for any number of trials, and refused where it makes no sense."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
-from tests.helpers import refused, some_evidence
+from tests.helpers import refused, some_evidence, told
 
 
 @pytest.mark.parametrize("trials", [10, 11])
@@ -38,18 +37,12 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
         (lambda: some_evidence(step_ms=0.0), "step_ms"),
         (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
         (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
-        (
-            lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)),
-            "log_likelihood at least one trial",
-        ),
+        (lambda: Evidence(np.zeros((0, 1, 2))), "log_likelihood at least one trial"),
         (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
         (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
-        (
-            lambda: some_evidence(lengths=np.full(300, 2)),
-            "lengths after the last of a trial must be 0",
-        ),
+        (lambda: some_evidence(lengths=np.full(300, 2)), "lengths after the last of a trial"),
         (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
         (lambda: some_evidence(numbers=[1]), "numbers"),
     ],
@@ -83,11 +76,7 @@ def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
     drawn = small()
     part = drawn[1:]
     assert (part.trials, part.steps, part.hypotheses) == (1, 2, 2)
-    assert (part.trial_numbers.tolist(), part.truth.tolist(), part.lengths.tolist()) == (
-        [1],
-        [1],
-        [2],
-    )
+    assert [part.trial_numbers, part.truth, part.lengths] == [[1], [1], [2]]
     assert part[np.array([True])].trial_numbers.tolist() == [1]
     assert (part.step_ms, part.onset_ms, part.prior.tolist()) == (50.0, 100.0, [0.25, 0.75])
 
@@ -145,23 +134,15 @@ def test_a_baseline_is_one_finite_number(baseline):
         Evidence(np.zeros((2, 3, 2)), baseline=baseline)
 
 
-def told(call):
-    """Return what was warned of."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        call()
-    return [str(warning.message) for warning in caught]
-
-
 @given(st.integers(0, 2**31), st.integers(12, 40), st.integers(2, 4))
 def test_running_sums_and_posteriors_are_doubted_and_single_readings_are_not(seed, steps, channels):
     drawn = separated_evidence(20, steps, 0.5, rng=seed, hypotheses=channels)
     single, sums = drawn.log_likelihood, drawn.log_likelihood.cumsum(axis=1)
     log_posterior = sums - np.logaddexp.reduce(sums, axis=2, keepdims=True)
-    assert not told(lambda: Evidence(single))
+    assert not told(Evidence, single)
     assert not told(lambda: Evidence(single + 5 * np.sin(np.arange(steps))[:, None]))
-    assert len(told(lambda: Evidence(sums))) == 1
-    assert len(told(lambda: Evidence(log_posterior))) == 1
+    assert len(told(Evidence, sums)) == 1
+    assert len(told(Evidence, log_posterior)) == 1
 
 
 @given(st.integers(0, 2**31))
@@ -203,10 +184,8 @@ def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
 
 @pytest.mark.parametrize(("shape", "doubted"), [((9, 2, 40), True), ((9, 40, 2), False)])
 def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        Evidence(np.random.default_rng(1).normal(size=shape))
-    assert any("axes exchanged" in str(each.message) for each in caught) == doubted
+    found = told(Evidence, np.random.default_rng(1).normal(size=shape))
+    assert any("axes exchanged" in text for text in found) == doubted
 
 
 def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():

@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import pytest
 
-from circuits.anatomy import CIRCUITS
-from circuits.anatomy import load_circuit as circuit_named
 from circuits.cells import Lif, Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import PATTERNS, Population, Projection
 from circuits.declaration.transfer import TRANSFERS
-from circuits.engines import ENGINES, run
-from tests.circuits.spiking import BASE, DRIVE, lacking, one_sentence, with_cell
+from tests.circuits.spiking import BASE, lacking, one_sentence, with_cell
 
 
 def test_an_unknown_cell_is_refused_wherever_one_is_named():
@@ -25,24 +21,6 @@ def test_an_unknown_cell_is_refused_wherever_one_is_named():
         one_sentence(lambda c=cell: with_cell(BASE, "GPe", c), "GPe: cell must be one of")
 
 
-@pytest.mark.parametrize("laws", ["lines", "", "Table", None])
-@pytest.mark.parametrize("name", sorted(CIRCUITS))
-def test_unknown_laws_are_refused_for_every_circuit(name, laws):
-    circuit = circuit_named(name)
-    silence = np.zeros((1, 1, circuit.channels))
-    one_sentence(
-        lambda: run(circuit, silence, engine="algebra", step_ms=1.0, laws=laws),
-        "laws must be one of table, cells, finite",
-    )
-
-
-@pytest.mark.parametrize("engine", ["nest", "", "Algebra", "brian"])
-def test_an_unknown_engine_is_refused(engine):
-    one_sentence(
-        lambda: run(BASE, DRIVE, engine=engine, step_ms=1.0), "engine must be one of", *ENGINES
-    )
-
-
 @pytest.mark.parametrize("name", ["tanh", "Linear", "average", ""])
 def test_unknown_transfers_and_patterns_are_refused_wherever_they_are_named(name):
     for call in (
@@ -51,10 +29,6 @@ def test_unknown_transfers_and_patterns_are_refused_wherever_they_are_named(name
     ):
         one_sentence(call, "transfer must be one of", *TRANSFERS)
     one_sentence(lambda: Projection("ctx", "D1", 1, pattern=name), "pattern must be", *PATTERNS)
-
-
-def test_an_unknown_circuit_is_refused():
-    one_sentence(lambda: circuit_named("gpr2"), "circuit must be one of", *CIRCUITS)
 
 
 def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):

@@ -61,43 +61,21 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
 
 
 @pytest.mark.parametrize(
-    ("command", "says"),
+    ("asked", "says"),
     [
-        (
-            ["run", "a.csv", "--gain", "0.1"],
-            "not nats: a posterior has no meaning there; give a thr",
-        ),
-        (
-            ["run", "a.csv", "--gain", "0.1", "--posterior", "0.9"],
-            "a posterior has no meaning there",
-        ),
-        (
-            ["run", "a.csv", "--threshold", "0.1"],
-            "gpr has no default gain: give gain",
-        ),
-        (
-            ["run", "a.csv", "--gain", "1", "--threshold", "0.5"],
-            "not above the threshold of 0.50 sal",
-        ),
-        (
-            ["run", "a.csv", "--gain", "1", "--threshold", "-1"],
-            "reads no OUT below 0 salience; the",
-        ),
-        (
-            ["learn", "a.csv", "--gain", "1"],
-            "a stopping posterior that dopamine sets has no meaning",
-        ),
+        ("run a.csv --circuit gpr --gain 0.1", "a posterior has no meaning there; give a thr"),
+        ("run a.csv --circuit gpr --threshold 0.1", "gpr has no default gain: give gain"),
+        ("run a.csv --circuit gpr --gain 1 --threshold 0.5", "above the threshold of 0.50 sal"),
+        ("run a.csv --circuit gpr --gain 1 --threshold -1", "no OUT below 0 salience; the"),
+        ("show gpr --noise 0.9", "a posterior (--noise) has no meaning"),
     ],
 )
-def test_the_command_says_what_saliences_do_not_have(command, says, tmp_path, monkeypatch, capsys):
+def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monkeypatch, refusal):
     monkeypatch.chdir(tmp_path)
-    engine = [] if command[0] == "learn" else ["--engine", "rate"]
-    assert main(["circuit", *command, "--circuit", "gpr", *engine]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert says in lines[0]
-    assert main(["circuit", "show", "gpr", "--noise", "0.9"]) == 2
-    assert "a posterior (--noise) has no meaning" in capsys.readouterr().err
+    engine = ("--engine", "rate") if asked.startswith("run") else ()
+    said = refusal("circuit", *asked.split(), *engine)
+    assert says in said
+    assert said.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["gpr", "humphries"])

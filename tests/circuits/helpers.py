@@ -9,7 +9,6 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.declaration.table_files import digest
 from circuits.dynamics import fixed_point
 from circuits.engines import run
 from circuits.laws.mean_field import settled
@@ -45,15 +44,6 @@ def run_algebra(circuit, drive, step_ms=1.0, **options):
 run_rate, run_ensemble, run_brian2, run_plain = (
     partial(run, engine=name) for name in ("rate", "ensemble", "brian2", "plain")
 )
-
-
-def hashes(name):
-    """Return the hashes of all numbers of a table, for 2 and for 4 alternatives.
-
-    Results hang on these numbers. One that is meant to change changes its hash in the table's test,
-    and what was measured with it is measured again.
-    """
-    return tuple(digest(anatomy.load_circuit(name, channels))[:8] for channels in (2, 4))
 
 
 def creeping(growth_hz):

@@ -1,6 +1,5 @@
 """Activity: totals, decoded rates, spectra, and drives that do not fit."""
 
-import warnings
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -18,7 +17,7 @@ from circuits.declaration.rows import Population
 from circuits.engines import run
 from circuits.errors import RangeWarning
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra, run_ensemble, run_rate
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 
 def test_total_is_the_log_of_the_sum():
@@ -96,8 +95,7 @@ def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
     """A channel is driven by what it rests at and its own evidence."""
     circuit = replace(anatomy.gpr(), range_nats=(0.0, 0.9))
     rest = circuit.rest_drive
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         warn_beyond_range(circuit, np.array([-rest, 0.9 - rest]))
     for drive in ([-rest - 0.25, 0.5], [0.2, 1.3 - rest]):
         said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"

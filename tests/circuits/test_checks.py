@@ -1,12 +1,10 @@
 """Times that must be whole ticks."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.checks import check_channels, is_whole, whole_ticks
+from circuits.checks import is_whole, whole_ticks
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.wiring import wire
 from tests.circuits.helpers import run_rate
@@ -42,22 +40,3 @@ def test_a_whole_number_is_one_of_whatever_type(value):
 @pytest.mark.parametrize("value", [2.5, np.inf, True, np.bool_(True), "3", None, [3]])
 def test_what_is_no_whole_number(value):
     assert not is_whole(value)
-
-
-@pytest.mark.parametrize("value", [(1, "x"), (1, True), (1, None), 3, {1.0, 2.0}])
-def test_factors_of_channels_are_a_list_of_numbers(value):
-    with refused("factors"):
-        anatomy.spiking_msprt().with_projection("ctx", "D1", factors=value)
-
-
-@pytest.mark.parametrize("value", [(1,), (1, 2, 3), (1, "x"), {1.0, 2.0}, 3, "ab"])
-def test_a_range_is_two_numbers(value):
-    with refused("range_nats"):
-        replace(anatomy.spiking_msprt(), range_nats=value)
-
-
-@pytest.mark.parametrize("channels", [1, 0, 2.5, "3", None, True])
-def test_what_is_no_number_of_channels_is_refused_before_a_table_is_made(channels):
-    with refused("channels"):
-        check_channels(channels)
-    check_channels(2)

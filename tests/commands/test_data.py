@@ -54,11 +54,10 @@ def test_a_written_set_is_read_back_as_the_shipped_one(tmp_path, capsys, name, e
     assert (kept["citation"], kept["note"]) == (SHIPPED[name].citation, NO_LICENCE)
 
 
-def test_nothing_is_written_over_a_file_that_is_there(tmp_path, capsys):
+def test_nothing_is_written_over_a_file_that_is_there(tmp_path, refusal):
     out = tmp_path / "mine.csv"
     out.write_text("dear diary")
-    assert run("data", "palmer_huk_shadlen_2005", "--out", out) == 2
-    assert "is there already: give another name, or --force" in capsys.readouterr().err
+    assert "is there already" in refusal("data", "palmer_huk_shadlen_2005", "--out", out)
     assert out.read_text() == "dear diary"
     assert run("data", "palmer_huk_shadlen_2005", "--out", out, "--force") == 0
     assert len(pd.read_csv(out)) == 3373
@@ -71,20 +70,4 @@ def test_a_set_that_can_not_be_written_whole_is_not_written(tmp_path, monkeypatc
 
     monkeypatch.setattr(pd.DataFrame, "to_csv", stop)
     assert run("data", "cavanagh_2011", "--out", tmp_path / "mine.csv") == 2
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["data", "roitman"], "the name must be one of roitman_shadlen_2002, palmer"),
-        (["data", "--out", "out.csv"], "out needs the name of a set: one of roitman"),
-        (["data", "cavanagh_2011", "--out", "out.xlsx"], "out must end in .parquet or .csv"),
-    ],
-)
-def test_what_makes_no_sense_is_one_sentence(tmp_path, monkeypatch, capsys, arguments, says):
-    monkeypatch.chdir(tmp_path)
-    assert run(*arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"bgmodel: {says}")
     assert list(tmp_path.iterdir()) == []

@@ -1,15 +1,13 @@
 """The commands `decide` and `learn`."""
 
 import json
-import warnings
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from bgmodel.support.files import read_provenance, read_table
-from tests.helpers import long_table, run, some_evidence
+from tests.helpers import long_table, run, some_evidence, unwarned
 
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
@@ -25,22 +23,6 @@ def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys
     again = ("--period-mm", 2, "--delta", 4, "--trials", "4e2", "--seed", 3, "--force")
     assert run("decide", out, *again) == 0
     assert out.read_bytes() == first
-
-
-def test_decide_names_the_hypotheses_of_a_users_own_table(tmp_path, capsys):
-    rng = np.random.default_rng(5)
-    rows = [
-        {"trial": n, "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
-        for n in range(30)
-        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (12, 3)))
-    ]
-    mine = tmp_path / "mine.csv"
-    pd.DataFrame(rows).to_csv(mine, index=False)
-    out = tmp_path / "out.parquet"
-    assert run("decide", out, "--evidence", mine, "--posterior", 0.95) == 0
-    table = read_table(out)
-    assert table["response"].isin(["left", "up", "right"]).all()
-    assert table["correct"].mean() > 0.8
 
 
 ALGEBRA = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
@@ -91,8 +73,7 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
         assert run(*given) == 0
     for table in (long_table(right), long_table(sure, truth=False)):
         table.to_csv(mine, index=False)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with unwarned():
             assert run(*given) == 0
 
 

@@ -3,7 +3,6 @@
 import json
 
 import pandas as pd
-import pytest
 
 from bgmodel.support.files import provenance_path
 from tests.helpers import run
@@ -43,26 +42,3 @@ def test_it_takes_a_table_of_ones_own_edits_and_noise(tmp_path, capsys):
     assert "1 close, 3 hopeless" in one
     assert run(*COMMAND, "--circuit", mine, *given, "--workers", 1) == 0
     assert capsys.readouterr().out == one
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (("--thresholds", 0.05), "macaque reads no OUT below 0.0798 nats"),
-        (("--circuit", "spiking_msprt", "--thresholds", 0.7), "it would decide without evidence"),
-        (("--thresholds", "nan"), "thresholds must be finite"),
-        (
-            ("--circuit", "macaque", "--channels", 2),
-            "designed trials need 3 channels or more, got 2",
-        ),
-        (("--trials", 0), "trials must be at least 1"),
-        (("--trials", 1), "trials must be at least 2 where there is noise"),
-        (("--circuit", "gpr", "--engine", "rate"), "gpr has no default gain"),
-        (("--output", "a.txt"), "output must end in .parquet or .csv"),
-    ],
-)
-def test_what_makes_no_sense_is_one_sentence(options, says, capsys):
-    assert run(*COMMAND, *options) == 2
-    told = capsys.readouterr()
-    assert says in told.err
-    assert not told.out

@@ -111,22 +111,20 @@ def test_the_outcome_of_another_sweep_does_not_stay(small, swept, tmp_path, caps
 
 
 @pytest.mark.parametrize("name", ["outcome.csv", "outcome.png", "outcome.pdf"])
-def test_what_no_sweep_made_is_not_replaced(small, tmp_path, capsys, name):
+def test_what_no_sweep_made_is_not_replaced(small, tmp_path, refusal, name):
     folder = tmp_path / "found"
     folder.mkdir()
     (folder / name).write_text("mine\n")
     for options in ((), ("--part", "1/2"), ("--on", "snakemake")):
-        assert run("sweep", small, folder, *options) == 2
-        assert name in capsys.readouterr().err
+        assert name in refusal("sweep", small, folder, *options)
     assert [path.name for path in folder.iterdir()] == [name]
     assert (folder / name).read_text() == "mine\n"
 
 
-def test_a_table_of_another_command_is_not_replaced(small, tmp_path, capsys):
+def test_a_table_of_another_command_is_not_replaced(small, tmp_path, refusal):
     table = pd.DataFrame({"value": [1.0]})
     path = write_table(table, tmp_path / "outcome.csv", seed=1, command={"name": "compare"})
-    assert run("sweep", small, tmp_path) == 2
-    assert "was not made by a sweep" in capsys.readouterr().err
+    assert "was not made by a sweep" in refusal("sweep", small, tmp_path)
     assert len(pd.read_csv(path)) == 1
 
 

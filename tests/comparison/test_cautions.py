@@ -1,7 +1,6 @@
 """What a comparison says of accuracies out of reach, and of posteriors that are not accuracies."""
 
 import re
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.baselines import Lca
 from circuits.errors import CalibrationWarning, DeadlineWarning
-from tests.helpers import run
+from tests.helpers import run, unwarned
 
 
 def drawn(trials, steps, seed=1, hypotheses=2):
@@ -39,8 +38,7 @@ def scaled(evidence, factor):
 
 
 def silent(call, *arguments):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         return call(*arguments)
 
 

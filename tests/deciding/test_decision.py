@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream, tally
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
@@ -191,32 +190,20 @@ def test_undecided_is_a_value():
     assert (forced.steps == 2).all()
 
 
+TRACE = Msprt().run(some_evidence())
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds finite"),
-        (
-            lambda: first_crossing(Msprt().run(some_evidence()), np.ones((2, 2))),
-            r"thresholds \(K, 3\)",
-        ),
-        (lambda: first_crossing(Msprt().run(some_evidence()), []), r"thresholds \(K, 3\)"),
-        (
-            lambda: first_crossing(Msprt().run(some_evidence()), np.ones((1, 1, 3))),
-            r"thresholds \(K, 3\)",
-        ),
-        (
-            lambda: crossing_of_each(Msprt().run(some_evidence()), [0.3]),
-            "thresholds 300 finite nats",
-        ),
-        (
-            lambda: crossing_of_each(Msprt().run(some_evidence()), [np.inf] * 300),
-            "thresholds 300 finite",
-        ),
-        (
-            lambda: tally(Msprt().run(some_evidence()), np.zeros(300, int), 0.3),
-            r"thresholds \(K,\)",
-        ),
-        (lambda: tally(Msprt().run(some_evidence()), None, [0.3]), "truth needs the truth"),
+        (lambda: first_crossing(TRACE, np.nan), "thresholds finite"),
+        (lambda: first_crossing(TRACE, np.ones((2, 2))), r"thresholds \(K, 3\)"),
+        (lambda: first_crossing(TRACE, []), r"thresholds \(K, 3\)"),
+        (lambda: first_crossing(TRACE, np.ones((1, 1, 3))), r"thresholds \(K, 3\)"),
+        (lambda: crossing_of_each(TRACE, [0.3]), "thresholds 300 finite nats"),
+        (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
+        (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
+        (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
     ],
 )
 def test_thresholds_without_sense_are_refused(call, says):
@@ -250,13 +237,3 @@ def test_a_crossing_between_onset_and_the_first_reading_is_premature():
     decision = first_crossing(Trace(out, time_ms, 0.0, 50.0), 0.2)
     assert decision.premature.tolist() == [True, False]
     assert decision.time_ms.tolist() == [31.0, 50.0]
-
-
-def test_a_trace_draws_one_trial_from_the_onset_to_its_end():
-    out = np.arange(12.0).reshape(2, 3, 2)
-    trace = Trace(out, np.array([0.0, 10.0, 20.0]), 5.0, 10.0, np.array([3, 2]))
-    ax = trace.plot(1, Figure().subplots())
-    assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[6, 8], [7, 9]]
-    assert ax.lines[0].get_xdata().tolist() == [-5.0, 5.0]
-    with refused("trial"):
-        trace.plot(2)

@@ -1,6 +1,5 @@
 """What the terminal refuses or warns of is refused or warned of in Python, once per call."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +26,7 @@ from bgmodel.integrators.sprt import Stream, tally_sprt
 from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS
 from circuits.errors import InputError
-from tests.helpers import refused, run, some_evidence
+from tests.helpers import refused, run, some_evidence, told
 
 STEP_MS = 50.0
 EVIDENCE = separated_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS)
@@ -35,14 +34,6 @@ FOUR = separated_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS, hypotheses=4)
 MODEL = BasalGanglia("macaque", "algebra", 0.5)
 TRACES = {"MSPRT": Msprt(0.5).run(EVIDENCE), "circuit": MODEL.run(EVIDENCE)}
 LOW, REST = readout_of(MODEL.circuit).lowest, readout_of(MODEL.circuit).rest
-
-
-def told(call):
-    """Return the warnings of a call, as texts."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        call()
-    return [str(one.message) for one in caught]
 
 
 def refusal(call):

@@ -28,6 +28,8 @@ from circuits.declaration.edits import Edits
 from circuits.errors import CalibrationWarning, EditWarning
 from tests.helpers import behaving
 
+B = "boundary_separation"
+
 
 def changes(table):
     return table[table["condition"] == "change"].set_index("measure")
@@ -58,9 +60,7 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
         assert re.search(rf"^{measure} +{form}( |$)", shown, re.MULTILINE)
     assert "drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
-    few = table.assign(
-        value=table["value"].where(~table["measure"].isin(["drift", "boundary_separation"]))
-    )
+    few = table.assign(value=table["value"].where(~table["measure"].isin(["drift", B])))
     assert "EZ-diffusion" not in page(experiment, few)
 
 
@@ -80,12 +80,7 @@ def test_a_page_says_why_a_diffusion_is_withheld(by_threshold):
 
 @pytest.mark.parametrize(
     ("channels", "measure", "told"),
-    [
-        (2, "mean_ms", True),
-        (2, "boundary_separation", True),
-        (4, "mean_ms", False),
-        (4, "boundary_separation", True),
-    ],
+    [(2, "mean_ms", True), (2, B, True), (4, "mean_ms", False), (4, B, True)],
 )
 def test_a_page_names_a_withheld_diffusion_of_two_alternatives_or_one_that_was_predicted(
     channels, measure, told
@@ -408,7 +403,7 @@ def test_percent_are_those_of_the_control():
     table = experiment.run().measures
     value = table.set_index(["condition", "measure"])["value"]
     shown = page(experiment, table)
-    for measure in ("mean_ms", "accuracy", "boundary_separation"):
+    for measure in ("mean_ms", "accuracy", B):
         of = 100 * value["change", measure] / value["control", measure]
         assert value["percent", measure] == pytest.approx(of)
     assert "mean_ms in %: -6.8 [-18.0, +4.4], the model " in shown

@@ -1,7 +1,5 @@
 """Predictions: sizes that a measure can have, in its unit."""
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -9,13 +7,12 @@ from bgmodel.deciding.measures import MEASURES, SHARES
 from bgmodel.experiments.experiment import shipped
 from bgmodel.experiments.predictions import LIKELY, Effect, Prediction
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 
 def test_every_measure_has_likely_sizes_and_those_that_ship_are():
     assert LIKELY.keys() == MEASURES.keys()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         assert shipped()
         for size in (0.0, 1.0, 30.0, 5000.0):
             Prediction("mean_all_ms", "up", size)
@@ -57,7 +54,6 @@ def test_a_size_that_seems_to_be_in_another_unit_is_warned_of(measure, size):
 @pytest.mark.parametrize("measure", MEASURES)
 def test_likely_sizes_are_not_warned_of(measure):
     low, high = LIKELY[measure]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for size in (0.0, low, min(high, 1e4), np.clip(0.1, low, high)):
             Prediction(measure, "up", size)

@@ -1,6 +1,5 @@
 """The cells of a table of choices."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.responses import BIN_S
 from circuits.errors import DataWarning
 from tests.drawn import choices
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 # So few that not even all wrong ones are fewer right ones than by chance.
 SIGNED = st.lists(
@@ -81,7 +80,6 @@ def test_participants_are_pooled_only_where_that_is_said():
     both = replace(some, participant=np.array(["a", "a", "b", "b"]))
     with pytest.warns(DataWarning):
         design_of(both)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         assert design_of(both, pooled=True).who == "all"
         design_of(some)

@@ -1,6 +1,5 @@
 """One fit as tables."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from bgmodel.fitting.responses import QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
+from tests.helpers import unwarned
 
 MODEL = GapModel()
 FREE = ["sensitivity", "bound", "t0_s"]
@@ -151,8 +151,7 @@ def test_what_differs_at_the_optimum_is_fitted_without_a_warning(likelihood):
         Steep(), likelihood.design, free=["base", "add"], fixed={**TRUTH, "sensitivity": 12.0}
     )
     assert directions(asked, asked.freedom.start).cautions()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         found = fit_likelihood(asked)
     assert found.optimum.values["base"] == pytest.approx(0.6, abs=0.05)
 

@@ -1,6 +1,5 @@
 """The window of response times that a fit uses."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from bgmodel.fitting.window import fence_s
 from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning
 from tests.drawn import choices, drawn
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 MODEL, SEED = GapModel(), 83
 VALUES = {"sensitivity": 12.0, "bound": 0.6}
@@ -51,8 +50,7 @@ def test_nothing_is_left_out_of_the_published_sets():
         every = read_choices(name, strength=strength, conditions=["conflict"][: strength is None])
         for who in every.people():
             some = every.where(every.participant == who)
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
+            with unwarned():
                 design = design_of(some, list(some.conditions))
             assert design.left_out == 0
             assert design.grid.bins == int(np.ceil((some.rt_s.max() + 10 * BIN_S) / BIN_S))

@@ -25,7 +25,7 @@ from circuits.errors import (
     NoiseWarning,
     RangeWarning,
 )
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
@@ -56,8 +56,7 @@ def test_one_trial_is_what_it_is_among_all_with_its_own_noise():
 def test_a_threshold_that_noise_crosses_is_warned_of():
     with pytest.warns(NoiseWarning):
         MODEL.warn_of_noise(0.62)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         MODEL.warn_of_noise(0.3)
         replace(MODEL, engine="algebra").warn_of_noise(0.62)
 
@@ -174,8 +173,7 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
     evidence = separated_evidence(300, 40, 0.5, rng=3, step_ms=50)
     model = BasalGanglia("macaque", Population(rates=False), seed=3)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         model.decide(evidence, posterior=0.8, forced=forced)
     shuffled = replace(evidence, truth=stream(3, "shuffled").permutation(evidence.truth))
     with pytest.warns(CalibrationWarning, match="too sure"):
@@ -271,8 +269,7 @@ def mean_ms(d_prime, posterior):
 
 @pytest.mark.parametrize("posterior", [0.82, 0.9])
 def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_beyond(posterior):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         times_ms = [mean_ms(d_prime, posterior) for d_prime in (0.7, 0.9, 1.15, 1.45)]
     assert (np.diff(times_ms) < -20).all()
     with pytest.warns(RangeWarning, match="too strong for macaque"):
@@ -284,8 +281,7 @@ def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_bey
 def test_usual_evidence_is_not_too_strong_for_the_default_circuit(channels):
     table = macaque(channels)
     model = BasalGanglia(table, "population", gain_of(table), SEED)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for d_prime in (0.5, 1.0) if channels < 10 else (0.5, 0.75):
             model.check_strength(strong(d_prime, channels))
 
@@ -337,8 +333,7 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
     edited = edit(macaque())
     with pytest.warns(EditWarning):
         BasalGanglia(edited, engine)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         BasalGanglia(edited, "population", seed=SEED)
         # Nothing was edited, or what was edited acts.
         for table in (macaque(), macaque().lesion("STN", 0.5)):
@@ -349,8 +344,7 @@ def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
     edited = macaque().edited("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
     with pytest.warns(EditWarning):
         BasalGanglia(edited, "algebra")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         BasalGanglia(edited, "rate")
         BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
 
@@ -361,8 +355,7 @@ def test_rare_samples_of_out_are_warned_of():
         model = BasalGanglia(TABLE, Rate(sample_ms=sample_ms), GAIN)
         with pytest.warns(BgmodelWarning):
             model.run(few)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         BasalGanglia(TABLE, Rate(sample_ms=5.0), GAIN).run(few)
 
 
@@ -374,8 +367,7 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
                 given_truth, posterior=0.82
             )
         assert (decided.choice == evidence.truth).mean() < 0.2
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with unwarned():
             for level in (0.6, 1.0):
                 model = BasalGanglia(macaque().dopamine(level), Rate(rates=False))
                 model.decide(given_truth, posterior=0.7)

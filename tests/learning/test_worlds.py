@@ -43,28 +43,17 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
         LevelOutcomes.of(found, evidence[:2])
 
 
-TWO = np.ones((2, 3))
+TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 
 
 @pytest.mark.parametrize(
     ("call", "says"),
     [
         (lambda: switching([], 3), "worlds"),
-        (
-            lambda: LevelOutcomes(np.array([1.0, 0.9]), TWO, TWO, np.zeros(2)),
-            "levels",
-        ),
-        (
-            lambda: LevelOutcomes(np.array([1.0, 1.1]), TWO[:1], TWO[:1], np.zeros(2)),
-            "correct",
-        ),
-        (
-            lambda: LevelOutcomes(
-                np.array([1.0, 1.1]), np.ones((2, 3)), np.ones((2, 4)), np.zeros(2)
-            ),
-            "correct",
-        ),
         (lambda: switching([lambda k, x: x], 0), "worlds"),
+        (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
+        (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
+        (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "correct"),
     ],
 )
 def test_worlds_without_sense_are_refused(call, says):

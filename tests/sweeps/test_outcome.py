@@ -1,6 +1,5 @@
 """The table and the figure of a sweep."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
-from tests.helpers import behaving, refused
+from tests.helpers import behaving, refused, told
 
 TASK = Stimuli(trials=80, t_max=30)
 
@@ -158,10 +157,10 @@ def test_a_line_has_bars_from_the_lower_to_the_upper_end():
     np.testing.assert_allclose(
         bars.get_segments(), [[[0.7, 0.5], [0.7, 0.65]], [[0.9, 0.75], [0.9, 0.9]]]
     )
-    told = "(80 trials per point; bars: 95 % interval, bootstrap)"
-    assert figure.get_suptitle() == f"macaque {told}"
+    said = "(80 trials per point; bars: 95 % interval, bootstrap)"
+    assert figure.get_suptitle() == f"macaque {said}"
     named = replace(plan, name="who decides")
-    assert outcome.draw(named, table).get_suptitle() == f"who decides {told}"
+    assert outcome.draw(named, table).get_suptitle() == f"who decides {said}"
     some = outcome.draw(plan, table.assign(trials=[60, 80])).get_suptitle()
     assert some.startswith("macaque (60 to 80 trials per point;")
 
@@ -227,11 +226,8 @@ def test_three_keys_have_a_table_and_no_figure():
     ],
 )
 def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        swept(tmp_path, grid=grid)
-    told = [str(one.message) for one in caught if "no measure depends" in str(one.message)]
-    assert [text.split(":")[0].split()[-1] for text in told] == idle
+    said = [text for text in told(swept, tmp_path, grid=grid) if "no measure depends" in text]
+    assert [text.split(":")[0].split()[-1] for text in said] == idle
 
 
 def test_a_circuit_that_decides_against_the_evidence_is_said_to(tmp_path):

@@ -54,42 +54,6 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
     assert {name: sweep[name] for name in names} == {name: experiment[name] for name in names}
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "edited"),
-    [
-        ("lesion STN", 0.2, lambda table: table.lesion("STN", 0.2)),
-        ("scale STN->GPe", 0.5, lambda table: table.scale("STN", "GPe", 0.5)),
-        ("scale ctx->D1[0]", 1.1, lambda table: table.scale("ctx", "D1", 1.1, 0)),
-        ("set STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
-        ("dopamine", 0.9, lambda table: table.dopamine(0.9)),
-        ("neurons", 100, lambda table: table.with_neurons(100)),
-        ("compensate", True, lambda table: table),
-        ("rebound SNr", 0.2, lambda table: table.compensate(table, rebound_nats={"SNr": 0.2})),
-        (
-            "add D1->GPe delay_ms=4 weight",
-            -0.1,
-            lambda table: table.add("D1->GPe delay_ms=4 weight=-0.1"),
-        ),
-    ],
-)
-def test_a_key_is_an_edit_without_its_value(key, value, edited):
-    (found,) = Plan(grid={key: (value,)}).all_points()
-    assert found.edited == edited(load_circuit("macaque"))
-
-
-def test_edits_of_every_point_come_with_those_of_its_own():
-    base = Edits(["set STN.bias_nats -0.2", "lesion GPe 10%"])
-    (found,) = Plan(edits=base, grid={"lesion STN": (0.1,)}).all_points()
-    assert found.edited == load_circuit("macaque").edited(*base, "lesion STN 10%")
-
-
-def test_numbers_of_the_task_and_the_run_change_by_their_names():
-    keys = {"task.d_prime": (0.8,), "task.channels": (4,), "posterior": (0.9,), "seed": (7,)}
-    (found,) = Plan(grid=keys | {"engine": ("rate",)}).all_points()
-    assert (found.task.d_prime, found.hypotheses, found.engine, found.seed) == (0.8, 4, "rate", 7)
-    assert found.threshold_nats == pytest.approx(-np.log(0.9))
-
-
 def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
     assert Point(foreperiod_ms=1.0, seed=0).foreperiod_ms == 1.0
     for wrong in (
@@ -109,19 +73,10 @@ def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
         ("", r"either \[grid\] or \[\[points\]\]"),
         ("grid = {'lesion STN' = [0.1]}\npoints = [{'lesion GPe' = 0.1}]", "either"),
         ("grid = {'lesion STN' = []}", "each key of grid needs one value or more"),
-        (
-            "points = [{'lesion STN' = 0.1}, {'lesion GPe' = 0.1}]",
-            "all points must name the same keys",
-        ),
+        ("points = [{'lesion STN' = 0.1}, {'lesion GPe' = 0.1}]", "all points must name the same"),
         ("points = [{}]", "all points must name the same keys, one or more"),
-        (
-            "colour = 1\ngrid = {'lesion STN' = [0.1]}",
-            "there is no key 'colour'; there are circuit, edits",
-        ),
-        (
-            "show = ['speed']\ngrid = {'lesion STN' = [0.1]}",
-            "show must name accuracy, .*; got 'speed'",
-        ),
+        ("colour = 1\ngrid = {'lesion STN' = [0.1]}", "no key 'colour'; there are circuit"),
+        ("show = ['speed']\ngrid = {'lesion STN' = [0.1]}", "show must name accuracy, .*'speed'"),
     ],
 )
 def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
@@ -137,10 +92,7 @@ def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
         ("'task.dprime' = [1]", "there is no key 'task.dprime'; there are evidence, task"),
         ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
         ("'set STN.bias' = [1]", "the point set STN.bias = 1: 'set STN.bias 1': STN has no 'bias'"),
-        (
-            "'lesion STN' = [0.1, 1.5]",
-            r"the point lesion STN = 1.5: 'lesion STN 1.5': a fraction lies in 0..1",
-        ),
+        ("'lesion STN' = [0.1, 1.5]", r"'lesion STN 1.5': a fraction lies in 0..1"),
         ("posterior = [0.4]", "posterior must lie between chance, 0.5"),
         ("engine = ['foo']", "engine must be one of algebra, .*, got 'foo'"),
         ("circuit = ['gpr']", "gpr works in salience, not nats"),

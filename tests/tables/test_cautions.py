@@ -18,7 +18,7 @@ from bgmodel.tables.cautions import (
 )
 from bgmodel.tables.choices import read_choices, shipped
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 TRIALS = 400
 
@@ -205,8 +205,7 @@ def test_strengths_in_per_cent_in_some_trials_are_doubted():
 
 
 def test_few_times_say_nothing_of_their_steps():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         check_times(np.full(9, 8.0))
 
 

@@ -1,6 +1,5 @@
 """A user's own table of evidence: read as it is, or told what is wrong."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.trials import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
-from tests.helpers import long_table, refused
+from tests.helpers import long_table, refused, unwarned
 
 
 def test_a_users_table_gives_back_the_evidence():
@@ -186,8 +185,17 @@ def test_a_million_nats_are_the_most_that_a_reading_says():
             trials_from_table(table.assign(ll_b=np.where(at == 5, beyond, 0.0)))
 
 
-def changed(name, values):
-    return lambda good: good.assign(**{name: values})
+def changed(**columns):
+    return lambda good: good.assign(**columns)
+
+
+def at(name, row, value):
+    """Return what puts a value into one row of a column."""
+    return changed(**{name: lambda t: t[name].astype(object).where(t.index != row, value)})
+
+
+def renamed(old, new):
+    return lambda good: good.rename(columns={old: new})
 
 
 BAD = {
@@ -197,40 +205,34 @@ BAD = {
     "step trial 0 has step 0 twice": lambda good: pd.concat([good, good.head(1)]),
     "step trial 0 starts with 1": lambda good: good.iloc[1:],
     "step trial 0 goes from 0 to 2": lambda good: good.drop(index=1),
-    "step must be a whole number, got 0.5": changed("step", 0.5),
-    "step must be a whole number, got late": changed("step", "late"),
-    "step every trial: trial 0 starts with 2": lambda good: good.assign(step=good["step"] + 2),
-    "trial is missing in row 4": lambda good: good.assign(
-        trial=good["trial"].where(good.index != 4)
+    "step must be a whole number, got 0.5": changed(step=0.5),
+    "step must be a whole number, got late": changed(step="late"),
+    "step every trial: trial 0 starts with 2": changed(step=lambda good: good["step"] + 2),
+    "trial is missing in row 4": at("trial", 4, np.nan),
+    "ll_a must be a finite number within .* got 'abc' at trial 0, step 1": at("ll_a", 1, "abc"),
+    r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed(ll_b=np.nan),
+    r"truth must be one of .* first 'z' in row 0 \(28 such rows\)": changed(truth="z"),
+    "truth first 'z' in row 9": at("truth", 9, "z"),
+    "truth got several in one trial, first 'b' in row 1": changed(
+        truth=lambda good: np.where(good.index == 1, "b", "a")
     ),
-    "ll_a must be a finite number within .* got 'abc' at trial 0, step 1": lambda good: good.astype(
-        {"ll_a": object}
-    ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
-    r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
-    r"truth must be one of .* first 'z' in row 0 \(28 such rows\)": changed("truth", "z"),
-    "truth first 'z' in row 9": lambda good: good.assign(
-        truth=good["truth"].where(good.index != 9, "z")
-    ),
-    "truth got several in one trial, first 'b' in row 1": lambda good: good.assign(
-        truth=np.where(good.index == 1, "b", "a")
-    ),
-    "columns 'LL_a' is no hypothesis": lambda good: good.rename(columns={"ll_a": "LL_a"}),
-    "columns 'll_' is no hypothesis": changed("ll_", 0.0),
-    "columns 'll_a ' is no hypothesis": lambda good: good.rename(columns={"ll_a": "ll_a "}),
-    "columns 'll_ b' is no hypothesis": lambda good: good.rename(columns={"ll_b": "ll_ b"}),
-    "columns ' ll_c' is no hypothesis": changed(" ll_c", 0.0),
-    "columns 'll-c' is no hypothesis": changed("ll-c", 0.0),
-    "columns 'Ll c' is no hypothesis": changed("Ll c", 0.0),
-    "truth 'Truth' is not 'truth'": changed("Truth", "a"),
-    "trial 'trial ' is not 'trial'": changed("trial ", 1),
-    "columns ll_a twice": lambda good: good.rename(columns={"ll_b": "ll_a"}),
-    "columns the column row is the result's own": changed("row", 1),
-    "ll_a must be a finite number within .* got '2000000.0'": changed("ll_a", 2e6),
-    "ll_a must hold numbers, got bool": changed("ll_a", True),
-    "step must hold numbers, got datetime64": changed("step", pd.Timestamp("2026-01-01")),
-    "columns the column rt is the result's own": lambda good: good.assign(rt=1, given_rt=2),
-    "truth must be one of .* got .'1.0', 'nan'": lambda good: good.assign(
-        truth=np.where(good["trial"] == 0, np.nan, 1.0)
+    "columns 'LL_a' is no hypothesis": renamed("ll_a", "LL_a"),
+    "columns 'll_a ' is no hypothesis": renamed("ll_a", "ll_a "),
+    "columns 'll_ b' is no hypothesis": renamed("ll_b", "ll_ b"),
+    **{
+        f"columns {name!r} is no hypothesis": changed(**{name: 0.0})
+        for name in ("ll_", " ll_c", "ll-c", "Ll c")
+    },
+    "truth 'Truth' is not 'truth'": changed(Truth="a"),
+    "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
+    "columns ll_a twice": renamed("ll_b", "ll_a"),
+    "columns the column row is the result's own": changed(row=1),
+    "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
+    "ll_a must hold numbers, got bool": changed(ll_a=True),
+    "step must hold numbers, got datetime64": changed(step=pd.Timestamp("2026-01-01")),
+    "columns the column rt is the result's own": changed(rt=1, given_rt=2),
+    "truth must be one of .* got .'1.0', 'nan'": changed(
+        truth=lambda good: np.where(good["trial"] == 0, np.nan, 1.0)
     ),
     "note column 'note' can't be compared": lambda good: good.assign(note=[[1]] * len(good)),
 }
@@ -253,10 +255,7 @@ def test_bad_tables_get_one_clear_sentence(says):
         ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "path first line is blank"),
         ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "path first line is blank"),
         ("trial;step;ll_a;ll_b\n0;0;1;2\n", "path columns are separated by ';'"),
-        (
-            "trial;step;ll_a;ll_b\n0;0;1,5;2,5\n",
-            "path separated by ';'.*a point as the decimal sign",
-        ),
+        ("trial;step;ll_a;ll_b\n0;0;1,5;2,5\n", "path separated by ';'.*a point as the decimal"),
         ("trial\tstep\tll_a\tll_b\n0\t0\t1\t2\n", "path columns are separated by"),
         ("trial,step,ll_a,ll_b\n0,0,1,5,2,5\n", "path decimal sign a comma"),
         ("trial,step,ll_a,ll_b\n0,0,1,2\n0,1,1,5,2,5\n", "path decimal sign a comma"),
@@ -294,9 +293,7 @@ def test_the_same_trial_number_of_two_participants_is_two_trials():
 def test_a_table_too_large_says_what_it_needs():
     table = pd.DataFrame({"trial": np.arange(200_000), "step": 0, "ll_a": 0.0, "ll_b": 0.0})
     long = pd.DataFrame({"trial": -1, "step": np.arange(2_000_000), "ll_a": 0.0, "ll_b": 0.0})
-    with pytest.raises(
-        ValueError, match=r"200001 trials of up to 2000000 readings need .* of memory"
-    ):
+    with pytest.raises(ValueError, match="200001 trials of up to 2000000 readings need"):
         trials_from_table(pd.concat([table, long]))
 
 
@@ -338,16 +335,14 @@ def test_logarithms_to_another_base_are_told_by_the_truth(channels, unit, nats):
     other = in_units(evidence, nats)
     with pytest.warns(CalibrationWarning, match=f"those of {unit} times"):
         trials_from_table(long_table(other))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         trials_from_table(long_table(other, truth=False))
         trials_from_table(long_table(evidence))
 
 
 def test_natural_logarithms_are_never_taken_for_others():
     """The z score of each table is at most 3.29 in all but one of a thousand."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for seed in range(200):
             for trials, separation in ((40, 0.35), (200, 1.5)):
                 drawn = separated_evidence(
@@ -357,8 +352,7 @@ def test_natural_logarithms_are_never_taken_for_others():
 
 
 def test_taps_that_ship_are_natural_logarithms():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         for task in ("same-different", "yaw"):
             warn_of_units(Stimuli(task=task, trials=1000).draw(0, "taps").evidence)
 
@@ -372,6 +366,5 @@ def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_uni
 
 def test_readings_of_one_truth_alone_tell_no_unit():
     evidence = separated_evidence(600, 30, 0.4, rng=5)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         warn_of_units(in_units(evidence[evidence.truth == 0], np.log(10)))

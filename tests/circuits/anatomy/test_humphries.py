@@ -13,7 +13,6 @@ from circuits import anatomy
 from circuits.anatomy.humphries import GPE, MSN, SNR, STN, psp_area
 from circuits.cells.membrane import fit_current
 from circuits.engines import run
-from tests.circuits.helpers import hashes
 from tests.helpers import refused
 
 PRINTED_HZ = {"GPe": 30, "SNr": 30, "STN": 12}
@@ -97,16 +96,7 @@ def test_a_psp_has_the_peak_that_its_area_was_asked_for(synapse_ms, membrane_ms)
     assert highest == pytest.approx(3.0, rel=1e-3)
 
 
-def test_dopamine_outside_its_range_is_refused():
-    with refused(r"dopamine must lie in 0\.\.1"):
-        anatomy.humphries(dopamine=1.1)
-
-
 def test_a_cell_hears_at_least_one_cell_of_each_channel():
     assert anatomy.humphries(16).projection("STN", "SNr").probability * 64 == 1
     with refused("channels"):
         anatomy.humphries(17)
-
-
-def test_no_number_changes_by_accident():
-    assert hashes("humphries") == ("e8ccb839", "f2b1d9bf")

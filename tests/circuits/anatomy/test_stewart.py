@@ -10,8 +10,6 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
-from tests.circuits.helpers import hashes
-from tests.helpers import refused
 
 OF_NENGO = [0.8, 0.4, 0.4, 0.4, 0.4]
 
@@ -69,12 +67,3 @@ def test_similar_utilities_take_longer():
     found = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
     assert found == sorted(found)
     assert found[-1] > 1.2 * found[0]
-
-
-def test_dopamine_outside_its_range_is_refused():
-    with refused(r"dopamine must lie in 0\.\.1"):
-        anatomy.stewart(dopamine=-0.1)
-
-
-def test_no_number_changes_by_accident():
-    assert hashes("stewart") == ("db9d8650", "a587a88b")

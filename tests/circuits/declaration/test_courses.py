@@ -187,11 +187,7 @@ def test_a_file_without_courses_has_none_of_them():
     [
         ('"amount"', '"size"', "there is no column of courses 'size'; there are what, amount"),
         ("0.5, ", "-1.5,", "course of dopamine from 20 to 120 ms: the level of dopamine must"),
-        (
-            '"STN",      -0.2',
-            '"TRN",      -0.2',
-            "course of TRN from 0 to 50 ms: spiking_msprt has",
-        ),
+        ('"STN",      -0.2', '"TRN",      -0.2', "course of TRN from 0 to 50 ms: spiking_msprt"),
         ("120,", " 12,", "to_ms must lie after from_ms, 20, got 12"),
     ],
 )

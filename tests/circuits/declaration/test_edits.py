@@ -339,9 +339,3 @@ def test_commands_say_what_a_cut_or_a_scale_does(line, capsys):
     assert "tone" in capsys.readouterr().err
     assert main(["circuit", "show", "macaque", "--edits", "lesion STN 10%"]) == 0
     assert "tone" not in capsys.readouterr().err
-
-
-def test_the_option_for_edits_is_given_once(capsys):
-    twice = ["--edits", "lesion STN 10%", "--edits", "dopamine 0.9"]
-    assert main(["circuit", "show", "macaque", *twice]) == 2
-    assert "--edits is given twice" in capsys.readouterr().err

@@ -134,10 +134,7 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
 @pytest.mark.parametrize(
     ("text", "row"),
     [
-        (
-            "D1->GPe weight=-0.1 delay_ms=4",
-            Projection("D1", "GPe", -0.1, delay_ms=4),
-        ),
+        ("D1->GPe weight=-0.1 delay_ms=4", Projection("D1", "GPe", -0.1, delay_ms=4)),
         (
             "D1 -> GPe like=D1->SNr weight=-0.1",
             replace(
@@ -221,10 +218,7 @@ def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, ver
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (
-            "set STN->GPe.delay_ms=fast",
-            "delay_ms",
-        ),
+        ("set STN->GPe.delay_ms=fast", "delay_ms"),
         ("set STN.bias_nats=", "bias_nats"),
         ("set STN.neurons=2.5", "neurons"),
         ("set STN.pooled=maybe", "pooled"),
@@ -276,15 +270,6 @@ def test_a_change_that_changes_nothing_returns_the_circuit():
         assert circuit.edited(f"set STN.bias_nats={row.bias_nats!r}") is circuit
         assert circuit.edited() is circuit
         assert circuit.add() is circuit
-
-
-def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():
-    with refused("cv"):
-        TABLE.with_population("STN", cv=0.1)
-    with refused("tau_ms"):
-        TABLE.with_cell("STN", tau_ms=0.1)
-    with refused("name"):
-        TABLE.with_population("STN", **{"name": "GPi"})
 
 
 def test_a_nucleus_like_another_has_no_published_rates_of_that_one():

@@ -116,27 +116,15 @@ PULSES = [
 
 @pytest.mark.parametrize("course", PULSES)
 @pytest.mark.parametrize("engine", ["plain", "rate"])
-def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course):
-    given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
-    given |= {"seed": 1} if engine == "plain" else {}
-    silence = np.zeros((1, 1, 2))
-    base = run(relay(), silence, engine=engine, **given).rates_hz["SNr"]
-    ran = run(relay().add(course), silence, engine=engine, **given)
-    found = (ran.rates_hz["SNr"] - base)[0] / 10
-    expected = response(ran.time_ms, course, 20.0)
-    np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=2e-5, rtol=0)
-
-
-@pytest.mark.parametrize("course", PULSES)
-@pytest.mark.parametrize("engine", ["plain", "rate"])
-def test_a_pulse_of_dopamine_has_the_closed_form_of_what_the_pathway_adds(engine, course):
+@pytest.mark.parametrize(("what", "adds"), [("SNr", 1.0), ("dopamine", 1.2)])
+def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course, what, adds):
     """The source is at 1.5 nats, its weight .8, so that a level of 1 + a adds 1.2 a."""
     given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
     given |= {"seed": 1} if engine == "plain" else {}
-    silence = np.zeros((1, 1, 2))
-    ran = run(relay().add(replace(course, what="dopamine")), silence, engine=engine, **given)
+    circuit = relay().add(replace(course, what=what))
+    ran = run(circuit, np.zeros((1, 1, 2)), engine=engine, **given)
     found = ran.rates_hz["SNr"][0] / 10 - 1.2
-    expected = 1.2 * response(ran.time_ms, course, 20.0)
+    expected = adds * response(ran.time_ms, course, 20.0)
     np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
 
 

@@ -12,7 +12,6 @@ from circuits.declaration.rows import Population, Projection
 from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
 from circuits.laws.spectra import out_variance
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
-from tests.helpers import refused
 
 TABLE = anatomy.spiking_msprt()
 
@@ -98,11 +97,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
 def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
     with pytest.raises(ValueError, match=what):
         run_algebra(table, np.zeros((1, 1, 2)), laws="finite")
-
-
-def test_an_unknown_law_lists_the_known_ones():
-    with refused("laws must be one of table, cells, finite"):
-        run_algebra(TABLE, np.zeros((1, 1, 2)), laws="own")
 
 
 def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():

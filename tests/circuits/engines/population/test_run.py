@@ -25,7 +25,7 @@ from circuits.errors import NoiseWarning
 from circuits.laws.spectra import out_variance, rate_spectrum
 from tests.circuits.helpers import run_algebra
 from tests.circuits.spiking import ADEX
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 SEED = 3
 SINGLE = 2e-4
@@ -50,16 +50,29 @@ def spectrum(activity, name):
     return hz, power.mean(axis=0)
 
 
+BANDS = ((3, 12), (18, 30), (60, 100))
+
+
+def check_power(activity, law, bands=BANDS, rel=0.12):
+    """Hold the power of 100 cells' rates to that of one of them by a law, in bands of Hz."""
+    at, power = spectrum(activity, "ctx")
+    for low, high in bands:
+        band = (at >= low) & (at <= high)
+        exact = 2 * np.mean(law(at[band])) / 100
+        assert power[band].mean() == pytest.approx(exact, rel=rel), (low, high)
+
+
+def clocks(cv, hz):
+    """Return the power of pacemakers at rates as a law of the frequency."""
+    return lambda at: phase_spectrum(Phase(cv), np.atleast_1d(hz), at)
+
+
 @pytest.mark.parametrize(("cv", "hz"), [(0.3, 24.0), (0.3, 60.0), (0.5, 55.0), (1.0, 30.0)])
 def test_own_noise_is_that_of_so_many_renewal_cells(cv, hz):
     activity = populations(source(Phase(cv), hz), np.zeros((400, 6, 2)))
-    found = activity.rates_hz["ctx"]
-    assert found.mean() == pytest.approx(hz, rel=0.002)
-    at, power = spectrum(activity, "ctx")
-    for low, high in ((3, 9), (9, 17), (17, 29), (29, 45), (45, 70), (70, 100)):
-        band = (at >= low) & (at <= high)
-        exact = 2 * phase_spectrum(Phase(cv), [hz], at[band])[0].mean() / 100
-        assert power[band].mean() == pytest.approx(exact, rel=0.1), (low, high)
+    assert activity.rates_hz["ctx"].mean() == pytest.approx(hz, rel=0.002)
+    six = ((3, 9), (9, 17), (17, 29), (29, 45), (45, 70), (70, 100))
+    check_power(activity, clocks(cv, hz), six, rel=0.1)
 
 
 def test_the_whole_circuit_fluctuates_as_linear_theory_says():
@@ -117,19 +130,6 @@ def test_a_trial_has_its_bytes_whatever_runs_beside_it():
     assert other.output_nats.tobytes() != every.output_nats[:1].tobytes()
 
 
-def test_trials_that_end_early_make_room_and_change_nothing():
-    drive = np.random.default_rng(1).normal(0, 1, (200, 6, 2)).cumsum(axis=1)
-    drive -= drive.mean(axis=2, keepdims=True)
-    given = {"step_ms": 50, "settle_ms": 50}
-    whole = populations(FULL, drive, **given).output_nats
-    cut = populations(FULL, drive, drop_below=0.3, **given).output_nats
-    kept = np.isfinite(cut)
-    np.testing.assert_array_equal(cut[kept], whole[kept])
-    ends = kept[:, :, 0].sum(axis=1)
-    over = whole.min(axis=2) < 0.3
-    assert (ends == np.where(over.any(axis=1), over.argmax(axis=1) + 1, whole.shape[1])).all()
-
-
 def test_a_lesion_leaves_the_noise_of_what_survives():
     """D1 reaches SNr alone: without it all others do what they did, to the byte."""
     drive = np.random.default_rng(1).normal(0, 0.3, (5, 3, 2))
@@ -160,12 +160,8 @@ def test_pacemakers_that_differ_have_their_mean_power():
     hz, cv = 30.0, 0.3
     activity = populations(source(Phase(cv), hz, heterogeneity=0.2), np.zeros((300, 6, 2)))
     assert activity.rates_hz["ctx"].mean() == pytest.approx(hz, rel=0.002)
-    at, power = spectrum(activity, "ctx")
     each = hz * np.maximum(1 + 0.2 * np.random.default_rng(1).normal(size=2000), 0.1)
-    for low, high in ((3, 12), (20, 40), (60, 90)):
-        band = (at >= low) & (at <= high)
-        exact = 2 * phase_spectrum(Phase(cv), each, at[band]).mean() / 100
-        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+    check_power(activity, clocks(cv, each), ((3, 12), (20, 40), (60, 90)))
 
 
 def test_what_it_does_not_know_is_refused_in_one_sentence():
@@ -254,23 +250,15 @@ def test_a_transfer_that_bends_too_much_is_refused(monkeypatch):
 @pytest.mark.parametrize("dt_ms", [0.1, 0.25])
 def test_own_noise_has_its_power_at_any_tick(dt_ms):
     activity = populations(source(Phase(0.3), 24.0), np.zeros((300, 4, 2)), dt_ms=dt_ms)
-    at, power = spectrum(activity, "ctx")
-    for low, high in ((3, 12), (18, 30), (60, 100)):
-        band = (at >= low) & (at <= high)
-        exact = 2 * phase_spectrum(Phase(0.3), [24.0], at[band])[0].mean() / 100
-        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+    check_power(activity, clocks(0.3, 24.0))
 
 
 def test_the_colour_of_noise_follows_the_state():
     """Driven from 20 to 60 Hz a pacemaker has the spectrum of 60 Hz."""
     drive = np.full((400, 5, 2), 4.0)
     activity = populations(source(Phase(0.3), 20.0), drive)
-    at, power = spectrum(activity, "ctx")
     assert activity.rates_hz["ctx"][:, 300:].mean() == pytest.approx(60, rel=0.005)
-    for low, high in ((3, 12), (18, 30), (50, 70)):
-        band = (at >= low) & (at <= high)
-        exact = 2 * phase_spectrum(Phase(0.3), [60.0], at[band])[0].mean() / 100
-        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+    check_power(activity, clocks(0.3, 60.0), ((3, 12), (18, 30), (50, 70)))
 
 
 def test_a_cell_that_saturates_has_its_colour_up_to_there():
@@ -280,11 +268,7 @@ def test_a_cell_that_saturates_has_its_colour_up_to_there():
     activity = populations(circuit, np.zeros((300, 4, 2)))
     hz = activity.rates_hz["ctx"].mean()
     assert hz == pytest.approx(0.7 * 34, rel=0.01)
-    at, power = spectrum(activity, "ctx")
-    for low, high in ((3, 12), (18, 30), (60, 100)):
-        band = (at >= low) & (at <= high)
-        exact = 2 * phase_spectrum(Phase(0.3), [hz], at[band])[0].mean() / 100
-        assert power[band].mean() == pytest.approx(exact, rel=0.15), (low, high)
+    check_power(activity, clocks(0.3, hz), rel=0.15)
 
 
 def test_lines_with_noise_have_the_noise_of_the_cells():
@@ -294,13 +278,13 @@ def test_lines_with_noise_have_the_noise_of_the_cells():
     circuit = source(cell, row.baseline_hz).with_population("ctx", gain_hz_per_nat=95.0)
     held = np.full((300, 4, 2), 0.3)
     activity = populations(circuit, held, laws="lines")
-    at, power = spectrum(activity, "ctx")
     line = Line(*(np.ones(1) for _ in range(3)))
-    for low, high in ((3, 12), (18, 40), (60, 100)):
-        band = (at >= low) & (at <= high)
-        own = cell.response(np.array([0.3]), line, at[band]).spectrum[0]
-        scale = (row.baseline_hz + 0.3 * 95) / cell.rate_hz(np.array([0.3]), np.ones(1))[0]
-        assert power[band].mean() == pytest.approx(2 * scale * own.mean() / 100, rel=0.12)
+    scale = (row.baseline_hz + 0.3 * 95) / cell.rate_hz(np.array([0.3]), np.ones(1))[0]
+
+    def law(at):
+        return scale * cell.response(np.array([0.3]), line, at).spectrum[0]
+
+    check_power(activity, law, ((3, 12), (18, 40), (60, 100)))
 
 
 def test_half_the_tick_quarters_the_error_of_cells_too():
@@ -389,8 +373,7 @@ def test_loops_that_amplify_more_than_eight_times_are_near_an_oscillation(
 
 def test_no_warning_comes_for_many_cells_or_without_noise():
     given = {"step_ms": 10, "settle_ms": 0}
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with unwarned():
         warnings.filterwarnings("ignore", ".*deprecated")
         populations(FULL, np.zeros((1, 1, 2)), **given)
         populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **given)
