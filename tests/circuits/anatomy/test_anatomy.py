@@ -25,10 +25,10 @@ HASHES = {
     "bogacz_gurney": ("00a40837", "98c8eadf"),
     "appendix_b": ("12ce6098", "a1483e98"),
     "linear_gpe": ("6d48e6f7", "9db5d4e9"),
-    "macaque": ("b20041a4", "9eaf543a"),
+    "macaque": ("dbb7b144", "e38d6ecc"),
     "spiking_msprt": ("0011528f", "6119a62c"),
     "gpr": ("d5cc4e41", "36a5d88f"),
-    "humphries": ("31471691", "1eb2fc9e"),
+    "humphries": ("e8ccb839", "f2b1d9bf"),
     "stewart": ("db9d8650", "a587a88b"),
 }
 """Hashes of all numbers of a table, for 2 and for 4 alternatives."""

@@ -217,7 +217,7 @@ def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
         (lambda c: c.compensate(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
         (lambda c: c.compensate(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
         (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
-        (lambda c: recovery(c, c, speed={"GPe": -1}), "the speed of GPe must be >= 0"),
+        (lambda c: recovery(c, c, speed={"GPe": -1}), "GPe: speed must be >= 0"),
         (lambda c: recovery(c, c, step=0), "step must be > 0"),
     ],
 )
