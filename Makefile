@@ -39,6 +39,7 @@ faults: $(VENV)/test.installed
 benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.deciding
 	$(BIN)/python -m benchmarks.speed.circuits
+	$(BIN)/python -m benchmarks.speed.sessions
 
 score: $(VENV)/figures.installed $(VENV)/compare.installed
 	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)
