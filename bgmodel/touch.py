@@ -273,8 +273,9 @@ def _speed(ax: Axes, of: Story) -> None:
 
 def _learning(ax: Axes, of: Story) -> None:
     if not len(of.learning):
-        ax.set_axis_off()
-        ax.set_title("a gap is learned of two hypotheses that taps tell apart")
+        ax.set(xticks=[], yticks=[], title="learning")
+        why = "a gap is learned where there are two\nhypotheses and taps tell them apart"
+        ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.004
 SPIKES = EngineName("ensemble")
+COLUMNS = ["trial", "choice", "time_ms", "forced", "readings", "last_image", "latency_ms"]
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -81,14 +82,44 @@ class Watch(Writes):
         if not self.folder.is_dir():
             raise InputError(f"there is no folder {str(self.folder)!r}", "folder", self.folder)
         read, names, session = self._begin()
-        rows: list[dict[str, Any]] = []
-        begun: float | None = None
-        latency: list[float] = []
         say(f"watching {self.folder}; it ends {self.idle_s:g} s after the last image")
+        rows: list[dict[str, Any]] = []
+        latency: list[float] = []
+        try:
+            for row in self._decisions(read, names, session, latency):
+                rows.append(row)
+                forced = ", forced" if row["forced"] else ""
+                print(
+                    f"trial {row['trial']}: {row['choice']} after {row['readings']} readings, "
+                    f"{row['time_ms']:.0f} ms{forced}",
+                    flush=True,
+                )
+        finally:  # what was decided is kept, however it ends
+            table = pd.DataFrame(rows, columns=COLUMNS)
+            files.write_table(table, self.output, seed=self.seed, command=options_of(self))
+        if session.readings:
+            say(f"the last trial has {len(session.readings)} readings and no decision")
+        middle = f", {np.median(latency):.0f} ms from image to OUT (median)" if latency else ""
+        print(f"{len(rows)} decisions on {len(latency)} readings{middle} -> {self.output}")
+
+    def _decisions(
+        self,
+        read: Callable[[Path], Array | None],
+        names: tuple[str, ...],
+        session: Session,
+        latency: list[float],
+    ) -> Iterator[dict[str, Any]]:
+        """Go through the decisions, a row each; the latency of each reading is added, ms."""
+        begun: float | None = None
         for path in images(self.folder, self.idle_s):
             now = time.monotonic()
             begun = now if begun is None else begun
-            if (reading := read(path)) is None:
+            try:
+                reading = read(path)
+            except ValueError as error:
+                say(f"{error}: this image is left out")
+                continue
+            if reading is None:
                 continue
             due_ms = (len(session.readings) + 1) * self.step_ms
             at_ms = max(1000 * (now - begun) + self.step_ms, due_ms)
@@ -97,26 +128,14 @@ class Watch(Writes):
             if decision is None:
                 continue
             choice = int(decision.choice[0])
-            rows.append(
-                {
-                    "trial": session.trial, "choice": names[choice] if choice >= 0 else "none",
-                    "time_ms": float(decision.time_ms[0]), "forced": bool(decision.forced[0]),
-                    "readings": len(session.readings), "last_image": path.name,
-                    "latency_ms": latency[-1],
-                }
+            found = (
+                session.trial, names[choice] if choice >= 0 else "none",
+                float(decision.time_ms[0]), bool(decision.forced[0]), len(session.readings),
+                path.name, latency[-1],
             )  # fmt: skip
-            row = rows[-1]
-            forced = ", forced" if row["forced"] else ""
-            print(
-                f"trial {row['trial']}: {row['choice']} after {row['readings']} readings, "
-                f"{row['time_ms']:.0f} ms{forced}",
-                flush=True,
-            )
+            yield dict(zip(COLUMNS, found, strict=True))
             session.next()
             begun = None
-        files.write_table(pd.DataFrame(rows), self.output, seed=self.seed, command=options_of(self))
-        middle = f", {np.median(latency):.0f} ms from image to OUT (median)" if latency else ""
-        print(f"{len(rows)} decisions on {len(latency)} readings{middle} -> {self.output}")
 
     def _begin(self) -> tuple[Callable[[Path], Array | None], tuple[str, ...], Session]:
         """Return what turns an image into a reading, names of alternatives, and the session."""
@@ -128,6 +147,14 @@ class Watch(Writes):
         from circuits.anatomy import load_circuit
 
         decoder = Decoder.load(self.decoder)
+        stimulus = "edge" if self.task.startswith("edge") else "grating"
+        if decoder.training.network != stimulus:
+            raise InputError(
+                f"task {self.task} needs a decoder of taps of a {stimulus}, got one of "
+                f"{decoder.training.network}s",
+                "decoder",
+                self.decoder,
+            )
         known = readings_of(
             self.task, self.channels, period_mm=self.period_mm, step_deg=self.step_deg,
             taps=self.taps, fold=0,
@@ -140,12 +167,7 @@ class Watch(Writes):
         waiting: list[float] = []
 
         def read(path: Path) -> Array | None:
-            decoded = decoder.decode(tracker.read(path))
-            if column not in decoded:
-                raise InputError(
-                    f"task {self.task} needs a decoder that reads {column}", "decoder", self.decoder
-                )
-            angle = float(decoded[column][0])
+            angle = float(decoder.decode(tracker.read(path))[column][0])
             if not pairs:
                 turned = angle - self.first_deg if self.task == "edge-direction" else angle
                 return known.likelihood(turned)

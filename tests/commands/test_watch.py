@@ -65,7 +65,9 @@ def test_images_are_decided_on_as_they_arrive(who, sensor, tmp_path, capsys):
     camera.mkdir()
     yaw = taps.labels["yaw_deg"].to_numpy()
     first, second = (taps.labels["image"][np.abs(yaw - at).argmin()] for at in (0.0, STEP_DEG))
-    thread = arriving(camera, [first] * 10 + [second] * 10)
+    blank = tmp_path / "blank.png"
+    blank.write_bytes(b"nothing")
+    thread = arriving(camera, [first] * 10 + [blank] + [second] * 10)
     out = tmp_path / "decisions.csv"
     asked = ["--decoder", decoder, "--taps", decoded, "--mm-per-px", MM_PER_PX, *who]
     asked += ["--task", "edge-direction", "--step-deg", STEP_DEG, "--idle-s", 1.5]
@@ -76,7 +78,9 @@ def test_images_are_decided_on_as_they_arrive(who, sensor, tmp_path, capsys):
     assert str(found["choice"].iloc[0]) == "0"
     assert str(found["choice"].iloc[-1]) == f"{STEP_DEG:g}"
     assert found["readings"].sum() <= 20
-    assert "decisions on 20 readings" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "decisions on 20 readings" in told.out
+    assert "not a readable image: this image is left out" in told.err
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
@@ -90,7 +94,7 @@ def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"task": "orientation"}, "the table has no period_mm"),
+        ({"task": "orientation"}, "needs a decoder of taps of a grating"),
         ({"decoder": "nothing"}, "there is no decoder"),
         ({"folder": "nowhere"}, "there is no folder"),
         ({"engine": "algebra"}, "takes all readings of a trial at once"),
