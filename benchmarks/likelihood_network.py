@@ -168,7 +168,7 @@ def about(model: CircuitModel) -> dict[str, Any]:
     }
 
 
-def responses(model: CircuitModel, points: Lattice) -> pd.DataFrame:
+def responses(points: Lattice) -> pd.DataFrame:
     """Return simulated responses at random points of the lattice, one row per trial."""
     rng, parts = stream(TRAINING_SEED, "responses"), []
     for k, nats in enumerate(points.thresholds_nats):
@@ -192,7 +192,7 @@ def main() -> None:
     points = lattice(model)
     if given.table:
         known = {**about(model), "rows_per_point": ROWS_PER_POINT}
-        write_table(responses(model, points), given.table, seed=TRAINING_SEED, **known)
+        write_table(responses(points), given.table, seed=TRAINING_SEED, **known)
         return
     network = LikelihoodNetwork(trained(points), about(model))
     network.write(shipped_path())

@@ -32,16 +32,16 @@ def draw(settings: Settings, *, output: Path) -> Figure:
         ax.text(i, 0.36, name, ha="center", va="center", fontweight="bold", color=f"C{i}")
         ax.text(i, -0.1, text, ha="center", va="center", fontsize=6.3)
         if i:
-            _arrow(ax, (i - 0.56, 0), (i - 0.44, 0), "-")
-    _arrow(ax, (4, 0.52), (0, 0.52), "k", bend=0.12)
+            _arrow(ax, (i - 0.56, 0), (i - 0.44, 0))
+    _arrow(ax, (4, 0.52), (0, 0.52), bend=0.12)
     ax.text(2, 1.04, "no bound reached: tap again", ha="center", va="center", fontsize=7)
-    _arrow(ax, (5, -0.52), (4, -0.52), "k", bend=-0.45)
+    _arrow(ax, (5, -0.52), (4, -0.52), bend=-0.45)
     ax.text(4.5, -1.02, "reward prediction error moves the gap $\\delta$", ha="center", fontsize=7)
     return figure
 
 
 def _arrow(
-    ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str, bend: float = 0.0
+    ax: Axes, start: tuple[float, float], end: tuple[float, float], bend: float = 0.0
 ) -> None:
     style = {"arrowstyle": "-|>", "color": "0.3", "lw": 1, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", end, start, arrowprops={**style, "connectionstyle": f"arc3,rad={bend}"})

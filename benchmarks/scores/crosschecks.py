@@ -255,19 +255,11 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return points and verdicts of walks and accumulators, and psychometric functions."""
-    verdicts = {
-        "grid": ("grid", ["solution"]),
-        "coarse": ("coarse", ["solution"]),
-        "accumulators": ("accumulators", ["theirs"]),
-    }
     found: dict[str, tuple[str, pd.DataFrame]] = {}
-    for name, (kind, by) in verdicts.items():
-        found[f"{name}_points"] = kind, made[kind]
-        rows = [
-            dict(zip(by, key, strict=True)) | verdict(part)
-            for key, part in made[kind].groupby(by, sort=False)
-        ]
-        found[name] = kind, pd.DataFrame(rows)
+    for kind, by in (("grid", "solution"), ("coarse", "solution"), ("accumulators", "theirs")):
+        found[f"{kind}_points"] = kind, made[kind]
+        rows = [{by: name} | verdict(part) for name, part in made[kind].groupby(by, sort=False)]
+        found[kind] = kind, pd.DataFrame(rows)
     return found | {
         "psychometric_sets": ("psychometric", made["psychometric"]),
         "psychometric": ("psychometric", _widths(made["psychometric"])),

@@ -63,8 +63,19 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
     """Measure the compiled engine; the mean of so many times."""
     from circuits.engines import Ensemble
 
-    circuit = circuit_of(**which)
     engine = Ensemble(settle_ms=SETTLE_MS, workers=workers, rates=False)
+    return _compiled(engine, circuit_of(**which), trials, times)
+
+
+def population(trials: int = 5000, **which: Any) -> dict[str, float]:
+    """Measure the population engine, as if each of its cells had ticks of .1 ms."""
+    from circuits.engines import Population
+
+    return _compiled(Population(settle_ms=SETTLE_MS, rates=False), circuit_of(**which), trials)
+
+
+def _compiled(engine: Any, circuit: Any, trials: int, times: int = 1) -> dict[str, float]:
+    """Measure an engine of compiled code, which is compiled before."""
     given = {"step_ms": STEP_MS, "seed": 1}
     engine.run(circuit, drive(1, circuit.channels), **given)
     evidence = drive(trials, circuit.channels)
@@ -73,19 +84,6 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
         engine.run(circuit, evidence, **given)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     return _cost(cells_of(circuit), trials, cpu / times, wall / times)
-
-
-def population(trials: int = 5000, **which: Any) -> dict[str, float]:
-    """Measure the population engine, as if each of its cells had ticks of .1 ms."""
-    from circuits.engines import Population
-
-    circuit = circuit_of(**which)
-    engine = Population(settle_ms=SETTLE_MS, rates=False)
-    given = {"step_ms": STEP_MS, "seed": 1}
-    engine.run(circuit, drive(1, circuit.channels), **given)
-    evidence = drive(trials, circuit.channels)
-    cpu = _timed(lambda: engine.run(circuit, evidence, **given))
-    return _cost(cells_of(circuit), trials, cpu, cpu)
 
 
 def brian2(trials: int = 20, **which: Any) -> dict[str, float]:
@@ -166,13 +164,8 @@ def _cost(
     }
 
 
-KINDS: dict[str, Callable[..., Any]] = {
-    "ensemble": ensemble,
-    "population": population,
-    "brian2": brian2,
-    "vanilla": vanilla,
-    "nengo": nengo,
-}
+MEASURED: tuple[Callable[..., Any], ...] = (ensemble, population, brian2, vanilla, nengo)
+KINDS = {each.__name__: each for each in MEASURED}
 SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("ensemble", "ensemble", {"trials": 300}),
     ("ensemble, 10 % heterogeneity", "ensemble", {"trials": 300, "heterogeneity": 0.1}),
