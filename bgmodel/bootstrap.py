@@ -9,7 +9,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, NoiseWarning, require
+from circuits.errors import NoiseWarning, require
 
 FEWEST_TRIALS = 100
 
@@ -97,10 +97,8 @@ def shown(value: float, low: float, high: float, form: str) -> str:
 
 def check_trials(trials: int) -> None:
     """Raise ValueError if these are too few for an interval."""
-    if trials < FEWEST_TRIALS:
-        raise InputError(
-            f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}", "trials"
-        )
+    fewest = f"must be {FEWEST_TRIALS} or more for an interval"
+    require(trials >= FEWEST_TRIALS, "trials", fewest, trials)
 
 
 def mostly_known(values: Array) -> bool:

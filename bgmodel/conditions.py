@@ -10,16 +10,15 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from bgmodel import names
 from bgmodel.evidence import needed_truth
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
+from bgmodel.support.checks import whole
 from circuits import DEFAULT
-from circuits.checks import check_types
+from circuits.checks import check_finite, check_positive, check_types
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
@@ -78,7 +77,7 @@ class Setup:
         check_types(self, type(self).__name__)
         require(self.seed >= 0, "seed", "must be at least 0", self.seed)
         if self.gain is not None:
-            require(0 < self.gain < np.inf, "gain", "must be > 0 and finite", self.gain)
+            check_positive(gain=self.gain)
         require(isinstance(self.edits, Edits), "edits", "must be Edits of lines", self.edits)
         if self.edits:
             from circuits.ignored import check_edits
@@ -155,16 +154,12 @@ class Condition(Setup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.task, Stimuli):
-            raise InputError.of("task", "must be Stimuli", self.task)
+        require(isinstance(self.task, Stimuli), "task", "must be Stimuli", self.task)
         self.task.check()
         if self.threshold is not None:
             if self.posterior is not None:
-                raise InputError(
-                    "give posterior or threshold, not both", "posterior", self.posterior
-                )
-            if not np.isfinite(self.threshold):
-                raise InputError.of("threshold", "must be finite", self.threshold)
+                raise InputError("give posterior or threshold, not both", "posterior")
+            check_finite(threshold=self.threshold)
         elif self.task.evidence is None:
             self.threshold_at(self.hypotheses)
 
@@ -267,10 +262,7 @@ class Observed(Condition):
     def __post_init__(self) -> None:
         super().__post_init__()
         # OUT is sampled every ms.
-        if not (self.foreperiod_ms > 0 and float(self.foreperiod_ms).is_integer()):
-            raise InputError.of(
-                "foreperiod_ms", "must be a whole number of ms, 1 or more", self.foreperiod_ms
-            )
+        whole("foreperiod_ms", self.foreperiod_ms, 1)
 
     def check(self, control: Condition | None = None) -> None:
         """Raise ValueError as ``Condition.check`` does, and for evidence without the truth."""

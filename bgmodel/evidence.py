@@ -11,7 +11,18 @@ import numpy.typing as npt
 
 from bgmodel.readings import warn_of_readings
 from bgmodel.support.arrays import Array, Integers, Reals
-from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals, whole
+from bgmodel.support.checks import (
+    check_finite,
+    check_inside,
+    check_positive,
+    check_range,
+    checked_truth,
+    is_number,
+    known_truth,
+    one_per_trial,
+    reals,
+    whole,
+)
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
@@ -112,10 +123,8 @@ class Evidence(Facts):
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
         object.__setattr__(self, "numbers", _of_trials("numbers", self.numbers, values))
         object.__setattr__(self, "baseline", _checked_baseline(self.baseline))
-        if not (is_number(self.onset_ms) and 0 <= self.onset_ms <= MOST_MS):
-            raise InputError.of("onset_ms", f"must be >= 0 and at most {MOST_MS:g}", self.onset_ms)
-        if not (is_number(self.step_ms) and 0 < self.step_ms <= MOST_MS):
-            raise InputError.of("step_ms", f"must be > 0 and at most {MOST_MS:g}", self.step_ms)
+        check_range(0, MOST_MS, onset_ms=self.onset_ms, step_ms=self.step_ms)
+        check_positive(step_ms=self.step_ms)
         if self.expectancy_nats is not None:
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
@@ -280,24 +289,18 @@ class Evidence(Facts):
 
 def needed_truth(evidence: Evidence) -> Integers:
     """Return the truth of each trial (trials,); ValueError where it is not known."""
-    if evidence.truth is None:
-        raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
-    return evidence.truth
+    return known_truth(evidence.truth)
 
 
 def check_evidence(given: Evidence) -> Evidence:
     """Return evidence as it is; ValueError for anything else, as a bare array."""
     if isinstance(given, Evidence):
         return given
+    hint = "Evidence(log_likelihood) makes one from nats (trials, steps, hypotheses)"
     if isinstance(getattr(given, "evidence", None), Evidence):
-        raise InputError(
-            f"evidence must be an Evidence, got {type(given).__name__}: its .evidence", "evidence"
-        )
-    raise InputError(
-        f"evidence must be an Evidence, got {type(given).__name__}: Evidence(log_likelihood) makes "
-        "one from nats (trials, steps, hypotheses)",
-        "evidence",
-    )
+        hint = "give its .evidence"
+    what = type(given).__name__
+    raise InputError(f"evidence must be an Evidence, got {what}: {hint}", "evidence")
 
 
 def minus_log_softmax(y: Array) -> Array:
@@ -350,8 +353,7 @@ def gaussian_evidence(
     ValueError
         For a number out of its range, by its name.
     """
-    if not (is_number(d_prime) and 0 < d_prime < np.inf):
-        raise InputError.of("d_prime", "must be > 0 and finite", d_prime)
+    check_positive(d_prime=d_prime)
     return separated_evidence(
         trials,
         whole("t_max", t_max, 1),
@@ -398,10 +400,8 @@ def separated_evidence(
     """
     trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
     hypotheses = whole("hypotheses", hypotheses, 2)
-    if not (is_number(separation) and 0 < separation < np.inf):
-        raise InputError.of("separation", "must be > 0 and finite", separation)
-    if not (is_number(conflict) and abs(conflict) < np.inf):
-        raise InputError.of("conflict", "must be a finite number", conflict)
+    check_positive(separation=separation)
+    check_finite(conflict=conflict)
     check_evidence_memory(trials, steps, hypotheses)
     rng = generator(rng)
     truth = np.arange(trials) % hypotheses
@@ -435,8 +435,7 @@ def expecting(
         If ``most_nats`` is negative, or the foreperiod is not made of whole steps.
     """
     check_evidence(evidence)
-    if not (is_number(most_nats) and 0 <= most_nats < np.inf):
-        raise InputError.of("most_nats", "must be >= 0 and finite", most_nats)
+    check_range(0, np.inf, most_nats=most_nats)
     steps = whole_steps(foreperiod_ms, evidence.step_ms)
     top = generator(rng).uniform(0, most_nats, evidence.trials)
     ramp = top[:, None] * np.arange(1, steps + 1) / steps
@@ -448,11 +447,8 @@ def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
     known = is_number(foreperiod_ms) and np.isfinite(foreperiod_ms)
     steps = round(foreperiod_ms / step_ms) if known else 0
     if steps < 1 or abs(steps * step_ms - foreperiod_ms) > 1e-9 * step_ms:
-        raise InputError(
-            f"expectancy needs a foreperiod of one or more whole steps of {step_ms:g} ms, got "
-            f"{foreperiod_ms!r} ms",
-            "foreperiod_ms",
-        )
+        must = f"must be one or more whole steps of {step_ms:g} ms, of an expectancy"
+        raise InputError.of("foreperiod_ms", must, foreperiod_ms)
     return steps
 
 
@@ -463,10 +459,8 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> Array:
     values = np.asarray(reals("prior", prior), dtype=np.float64)
     if values.shape != (hypotheses,) or not (values > 0).all():
         raise InputError.of("prior", f"must hold {hypotheses} probabilities > 0", values)
-    if abs(values.sum() - 1) > 1e-9:
-        raise InputError(
-            f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}", "prior"
-        )
+    total = values.sum()
+    require(abs(total - 1) <= 1e-9, "prior", f"must sum to 1, and not to {total:.12g}", values)
     return values
 
 
@@ -504,10 +498,7 @@ def _checked_lengths(lengths: npt.ArrayLike | None, log_likelihood: Reals) -> In
     values = _of_trials("lengths", lengths, log_likelihood)
     if values is None:
         return None
-    if values.min() < 1 or values.max() > steps:
-        raise InputError(
-            f"lengths must lie in 1..{steps}, got {values.min()}..{values.max()}", "lengths"
-        )
+    check_inside("lengths", values, 1, steps)
     if (values < steps).any() and log_likelihood[np.arange(steps) >= values[:, None]].any():
         raise InputError("readings after the last of a trial must be 0, got others", "lengths")
     return values

@@ -13,7 +13,7 @@ from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
-from circuits.checks import check_types
+from circuits.checks import check_positive, check_range, check_types
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -93,8 +93,7 @@ class Stimuli:
         for name in ("trials", "t_max"):
             require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
         require(self.channels >= 2, "channels", "must be at least 2", self.channels)
-        require(0 < self.d_prime < np.inf, "d_prime", "must be > 0 and finite", self.d_prime)
-        require(0 < self.step_ms < np.inf, "step_ms", "must be > 0 and finite", self.step_ms)
+        check_positive(d_prime=self.d_prime, step_ms=self.step_ms)
         self._check_expectancy()
         require(0 <= self.conflict < 1, "conflict", "must lie in 0..1, below 1", self.conflict)
         require(0 < self.step_deg <= 180, "step_deg", "must lie in 0..180", self.step_deg)
@@ -117,8 +116,7 @@ class Stimuli:
         self._check_task(default)
 
     def _check_expectancy(self) -> None:
-        if not 0 <= self.expectancy_nats < np.inf:
-            raise InputError.of("expectancy_nats", "must be >= 0 and finite", self.expectancy_nats)
+        check_range(0, np.inf, expectancy_nats=self.expectancy_nats)
         if self.expectancy_nats:
             whole_steps(self.expectancy_ms, self.step_ms)
         elif self.expectancy_ms:

@@ -61,8 +61,11 @@ def test_what_is_expected_comes_before_the_same_evidence():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"expectancy_nats": 3.0}, "expectancy needs a foreperiod of .* whole steps of 50"),
-        ({"expectancy_nats": 3.0, "expectancy_ms": 70.0}, "expectancy needs a foreperiod"),
+        ({"expectancy_nats": 3.0}, "foreperiod_ms must be .* whole steps of 50"),
+        (
+            {"expectancy_nats": 3.0, "expectancy_ms": 70.0},
+            "foreperiod_ms must be one or more whole steps",
+        ),
         ({"expectancy_nats": -1.0}, "expectancy_nats must be >= 0 and finite, got -1"),
         ({"expectancy_ms": 800.0}, "expectancy_ms is for a task with expectancy_nats > 0"),
         ({"evidence": Path("a.csv"), **RAMP}, "expectancy_nats is for evidence that is drawn"),

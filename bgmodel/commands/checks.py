@@ -100,6 +100,13 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
     return found
 
 
+def made_with(command: Any, model: BasalGanglia, **settled: Any) -> dict[str, Any]:
+    """Return the options and the circuit of a result, for its provenance; see ``options_of``."""
+    from bgmodel.integrators.basal_ganglia import identity
+
+    return {"command": options_of(command, **settled), "circuit": identity(model.circuit)}
+
+
 def recorded(value: Any) -> Any:
     """Return an option as it is kept: what had a say, and of a file its name and checksum."""
     if hasattr(value, "used"):
@@ -139,9 +146,7 @@ def check_outputs(command: Writes) -> None:
     folders = [path.resolve() for _, path in _paths(command) if path.is_dir()]
     for path in outputs:
         if any(folder in path.resolve().parents for folder in folders):
-            raise InputError(
-                f"{str(path)!r} lies in a folder that is read: give another place", "path"
-            )
+            raise InputError(f"{str(path)!r} lies in a folder that is read: move it", "path")
 
 
 def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
@@ -150,9 +155,7 @@ def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
     for name, path in paths:
         other = seen.setdefault(path.resolve(), name)
         if other != name:
-            raise InputError(
-                f"{other} and {name} are one file, {str(path)!r}: nothing was written", "path"
-            )
+            raise InputError(f"{other} and {name} are one file, {str(path)!r}", "path")
 
 
 def _paths(options: Any) -> Iterator[tuple[str, Path]]:

@@ -16,7 +16,7 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
-    options_of,
+    made_with,
     say_before,
     say_of_edits,
 )
@@ -154,7 +154,6 @@ class CircuitRun(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import identity
         from circuits.activity import RateMeans
 
         self._check()
@@ -174,12 +173,8 @@ class CircuitRun(Writes):
         seed = asked.seed if asked.task.evidence is None or model.engine.noisy else None
         about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
-        behind = {
-            "command": options_of(
-                self, condition=replace(asked, gain=model.gain, posterior=posterior)
-            ),
-            "circuit": identity(model.circuit),
-        }
+        settled = replace(asked, gain=model.gain, posterior=posterior)
+        behind = made_with(self, model, condition=settled)
         files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None and means is not None:
             files.write_table(means.table(), self.rates, seed=seed, **behind)

@@ -13,7 +13,7 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
-    options_of,
+    made_with,
     say,
     say_before,
     say_of_edits,
@@ -156,10 +156,7 @@ class CircuitCompareEdits(Comparison):
 
 def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
     """Return the options and the circuit of a result, for its provenance."""
-    from bgmodel.integrators.basal_ganglia import identity
-
-    command = options_of(asked_for, setup=replace(asked_for.setup, gain=model.gain))
-    return {"command": command, "circuit": identity(model.circuit)}
+    return made_with(asked_for, model, setup=replace(asked_for.setup, gain=model.gain))
 
 
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:

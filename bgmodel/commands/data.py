@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from bgmodel.commands.checks import Shows, check_ending
 from bgmodel.support import files
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from bgmodel.tables.shipped import Shipped
@@ -36,14 +36,12 @@ class Data(Shows):
         from bgmodel.tables.shipped import shipped
 
         sets = shipped()
-        if self.name and self.name not in sets:
-            raise InputError(
-                f"the name must be one of {', '.join(sets)}, got {self.name!r}", "name"
-            )
+        known = f"one of {', '.join(sets)}"
+        require(not self.name or self.name in sets, "name", f"must be {known}", self.name)
         if self.output is not None:
             check_ending("out", self.output, ".parquet", ".csv")
             if not self.name:
-                raise InputError(f"out needs the name of a set: one of {', '.join(sets)}", "out")
+                raise InputError(f"out needs the name of a set: {known}", "out")
         if not self.name:
             self._list(sets)
             return
@@ -62,10 +60,7 @@ class Data(Shows):
                 "participants": one.people,
                 "strength": one.strength,
                 "conditions": ", ".join(one.conditions),
-                "citation": one.citation,
-                "source": one.source,
-                "licence": one.licence,
-                "note": one.note,
+                **one.about,
             }
             for one in sets.values()
         ]
@@ -81,22 +76,12 @@ class Data(Shows):
         columns = "\n".join(f"{name:<16}{meaning}" for name, meaning in one.columns.items())
         shown = found.to_string(index=False, float_format="{:.3f}".format)
         text = f"{_head(one)}\n\n{columns}\n\n{shown}"
-        about = {"name": one.name, "citation": one.citation, "source": one.source}
-        about |= {"licence": one.licence, "note": one.note, "checksum": choices.checksum}
+        about = {**one.about, "checksum": choices.checksum}
         self.show(text, found, columns=one.columns, output=self.output, **about)
 
     def _write(self, one: Shipped, output: Path) -> None:
         """Write a set, with where it comes from."""
-        files.write_table(
-            one.table,
-            output,
-            name=one.name,
-            columns=one.columns,
-            citation=one.citation,
-            source=one.source,
-            licence=one.licence,
-            note=one.note,
-        )
+        files.write_table(one.table, output, columns=one.columns, **one.about)
         self.note(f"{one.trials} trials -> {output}")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tyro.conf import OmitArgPrefixes
 
@@ -13,7 +13,7 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
-    options_of,
+    made_with,
     say_before,
     say_of_edits,
 )
@@ -57,7 +57,6 @@ class CircuitDesigned(Shows):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison import designed
-        from bgmodel.integrators.basal_ganglia import identity
         from bgmodel.integrators.deciding import sample_ms
 
         self._check()
@@ -77,10 +76,7 @@ class CircuitDesigned(Shows):
         with bar(len(every) * trials):
             found = designed.designed_circuit(model, self.thresholds, trials=trials)
         if self.output is not None:
-            behind: dict[str, Any] = {
-                "command": options_of(self, setup=replace(setup, gain=model.gain))
-            }
-            behind["circuit"] = identity(table)
+            behind = made_with(self, model, setup=replace(setup, gain=model.gain))
             files.write_table(found, self.output, seed=setup.seed, **behind)
         outcomes = designed.verdicts(found).set_index("theory")["outcome"].to_dict()
         about = {"circuit": table.name, "trials": trials, "outcomes": outcomes}

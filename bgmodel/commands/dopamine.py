@@ -14,7 +14,7 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
-    options_of,
+    made_with,
     say,
     say_before,
     say_of_edits,
@@ -74,7 +74,6 @@ class CircuitLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import identity
         from bgmodel.learning.dopamine import playable_levels
         from bgmodel.learning.dopamine_learner import (
             learn_level,
@@ -103,8 +102,7 @@ class CircuitLearn(Writes):
             scored = level_outcomes(again, fresh, levels, threshold_nats)
         behind: dict[str, Any] = {
             "seed": asked.seed,
-            "command": options_of(self, condition=replace(asked, gain=model.gain)),
-            "circuit": identity(model.circuit),
+            **made_with(self, model, condition=replace(asked, gain=model.gain)),
         }
         given: dict[str, Any] = {"runs": self.runs, "seed": asked.seed, "learner": self.learner}
         try:
@@ -121,9 +119,7 @@ class CircuitLearn(Writes):
         if self.condition.task.evidence is None:
             return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
-            raise InputError(
-                "evidence must hold 2 trials or more: every second one is scored", "evidence"
-            )
+            raise InputError("evidence must hold 2 trials or more: half are scored", "evidence")
         return trials.evidence[::2], trials.evidence[1::2]
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
@@ -175,10 +171,7 @@ class CircuitLearn(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         asked.task.check_idle(TOUCHED)
         if not engine_of(asked.engine).timed:
-            raise InputError(
-                f"the {asked.engine} engine has no decision times to learn from: take rate",
-                "engine",
-            )
+            raise InputError(f"{asked.engine} has no times to learn from: take rate", "engine")
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * asked.task.trials

@@ -62,9 +62,8 @@ class Kept:
         files.check_writable(self.folder)
         for path in (self.folder / name for name in TABLES):
             if path.exists() and not files.is_result(path):
-                raise InputError(
-                    f"{str(path)!r} is there and no result of a fit: give another folder", "folder"
-                )
+                said = f"{str(path)!r} is there and no result of a fit: give another folder"
+                raise InputError(said, "folder")
         other = sorted({each for name in TABLES for each in self._differs(name)})
         if other and not force:
             raise InputError(

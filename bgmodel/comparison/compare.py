@@ -201,9 +201,7 @@ def compare(
         intact = checked_circuit(intact, evidence.hypotheses)
         check_edit_of(intact, model.circuit, "circuit")
         if intact == model.circuit:
-            raise InputError(
-                f"{intact.name} equals the intact circuit: no edit changed anything", "intact"
-            )
+            raise InputError(f"intact must differ: no edit changed {intact.name}", "intact")
     model.warn_beyond_range(evidence)
     allowed = warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

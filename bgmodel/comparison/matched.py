@@ -115,10 +115,8 @@ def matched_measures(
         If the tradeoffs do not hold the same trials, or are too few for an interval.
     """
     for one in (other, minus or other, again or other):
-        if one.trials != test.trials:
-            raise InputError(
-                f"the same trials must be compared, got {test.trials} and {one.trials}", "other"
-            )
+        same = f"must have the {test.trials} trials of the test"
+        require(one.trials == test.trials, "other", same, one.trials)
     n = test.trials
     check_trials(n)
     weights = resampled(n, resamples, rng, groups)

@@ -12,7 +12,16 @@ import numpy.typing as npt
 
 from bgmodel.deciding.readout import ReadOut, check_early_and_late, check_one_given
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import check_flag, checked_truth, is_number, one_per_trial, reals
+from bgmodel.support.checks import (
+    check_finite,
+    check_flag,
+    check_inside,
+    check_positive,
+    checked_truth,
+    known_truth,
+    one_per_trial,
+    reals,
+)
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError, require
 
@@ -77,8 +86,8 @@ class Trace(Facts):
         """
         from bgmodel.plots import new_axes, output
 
-        if trial not in range(len(self.out_nats)):
-            raise InputError.of("trial", f"must lie in 0..{len(self.out_nats) - 1}", trial)
+        last = len(self.out_nats) - 1
+        require(trial in range(last + 1), "trial", f"must lie in 0..{last}", trial)
         ticks = self.of_trials()[0][trial]
         relative_ms = self.time_ms[:ticks] - self.onset_ms
         return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
@@ -94,8 +103,7 @@ class Trace(Facts):
         trials, ticks = np.shape(self.out_nats)[:2]
         ends = np.full(trials, ticks) if self.ends is None else self.ends
         ends = one_per_trial("ends", ends, trials)
-        if ends.min() < 1 or ends.max() > ticks:
-            raise InputError(f"ends must lie in 1..{ticks}, got {ends.min()}..{ends.max()}", "ends")
+        check_inside("ends", ends, 1, ticks)
         numbers = np.arange(trials) if self.numbers is None else self.numbers
         numbers = one_per_trial("numbers", numbers, trials)
         return ends.astype(np.int64), numbers.astype(np.int64)
@@ -163,11 +171,7 @@ class Decision(Facts):
             return right / (self.choice != UNDECIDED).sum(axis=-1)
 
     def _right(self) -> Truths:
-        if self.truth is None:
-            raise InputError(
-                "accuracy needs the truth of each trial: give evidence that has it", "truth"
-            )
-        return np.asarray(self.choice == self.truth)
+        return np.asarray(self.choice == known_truth(self.truth))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per trial (and threshold, numbered from 0).
@@ -232,9 +236,7 @@ class Decision(Facts):
             return choice_times(new_axes(ax), self.choice, self.time_ms)
         truth = self.truth if truth is None else truth
         if truth is None:
-            raise InputError(
-                "decisions at several thresholds need the truth: plot(truth=...)", "truth"
-            )
+            raise InputError("several thresholds need the truth: plot(truth=...)", "truth")
         decided = (self.choice >= 0).sum(axis=1)
         right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
         accuracy = right.sum(axis=1) / np.maximum(decided, 1)
@@ -452,10 +454,9 @@ def tally(
 
     check_flag("checked", checked)
     require(np.ndim(thresholds) == 1, "thresholds", "must be (K,)", np.shape(thresholds))
-    if truth is None:
-        raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
+    known = known_truth(truth)
     out, first, ends, numbers = _ready(trace)
-    truth = checked_truth(truth, len(out), out.shape[2])
+    truth = checked_truth(known, len(out), out.shape[2])
     order, level = _sorted_levels(thresholds, out.shape[2])
     if checked and trace.readout is not None:
         trace.readout.check(thresholds)
@@ -510,8 +511,7 @@ def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
 
 def check_trace(given: Trace) -> None:
     """Raise ValueError for what is no trace, as a bare array."""
-    if not isinstance(given, Trace):
-        raise InputError.of("trace", "must be a Trace, as from Msprt().run", given)
+    require(isinstance(given, Trace), "trace", "must be a Trace, as from Msprt().run", given)
 
 
 def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -530,11 +530,8 @@ def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray
             f"{span(time_ms)} in shape {time_ms.shape}",
             "time_ms",
         )
-    if not (is_number(trace.step_ms) and trace.step_ms > 0 and is_number(trace.onset_ms)):
-        raise InputError(
-            f"step_ms must be > 0 and onset_ms a number, got {trace.step_ms!r}, {trace.onset_ms!r}",
-            "step_ms",
-        )
+    check_positive(step_ms=trace.step_ms)
+    check_finite(onset_ms=trace.onset_ms)
     return out, _first_reading(trace), *trace.of_trials()
 
 

@@ -7,8 +7,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import Decision, Tally
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import is_number, one_per_trial
-from circuits.errors import require
+from bgmodel.support.checks import check_positive, one_per_trial
 
 
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
@@ -50,4 +49,4 @@ def mean_reward(counts: Tally, xi: float) -> Array:
 
 def check_xi(xi: float) -> None:
     """Raise ValueError if this cannot be the cost of an error."""
-    require(is_number(xi) and 0 < xi < np.inf, "xi", "must be > 0 readings", xi)
+    check_positive(xi=xi)

@@ -41,10 +41,8 @@ class Prediction:
             raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
         require(0 <= self.at_least < np.inf, "at_least", "must be >= 0", self.at_least)
         check_size("at_least", self.measure, self.at_least, below=1)
-        if self.direction == "none" and not self.at_least:
-            raise InputError(
-                'at_least must be > 0 where the direction is "none", got 0', "at_least"
-            )
+        fits = self.direction != "none" or self.at_least
+        require(fits, "at_least", 'must be > 0 where the direction is "none"', self.at_least)
 
     def outcome(self, low: float, high: float) -> str:
         """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
@@ -79,11 +77,9 @@ class Effect:
     def __post_init__(self) -> None:
         if self.measure not in MEASURES:
             raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
-        if self.unit == PERCENT and self.measure not in RELATIVE:
-            raise InputError(
-                f"a change in percent is of one of {', '.join(RELATIVE)}, got {self.measure!r}",
-                "measure",
-            )
+        if self.unit == PERCENT:
+            must = f"must be one of {', '.join(RELATIVE)} for a change in percent"
+            require(self.measure in RELATIVE, "measure", must, self.measure)
         if (self.low is None) != (self.high is None):
             raise InputError("an effect's interval needs both low and high, got one of them", "low")
         low, high = self.interval

@@ -13,7 +13,7 @@ from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
@@ -61,10 +61,8 @@ class ExperimentRecord(Observed):
     def __post_init__(self) -> None:
         super().__post_init__()
         told = [(effect.measure, effect.unit) for effect in self.effects]
-        if len(set(told)) < len(told):
-            raise InputError(
-                "effects must give a measure in one unit once, got it twice", "effects"
-            )
+        once = len(set(told)) == len(told)
+        require(once, "effects", "must give a measure in one unit once", told)
         self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
@@ -88,14 +86,10 @@ class ExperimentRecord(Observed):
         """
         control, manipulation = self.conditions
         self.given()
-        if (control.edited, control.threshold_nats) == (
-            manipulation.edited,
-            manipulation.threshold_nats,
-        ):
-            raise InputError(
-                "the manipulation changes nothing: control and manipulation are alike",
-                "manipulation",
-            )
+        alike = control.threshold_nats == manipulation.threshold_nats
+        if alike and control.edited == manipulation.edited:
+            said = "the manipulation changes nothing: control and manipulation are alike"
+            raise InputError(said, "manipulation")
         manipulation.check(control)
 
     def given(self) -> Trials:

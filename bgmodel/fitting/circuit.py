@@ -25,9 +25,9 @@ from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.checks import is_whole
+from bgmodel.support.checks import whole
 from bgmodel.version import __version__
-from circuits.errors import InputError, RangeWarning, require
+from circuits.errors import RangeWarning, require
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -85,27 +85,14 @@ class CircuitModel:
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if self.circuit.channels != 2:
-            raise InputError(
-                f"choices and times are fitted with two channels, got {self.circuit.channels}",
-                "circuit",
-            )
+        channels = self.circuit.channels
+        require(channels == 2, "circuit", "must have two channels for a fit", channels)
         from circuits.declaration.table import NATS
 
-        if self.circuit.unit != NATS:
-            raise InputError(
-                f"fits need a circuit whose OUT is in nats, {self.circuit.name} has it in "
-                f"{self.circuit.unit}",
-                "circuit",
-            )
+        unit = self.circuit.unit
+        require(unit == NATS, "circuit", "must have an OUT in nats for a fit", unit)
         engine_of(self.engine)
-        require(
-            is_whole(self.trials) and self.trials >= PARTS,
-            "trials",
-            f"must be a whole number, {PARTS} or more, since the error of the "
-            f"simulation is found from {PARTS} parts of them",
-            self.trials,
-        )
+        whole("trials", self.trials, PARTS)  # whose parts give the error of the simulation
 
     @property
     def threshold_name(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bgmodel.support.checks import check_flag, is_number, path_of, whole
+from bgmodel.support.checks import check_flag, check_positive, path_of, whole
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,8 +70,7 @@ class FitSettings:
         check_flag("pooled", self.pooled)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
-        if not (is_number(self.noise_nats) and 0 < self.noise_nats < float("inf")):
-            raise InputError.of("noise_nats", "must be finite and above 0", self.noise_nats)
+        check_positive(noise_nats=self.noise_nats)
         if not isinstance(self.mechanism, str) or self.mechanism not in MECHANISMS:
             allowed = ", ".join(MECHANISMS)
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)

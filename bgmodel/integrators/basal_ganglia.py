@@ -26,7 +26,7 @@ from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import check_flag, is_number, whole
+from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
 from bgmodel.support.reprs import Facts
@@ -102,8 +102,7 @@ class BasalGanglia(Facts):
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
         if self.gain is None:
             object.__setattr__(self, "gain", gain_of(self.circuit))
-        if not (is_number(self.gain) and 0 < self.gain < np.inf):
-            raise InputError.of("gain", "must be > 0 and finite", self.gain)
+        check_positive(gain=self.gain)
         if self.seed is not None:
             whole("seed", self.seed, 0)
         if self.centred is not None:

@@ -16,8 +16,7 @@ from bgmodel.deciding.decision import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import is_number
-from circuits.errors import InputError, require
+from bgmodel.support.checks import check_positive, check_range
 
 
 class Baseline(Protocol):
@@ -101,10 +100,7 @@ class Lca:
     inhibition_hz: float = 100.0
 
     def __post_init__(self) -> None:
-        for name in ("leak_hz", "inhibition_hz"):
-            value = getattr(self, name)
-            if not (is_number(value) and 0 <= value < np.inf):
-                raise InputError.of(name, "must be >= 0 and finite", value)
+        check_range(0, np.inf, leak_hz=self.leak_hz, inhibition_hz=self.inhibition_hz)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -x as a trace (trials, 1 + steps, hypotheses)."""
@@ -138,9 +134,7 @@ class LinearGpe:
     slope: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("gain", "slope"):
-            value = getattr(self, name)
-            require(is_number(value) and 0 < value < np.inf, name, "must be > 0 and finite", value)
+        check_positive(gain=self.gain, slope=self.slope)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Sigma - y as a trace (trials, 1 + steps, hypotheses)."""

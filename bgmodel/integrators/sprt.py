@@ -11,11 +11,17 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision, Tally, Trace, first_crossing
 from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
-from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
+from bgmodel.evidence import (
+    Evidence,
+    check_evidence,
+    checked_prior,
+    minus_log_softmax,
+    needed_truth,
+)
 from bgmodel.integrators.session import Session
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import is_number, reals, whole
-from circuits.errors import InputError
+from bgmodel.support.checks import check_positive, reals, whole
+from circuits.errors import InputError, require
 
 OF_SPRT = ReadOut("the SPRT", unit=LOG_ODDS)
 OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
@@ -136,8 +142,7 @@ class Msprt(Decides):
     gain: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (is_number(self.gain) and 0 < self.gain < np.inf):
-            raise InputError.of("gain", "must be > 0 and finite", self.gain)
+        check_positive(gain=self.gain)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
@@ -177,14 +182,13 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
             f"decide without evidence{meant(float(levels.max()))}",
             "thresholds",
         )
-    if evidence.truth is None:
-        raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
+    truth = needed_truth(evidence)
     start = Sprt().start(checked_two(evidence).prior)[0]
     order = np.argsort(-levels, kind="stable")
     correct, steps, forced = tally_odds(
         evidence.log_likelihood,
         start,
-        evidence.truth,
+        truth,
         np.append(-levels[order], np.inf),
         np.asarray(evidence.readings, dtype=np.int64),
         np.asarray(evidence.trial_numbers, dtype=np.int64),
@@ -195,11 +199,13 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
 
 def checked_two(evidence: Evidence) -> Evidence:
     """Return the evidence; ValueError unless it has two hypotheses."""
-    if check_evidence(evidence).hypotheses != 2:
-        raise InputError(
-            f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt", "evidence"
-        )
+    check_two("evidence", check_evidence(evidence).hypotheses)
     return evidence
+
+
+def check_two(field: str, hypotheses: int) -> None:
+    """Raise ValueError unless these are two hypotheses, which are all that the SPRT knows."""
+    require(hypotheses == 2, field, "must be of exactly 2 hypotheses (or use Msprt)", hypotheses)
 
 
 def sprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
@@ -278,19 +284,15 @@ class Stream:
         if not isinstance(self.test, (Sprt, Msprt)):
             raise InputError.of("test", "must be Sprt or Msprt", type(self.test).__name__)
         self.hypotheses = whole("hypotheses", self.hypotheses, 2)
-        if isinstance(self.test, Sprt) and self.hypotheses != 2:
-            raise InputError(
-                f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt", "hypotheses"
-            )
+        if isinstance(self.test, Sprt):
+            check_two("hypotheses", self.hypotheses)
         if self.t_max is not None:
             self.t_max = whole("t_max", self.t_max, 1)
         self.number = whole("number", self.number, 0)
         self._state = self.test.start(checked_prior(self.prior, self.hypotheses))
         levels = np.asarray(reals("threshold", self.threshold), dtype=np.float64)
-        if levels.shape not in ((), (self.hypotheses,)):
-            raise InputError.of(
-                "threshold", f"must be a number or ({self.hypotheses},)", levels.shape
-            )
+        shapes = ((), (self.hypotheses,))
+        require(levels.shape in shapes, "threshold", f"must be of shape {shapes}", levels.shape)
         self._levels = np.broadcast_to(levels, (self.hypotheses,))[None]
         known = OF_SPRT if isinstance(self.test, Sprt) else OF_MSPRT
         known.check(self._levels)
@@ -309,11 +311,9 @@ class Stream:
         if the trial is already decided.
         """
         reading = np.asarray(reals("a reading", log_likelihood), dtype=np.float64)
-        if reading.shape != (self.hypotheses,) or not np.isfinite(reading).all():
-            raise InputError(
-                f"a reading must hold {self.hypotheses} finite log-likelihoods, got {reading}",
-                "log_likelihood",
-            )
+        fits = reading.shape == (self.hypotheses,) and np.isfinite(reading).all()
+        must = f"must hold {self.hypotheses} finite log-likelihoods"
+        require(fits, "log_likelihood", must, reading)
         if self.choice is not None:
             raise RuntimeError("the trial is already decided: start a new Stream")
         self.readings += 1

@@ -28,7 +28,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import is_number
+from bgmodel.support.checks import check_positive, is_number
 from circuits.circuit import Circuit
 from circuits.errors import InputError, NoiseWarning, require
 
@@ -180,7 +180,7 @@ def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, ga
     ValueError
         If the level lies outside the working range.
     """
-    require(is_number(gain) and 0 < gain < np.inf, "gain", "must be > 0 and finite", gain)
+    check_positive(gain=gain)
     circuit = checked_circuit(circuit)
     odds = _odds(circuit)
     past = decided_out(circuit, level, odds) - threshold_nats

@@ -11,7 +11,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Learned, Learner, learn
+from bgmodel.learning.reinforce import Learned, Learner, course, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
@@ -130,17 +130,7 @@ def learned_table(learned: Learned) -> pd.DataFrame:
         One row a trial of a run: run, episode, tonic (the mean level), level (what was played),
         reward, phasic (the reward prediction error).
     """
-    runs, episodes = learned.played.shape
-    return pd.DataFrame(
-        {
-            "run": np.repeat(np.arange(runs), episodes),
-            "episode": np.tile(np.arange(episodes), runs),
-            "tonic": learned.mean_played.ravel(),
-            "level": learned.played.ravel(),
-            "reward": learned.reward.ravel(),
-            "phasic": learned.prediction_error.ravel(),
-        }
-    )
+    return course(learned, mean="tonic", played="level", error="phasic")
 
 
 def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
@@ -231,9 +221,7 @@ def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
     cost = -learned.reward[:, learned.reward.shape[1] // 2 :]
     wrong = cost >= xi
     if cost[~wrong].max(initial=0) > 0.9 * xi or cost.max(initial=0) > 1.9 * xi:
-        raise InputError(
-            f"xi must be longer than any trial, got {xi} for trials that reach it", "xi"
-        )
+        raise InputError.of("xi", "must be longer than any trial", xi)
     steps = cost - xi * wrong
     rows = []
     for run, (error, time) in enumerate(zip(wrong, steps, strict=True)):

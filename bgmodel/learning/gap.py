@@ -11,7 +11,7 @@ import pandas as pd
 
 from bgmodel.deciding.reward import mean_reward
 from bgmodel.learning.policies import DELTA_RANGE, Policy
-from bgmodel.learning.reinforce import Learned, Learner, exhaustive_search, learn, smoothed
+from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
@@ -264,19 +264,4 @@ def learn_gap(
         "optimal_delta": optimum.delta,
         "optimal_cost": optimum.cost,
     }
-    return _course(learned), summary
-
-
-def _course(learned: Learned) -> pd.DataFrame:
-    """Return every trial of every run, one row each."""
-    runs, episodes = learned.played.shape
-    return pd.DataFrame(
-        {
-            "run": np.repeat(np.arange(runs), episodes),
-            "episode": np.tile(np.arange(episodes), runs),
-            "mean_delta": learned.mean_played.ravel(),
-            "delta": learned.played.ravel(),
-            "reward": learned.reward.ravel(),
-            "dopamine": learned.prediction_error.ravel(),
-        }
-    )
+    return course(learned, mean="mean_delta", played="delta", error="dopamine"), summary

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
 # Gaps that are played, nats (the range of the paper's exhaustive search).
@@ -64,8 +65,8 @@ class GaussianPolicy:
     def __post_init__(self) -> None:
         if not -np.inf < self.bounds[0] < self.bounds[1] < np.inf:
             raise InputError.of("bounds", "must rise", self.bounds)
-        for name in ("first_share", "last_share", "half_episodes"):
-            require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
+        check_positive(first_share=self.first_share, last_share=self.last_share)
+        require(self.half_episodes > 0, "half_episodes", "must be > 0", self.half_episodes)
 
     @property
     def pace(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,11 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import sprt_threshold_from_gap, tally_sprt
 from bgmodel.learning.policies import GaussianPolicy, Policy
 from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_finite, check_positive
 from circuits.errors import InputError, require
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -63,14 +68,11 @@ class Learner:
     """The learned value is the mean of so many last trials; Burguete, Griffith & Lepora 2023."""
 
     def __post_init__(self) -> None:
-        if not self.episodes >= self.last >= 1:
-            raise InputError.of(
-                "episodes", f"must be at least last ({self.last}) >= 1", self.episodes
-            )
-        for name in ("rate", "half_episodes", "baseline_rate"):
-            require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
-        if not np.isfinite(self.rate + self.baseline_rate + self.carried):
-            raise InputError("rate, baseline_rate and carried must be finite", "rate", self.rate)
+        fits = self.episodes >= self.last >= 1
+        require(fits, "episodes", f"must be at least last ({self.last}) >= 1", self.episodes)
+        check_positive(rate=self.rate, baseline_rate=self.baseline_rate)
+        require(self.half_episodes > 0, "half_episodes", "must be > 0", self.half_episodes)
+        check_finite(carried=self.carried)
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,32 @@ class Learned:
     reward: Array
     prediction_error: Array
     learned: Array
+
+
+def course(learned: Learned, *, mean: str, played: str, error: str) -> pd.DataFrame:
+    """Return every trial of every run, one row each: run, episode, and what was learned from.
+
+    Parameters
+    ----------
+    learned : Learned
+        The course.
+    mean, played, error : str
+        What the columns of ``mean_played``, ``played`` and ``prediction_error`` are called; that of
+        the reward is "reward".
+    """
+    import pandas as pd
+
+    runs, episodes = learned.played.shape
+    return pd.DataFrame(
+        {
+            "run": np.repeat(np.arange(runs), episodes),
+            "episode": np.tile(np.arange(episodes), runs),
+            mean: learned.mean_played.ravel(),
+            played: learned.played.ravel(),
+            "reward": learned.reward.ravel(),
+            error: learned.prediction_error.ravel(),
+        }
+    )
 
 
 class LearningStopped(ValueError):

@@ -11,11 +11,12 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Trace, crossing_of_each
 from bgmodel.deciding.reward import check_xi, reward, reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt, sprt_threshold_from_gap
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from circuits.errors import InputError, require
+from bgmodel.support.checks import whole
+from circuits.errors import require
 
 
 def trials_of(
@@ -81,25 +82,18 @@ class LevelOutcomes:
 
     def __post_init__(self) -> None:
         shape = (len(self.levels), self.correct.shape[-1])
-        if self.correct.shape != shape or self.steps.shape != shape:
-            raise InputError(
-                f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
-                f"and {self.steps.shape}",
-                "correct",
-            )
+        for name, values in (("correct", self.correct), ("steps", self.steps)):
+            require(values.shape == shape, name, f"must be {shape}", values.shape)
         require(np.all(np.diff(self.levels) > 0), "levels", "must rise", self.levels)
 
     @classmethod
     def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
         """Build from decisions and the truth."""
-        if evidence.truth is None:
-            raise InputError("reward needs the truth of each trial", "truth")
-        if evidence.trials != found.trials:
-            raise InputError(
-                f"decisions of {found.trials} trials, evidence of {evidence.trials}", "evidence"
-            )
+        truth = needed_truth(evidence)
+        same = f"must be of {found.trials} trials, as the decisions"
+        require(evidence.trials == found.trials, "evidence", same, evidence.trials)
         steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
-        correct = found.choice == evidence.truth
+        correct = found.choice == truth
         forced = found.forced.mean(axis=1)
         return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
 
@@ -139,10 +133,8 @@ class LevelOutcomes:
 
 def switching(worlds: Sequence[Environment], every: int) -> Environment:
     """Return a world that changes: ``every`` trials of each in turn, again and again."""
-    if not worlds or every < 1:
-        raise InputError(
-            f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}", "worlds"
-        )
+    require(worlds, "worlds", "must hold one or more", worlds)
+    whole("every", every, 1)
 
     def rewards(episode: int, played: Array) -> Array:
         return worlds[(episode // every) % len(worlds)](episode, played)

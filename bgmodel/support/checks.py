@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Integers, Reals
-from circuits.errors import InputError
+from circuits.checks import check_finite as check_finite
+from circuits.checks import check_positive as check_positive
+from circuits.checks import check_range as check_range
+from circuits.checks import is_number as is_number
+from circuits.checks import is_whole as is_whole
+from circuits.errors import InputError, require
 
 
-def is_number(value: object) -> bool:
-    """Whether a value is one real number; text, None, True and False are not."""
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
-def is_whole(value: object) -> bool:
-    """Whether a value is a whole number of whatever type, as 2 or 2.0."""
-    return is_number(value) and (isinstance(value, Integral) or float(value).is_integer())  # type: ignore[arg-type]
-
-
-def whole(name: str, value: object, least: int) -> int:
+def whole(name: str, value: Any, least: int) -> int:
     """Return a whole number; ValueError unless it is one, and at least ``least``."""
-    if not is_whole(value) or value < least:  # type: ignore[operator]
-        raise InputError.of(name, f"must be a whole number >= {least}", value)
-    return int(value)  # type: ignore[call-overload,no-any-return]
+    require(is_whole(value) and value >= least, name, f"must be a whole number >= {least}", value)
+    return int(value)
+
+
+def check_inside(name: str, values: Integers, low: int, high: int) -> None:
+    """Raise ValueError unless all numbers of an array lie in a range, its ends included."""
+    if values.min() < low or values.max() > high:
+        raise InputError(
+            f"{name} must lie in {low}..{high}, got {values.min()}..{values.max()}", name
+        )
 
 
 def reals(name: str, values: npt.ArrayLike) -> Reals:
@@ -66,20 +68,23 @@ def one_per_trial(name: str, values: npt.ArrayLike, trials: int) -> Integers:
     return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
 
 
+def known_truth(truth: Integers | None) -> Integers:
+    """Return the truth of each trial (trials,); ValueError where it is not known."""
+    if truth is None:
+        raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
+    return truth
+
+
 def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integers:
     """Return the truth (trials,); ValueError unless each is the number of a hypothesis."""
     values = one_per_trial("truth", truth, trials)
-    if values.min() < 0 or values.max() >= hypotheses:
-        raise InputError(
-            f"truth must lie in 0..{hypotheses - 1}, got {values.min()}..{values.max()}", "truth"
-        )
+    check_inside("truth", values, 0, hypotheses - 1)
     return values
 
 
 def check_flag(name: str, value: object) -> None:
     """Raise ValueError unless a value is True or False."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise InputError.of(name, "must be True or False", value)
+    require(isinstance(value, (bool, np.bool_)), name, "must be True or False", value)
 
 
 def path_of(given: str | Path, field: str = "path") -> Path:

@@ -125,11 +125,7 @@ def check_provenance_place(path: str | Path) -> None:
     except (OSError, ValueError):
         ours = False
     if not ours:
-        raise InputError(
-            f"{str(place)!r} is where the parameters of {Path(path).name!r} go, and holds "
-            "something else: move it, or give another name",
-            "path",
-        )
+        raise InputError(f"{str(place)!r} holds something else than parameters: move it", "path")
 
 
 def check_new(path: str | Path, *, force: bool = False) -> None:
@@ -147,9 +143,7 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     if path.is_dir():
         raise InputError(f"{str(path)!r} is a folder: a result needs a file's name", "path", path)
     if len(path.name.encode()) > MOST_NAME_BYTES:
-        raise InputError(
-            f"a file's name has at most {MOST_NAME_BYTES} bytes, got {path.name!r}", "path"
-        )
+        raise InputError(f"a file's name has at most {MOST_NAME_BYTES} bytes", "path", path.name)
     if not force and (path.exists() or path.is_symlink()):
         raise InputError(f"{str(path)!r} is there already: give another name, or --force", "path")
     check_provenance_place(path)
@@ -185,11 +179,16 @@ def read_table(path: str | Path) -> pd.DataFrame:
     except NoMemoryError:
         raise
     except (OSError, ValueError, pd.errors.ParserError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(
-            f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path"
-        ) from error
+        raise unreadable(path, error) from error
     raise InputError(f"a table is read from .parquet or .csv, got {str(path)!r}", "path", path)
+
+
+def unreadable(path: Path, error: Exception) -> InputError:
+    """Return the error about a table that can't be read, with the first line of the reason."""
+    reason = str(error).strip().splitlines()[0]
+    if isinstance(error, UnicodeDecodeError):
+        reason = "it is no text in UTF-8"
+    return InputError(f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path", path)
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:

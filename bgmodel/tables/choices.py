@@ -36,7 +36,7 @@ from bgmodel.tables.columns import (
 )
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
-from circuits.errors import InputError, within
+from circuits.errors import InputError, require, within
 
 __all__ = ["Choices", "read_choices", "shipped"]
 
@@ -87,11 +87,9 @@ class Choices(Facts):
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
         lengths += [] if self.strength is None else [len(self.strength)]
         if len(set(lengths)) > 1:
-            raise InputError(
-                f"choices need one value per trial in each column, got {lengths}", "response"
-            )
-        if not np.isin(self.response, (0, 1, NO_RESPONSE)).all():
-            raise InputError.of("response", "must hold 1, 0 or -1", np.unique(self.response))
+            raise InputError(f"choices need one value per trial, got {lengths}", "response")
+        coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
+        require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
         if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
             raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
         object.__setattr__(self, "checksum", self._digest())
@@ -253,9 +251,8 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     if source in SETS:
         return str(source), shipped()[str(source)].table
     if not path.suffix:
-        raise InputError.of(
-            "source", f"must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}", str(source)
-        )
+        must = f"must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}"
+        raise InputError.of("source", must, str(source))
     return path.name, read_rows(path)
 
 

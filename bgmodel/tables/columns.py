@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.checks import is_number
+from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
@@ -35,6 +35,24 @@ PERSON = re.compile(
 """Names of columns that may hold participants."""
 
 
+def names_once(columns: Iterable[object]) -> list[str]:
+    """Return the names of columns as text; ValueError where one is there twice."""
+    names = [str(name) for name in columns]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        said = ", ".join(map(repr, twice))
+        raise InputError(f"a table has each column once, got {said} twice", "columns")
+    return names
+
+
+def check_spelt(name: str, ours: Sequence[str]) -> None:
+    """Raise ValueError for a name that is one of ours but for blanks and capitals."""
+    meant = name.strip().lower()
+    if meant in ours and meant != name:
+        said = f"column {name!r} is not {meant!r}: write it so, or call it otherwise"
+        raise InputError(said, meant)
+
+
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
     """Raise ValueError if a column that is wanted is not there, is there twice, or misnamed.
 
@@ -45,22 +63,14 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
     wanted : names
         Columns that it must have.
     """
-    names = [str(name) for name in table.columns]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(
-            f"a table has each column once, got {', '.join(map(repr, twice))} twice", "columns"
-        )
+    names = names_once(table.columns)
     for name in names:
         meant = name.strip().lower()
-        if meant in OURS and meant != name and meant not in names:
-            raise InputError(
-                f"column {name!r} is not {meant!r}: write it so, or call it otherwise", meant
-            )
+        if meant not in names:
+            check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
-            raise InputError(
-                f"column {name!r} seems to hold participants: call it participant_id", "participant"
-            )
+            held = "seems to hold participants: call it participant_id"
+            raise InputError(f"column {name!r} {held}", "participant")
     for name in wanted:
         if name not in names:
             hint = ""
@@ -96,18 +106,14 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
 def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
     """Return the rows of one participant or of all, each with its number as the index."""
     for name in wanted:
-        if not isinstance(name, str):
-            raise InputError.of("conditions", "and strength must be names of columns", name)
+        is_name = isinstance(name, str)
+        require(is_name, "conditions", "and strength must be names of columns", name)
     names = [str(name) for name in table.columns]
     table = table.set_axis(names, axis=1).reset_index(drop=True)
     check_columns(table, ["rt", "response", *wanted])
     taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
-    if taken:
-        raise InputError(
-            "strength and conditions must be columns of their own, each named once, got "
-            f"{', '.join(taken)}",
-            "conditions",
-        )
+    own = "and strength must be columns of their own, each named once"
+    require(not taken, "conditions", own, taken)
     _check_people(table, wanted)
     if participant is None:
         return table
@@ -129,8 +135,7 @@ def answers(
     table: pd.DataFrame, deadline_s: float | None, upper: str | None
 ) -> tuple[Array, npt.NDArray[np.int8]]:
     """Return times, s, and responses; ValueError where one stands without the other, or late."""
-    if not isinstance(upper, str | None):
-        raise InputError.of("upper", "must be the name of a response", upper)
+    require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     rt, response = table["rt"], table["response"]
     rt_s, told = times(rt)
     chosen = responses(response, told, upper)
@@ -140,9 +145,8 @@ def answers(
     if deadline_s is None:
         hint = ": say when such a trial ended (deadline_s, at the terminal --deadline, s)"
         refuse(absent, rt, "given unless trials have a deadline", hint)
-    elif not (is_number(deadline_s) and 0 < deadline_s < np.inf):
-        raise InputError.of("deadline_s", "must be finite and above 0", deadline_s)
     else:
+        check_positive(deadline_s=deadline_s)
         refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
     return rt_s, chosen
 
@@ -152,11 +156,8 @@ def strengths(column: pd.Series) -> Array:
     values = numbers(column)
     refuse(np.isnan(values), column, "given for every trial")
     if (values == values[0]).all():
-        raise InputError(
-            f"{column.name} must differ between trials, got {values[0]:g} in all {len(values)}: "
-            "leave strength out",
-            column.name,
-        )
+        same = f"got {values[0]:g} in all {len(values)}: leave strength out"
+        raise InputError(f"{column.name} must differ between trials, {same}", column.name)
     return values
 
 
@@ -189,6 +190,11 @@ def texts(column: pd.Series) -> npt.NDArray[np.str_]:
     return found
 
 
+def check_numeric(column: pd.Series) -> None:
+    """Raise ValueError for a column of times or of true and false: they are no numbers."""
+    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
+
+
 def numbers(column: pd.Series) -> Array:
     """Return a column of numbers, (rows,), NaN where a cell holds nothing.
 
@@ -197,7 +203,7 @@ def numbers(column: pd.Series) -> Array:
     ValueError
         If a value is no finite number.
     """
-    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
+    check_numeric(column)
     missing = _is_missing(column)
     values = np.array(
         [np.nan if m else _number(v) for v, m in zip(column, missing, strict=True)],

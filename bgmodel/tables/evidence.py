@@ -17,10 +17,12 @@ from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.readings import warn_of_copies
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import read_table
+from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
+from bgmodel.tables.columns import check_numeric, check_spelt, names_once
+from bgmodel.tables.text_files import separated
 from bgmodel.tables.trials import RESULT, Trials
-from circuits.errors import InputError, require, within
+from circuits.errors import InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -171,11 +173,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
         if not any(header):
             raise InputError("the first line is blank, it must name the columns", "path", path)
         if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
-            raise InputError(
-                f"its columns are separated by {other!r}: write commas between columns, and a "
-                "point as the decimal sign",
-                "path",
-            )
+            raise separated(other, ",")
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
             raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
@@ -196,13 +194,8 @@ def _read_csv(path: Path) -> pd.DataFrame:
         raise InputError(
             f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})", "path"
         ) from None
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{str(path)!r} can't be read as .csv: it is no text in UTF-8", "path"
-        ) from None
     except (OSError, ValueError, csv.Error) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(f"{str(path)!r} can't be read as .csv: {reason}", "path", path) from None
+        raise unreadable(path, error) from None
     texts = [name for name in table.columns if not str(name).startswith("ll_")]
     return table.assign(**{name: _typed(table[name]) for name in texts})
 
@@ -225,32 +218,18 @@ def _typed(column: pd.Series) -> pd.Series:
 
 def _hypotheses(table: pd.DataFrame) -> list[str]:
     """Return the columns of log-likelihoods; ValueError where a column's name misleads."""
-    names = [str(name) for name in table.columns]
-    if len(set(names)) < len(names):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        raise InputError(
-            f"an evidence table has each column once, got {', '.join(twice)} twice", "columns"
-        )
+    names = names_once(table.columns)
     for name in names:
-        meant = name.strip().lower()
-        if meant in OURS and meant != name:
-            raise InputError(
-                f"column {name!r} is not {meant!r}: write it so, or call it otherwise", meant
-            )
-        if re.fullmatch(r"ll(\W.*|_.*)?", meant, re.DOTALL) and not _is_hypothesis(name):
-            raise InputError(
-                f"column {name!r} is no hypothesis: these are ll_<name>, lower case, no blank "
-                "around the name",
-                "columns",
-            )
+        check_spelt(name, OURS)
+        close = re.fullmatch(r"ll(\W.*|_.*)?", name.strip().lower(), re.DOTALL)
+        if close and not _is_hypothesis(name):
+            rule = "these are ll_<name>, lower case, no blank around the name"
+            raise InputError(f"column {name!r} is no hypothesis: {rule}", "columns")
     columns = [name for name in names if _is_hypothesis(name)]
     absent = [name for name in ("trial", "step") if name not in names]
     if absent or len(columns) < 2:
-        raise InputError(
-            "an evidence table needs the columns trial, step and at least two ll_<hypothesis>, "
-            f"got {names}",
-            "columns",
-        )
+        needed = "trial, step and at least two ll_<hypothesis>"
+        raise InputError(f"an evidence table needs the columns {needed}, got {names}", "columns")
     return columns
 
 
@@ -266,9 +245,8 @@ def _numbered(
     for name in keys:
         missing = table[name].isna() | (table[name].astype(object) == "")
         if missing.any():
-            raise InputError(
-                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()} rows)", name
-            )
+            row = int(np.argmax(missing))
+            raise InputError(f"{name} is missing in row {row} ({missing.sum()} rows)", name)
     try:
         trial = table.groupby(keys, sort=False).ngroup().to_numpy()
     except TypeError as error:
@@ -280,7 +258,7 @@ def _steps(
     table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
 ) -> npt.NDArray[np.intp]:
     """Return the place of each row in its trial, from 0; ValueError unless steps follow on."""
-    _check_numeric(table["step"])
+    check_numeric(table["step"])
     step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.isfinite(step) & (step == np.floor(step)))
     if wrong.any():
@@ -311,7 +289,7 @@ def _steps(
 
 def _numbers(table: pd.DataFrame, columns: list[str]) -> Array:
     for name in columns:
-        _check_numeric(table[name])
+        check_numeric(table[name])
     values: Array
     values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.abs(values) <= MOST_NATS)
@@ -327,11 +305,6 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> Array:
     return values
 
 
-def _check_numeric(column: pd.Series) -> None:
-    """Raise ValueError for a column of times or of true and false: they are no numbers."""
-    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
-
-
 def _constant(
     column: pd.Series, trial: npt.NDArray[np.intp], first_row: npt.NDArray[np.intp]
 ) -> bool:
@@ -339,9 +312,8 @@ def _constant(
     try:
         codes = pd.factorize(column)[0]
     except TypeError as error:
-        raise InputError(
-            f"column {column.name!r} can't be compared: {error}", column.name
-        ) from None
+        name = column.name
+        raise InputError(f"column {name!r} can't be compared: {error}", name) from None
     return bool((codes == codes[first_row][trial]).all())
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import MISSING_RT
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 __all__ = ["MISSING_RT", "to_hssm", "to_pyddm"]
 
@@ -114,22 +114,22 @@ def to_hssm(
 def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
     """Return strength and conditions of choices as columns."""
     if upper is not None:
-        raise InputError(
-            f"choices say already which response is 1: leave upper={upper!r} out", "upper"
-        )
+        raise InputError("choices say already which response is 1: leave upper out", "upper")
     there = [str(name) for name in choices.conditions]
     wanted = there if names is None else list(names)
     absent = [name for name in wanted if name not in there]
-    if absent:
-        raise InputError(
-            f"the choices have no condition {', '.join(absent)}: {there}", "conditions"
-        )
+    require(not absent, "conditions", f"must be among {', '.join(there) or 'none'}", absent)
     strength = {} if choices.strength is None else {"strength": choices.strength}
     # A column of the same name would take the place of another.
-    taken = sorted({"participant_id", "trial", "rt", "response", "choice", *strength} & set(wanted))
-    if taken:
-        raise InputError(f"conditions must be other columns than {', '.join(taken)}", "conditions")
+    _check_free(wanted, "participant_id", "trial", "rt", "response", "choice", *strength)
     return strength | {name: choices.conditions[name].to_numpy() for name in wanted}
+
+
+def _check_free(conditions: Sequence[str], *taken: str) -> None:
+    """Raise ValueError for conditions that are called as another column of the result."""
+    both = sorted({*taken} & {*conditions})
+    if both:
+        raise InputError(f"conditions must be other columns than {', '.join(both)}", "conditions")
 
 
 def _conditions(table: pd.DataFrame, names: Sequence[str]) -> dict[str, pd.Series]:
@@ -142,28 +142,21 @@ def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.
     wanted = ("rt", "response", "correct", "undecided", "forced", *needed)
     absent = [name for name in wanted if name not in table]
     if absent:
-        raise InputError(
-            f"the table of trials has no {', '.join(absent)}: {list(table.columns)}", "columns"
-        )
-    taken = sorted({"rt", "response", "choice"} & set(needed))
-    if taken:
-        raise InputError(f"conditions must be other columns than {', '.join(taken)}", "conditions")
+        said = f"{', '.join(absent)}: {list(table.columns)}"
+        raise InputError(f"the table of trials has no {said}", "columns")
+    _check_free(needed, "rt", "response", "choice")
     met = ~(_truths(table["undecided"]) | _truths(table["forced"]))
     if upper is None:
         # Of more than two alternatives correct and wrong are still two.
         coded = pd.to_numeric(table["correct"], errors="coerce").astype(float)
         if coded[met].isna().any():
-            raise InputError(
-                "nobody knows what is correct: name the response that is 1 (upper)", "upper"
-            )
+            raise InputError("nobody knows what is correct: name the response that is 1", "upper")
     else:
         response, names = _texts(table["response"]), set(_texts(table["response"])[met])
         if "stimulus" in table:
             names |= set(_texts(table["stimulus"])) - {""}
-        if len(names) > 2 or upper not in names:
-            raise InputError(
-                f"upper must be one of two responses, got {upper!r} of {sorted(names)}", "upper"
-            )
+        one_of = f"must be one of two responses {sorted(names)}"
+        require(len(names) <= 2 and upper in names, "upper", one_of, upper)
         coded = (response == upper).astype(float)
     return coded.where(met)
 
@@ -171,8 +164,8 @@ def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.
 def _truths(column: pd.Series) -> pd.Series:
     """Return a column of true and false, be it written as text."""
     found = column.map({True: True, False: False, "True": True, "False": False})
-    if found.isna().any():
-        raise InputError.of(column.name, "must hold True and False", column.unique()[:5])
+    known = found.notna().all()
+    require(known, column.name, "must hold True and False", column.unique()[:5])
     return found.astype(bool)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from importlib import resources
+from typing import Any
 
 import pandas as pd
 
@@ -43,6 +44,12 @@ class Shipped:
     licence: str
     licence_file: str
     note: str
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Its name, and what is to be said wherever it is shown."""
+        names = ("name", "citation", "source", "licence", "note")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def trials(self) -> int:

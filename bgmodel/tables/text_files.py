@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bgmodel.support.files import read_table
+from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_table_memory
 from circuits.errors import InputError
 
@@ -37,17 +37,16 @@ def read_rows(path: Path) -> pd.DataFrame:
     check_table_memory(path)
     try:
         cells = _cells(path, SEPARATORS[path.suffix])
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{str(path)!r} can't be read as {path.suffix}: it is no text in UTF-8", "path"
-        ) from None
     except (OSError, ValueError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(
-            f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path"
-        ) from None
+        raise unreadable(path, error) from None
     names = [str(name) for name in cells.iloc[0]]
     return cells.iloc[1:].set_axis(names, axis=1)
+
+
+def separated(found: str, wanted: str) -> InputError:
+    """Return the error about a table whose columns are separated by another sign."""
+    hint = f"write {wanted!r} between columns, and a point as the decimal sign"
+    return InputError(f"its columns are separated by {found!r}: {hint}", "path")
 
 
 def _cells(path: Path, separator: str) -> pd.DataFrame:
@@ -56,11 +55,7 @@ def _cells(path: Path, separator: str) -> pd.DataFrame:
         header = stream.readline()
     other = [mark for mark in ";,\t|" if mark in header]
     if other and separator not in header:
-        raise InputError(
-            f"its columns are separated by {other[0]!r}: write {separator!r} between columns, and "
-            "a point as the decimal sign",
-            "path",
-        )
+        raise separated(other[0], separator)
     with warnings.catch_warnings():
         # More cells in a row than in the first one would be lost.
         warnings.simplefilter("error", pd.errors.ParserWarning)

@@ -10,7 +10,7 @@ import numpy as np
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Truths
-from circuits.errors import InputError
+from circuits.errors import require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,10 +49,8 @@ class Trials:
     varying: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        if len(self.names) != check_evidence(self.evidence).hypotheses:
-            raise InputError.of(
-                "names", f"must be of {self.evidence.hypotheses} hypotheses", self.names
-            )
+        count = check_evidence(self.evidence).hypotheses
+        require(len(self.names) == count, "names", f"must be of {count} hypotheses", self.names)
 
     def where(self, chosen: Truths) -> Trials:
         """Return some of the trials."""
@@ -108,20 +106,14 @@ def trial_table(
     """
     import pandas as pd
 
-    if decision.choice.ndim != 1:
-        raise InputError(
-            f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}",
-            "decision",
-        )
-    if not isinstance(trials, Trials):
-        raise InputError(
-            f"trials must be Trials, got {type(trials).__name__}: Trials(evidence, names)", "trials"
-        )
+    is_trials = isinstance(trials, Trials)
+    require(is_trials, "trials", "must be Trials(evidence, names)", type(trials).__name__)
+    shape = decision.choice.shape
+    require(len(shape) == 1, "decision", "must be at one threshold, (trials,)", shape)
     evidence = trials.evidence
-    if decision.choice.shape != (evidence.trials,):
-        raise InputError(
-            f"{len(decision.choice)} decisions are not of {evidence.trials} trials", "trials"
-        )
+    require(
+        shape == (evidence.trials,), "trials", f"must be {shape[0]}, as decisions", evidence.trials
+    )
     labels = np.array([*trials.names, ""], dtype=object)
     truth = evidence.truth
     known = truth is not None

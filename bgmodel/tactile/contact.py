@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
 Convolution = Callable[[Array, Array], Array]
@@ -95,8 +96,7 @@ def polonsky_keer(
         No convergence within `max_iterations`.
     """
     gap, kernel, pressure = _checked(gap_mm, compliance, start_mpa)
-    for name, value in (("load_n", load_n), ("dx_mm", dx_mm), ("tol", tol)):
-        require(np.isfinite(value) and value > 0, name, "must be a finite number above 0", value)
+    check_positive(load_n=load_n, dx_mm=dx_mm, tol=tol)
     total = load_n / dx_mm**2 / (2 if mirrored else 1)
     stiffness = wavenumbers(gap.shape, dx_mm, mirrored=mirrored)
     convolve = _mirrored_convolution if mirrored else _periodic_convolution
@@ -112,15 +112,12 @@ def _checked(
     if gap.ndim != 2 or gap.size == 0 or not np.all(np.isfinite(gap)):
         raise InputError.of("gap_mm", "must be (nx, ny) and finite throughout", gap.shape)
     expected = (gap.shape[0] // 2 + 1, gap.shape[1])
-    if kernel.shape != expected or not np.all(kernel >= 0) or not np.all(np.isfinite(kernel)):
-        raise InputError.of(
-            "compliance", f"must be {expected}, finite and not negative", kernel.shape
-        )
+    fits = kernel.shape == expected and np.all(kernel >= 0) and np.all(np.isfinite(kernel))
+    require(fits, "compliance", f"must be {expected}, finite and not negative", kernel.shape)
     start = np.ones_like(gap) if start_mpa is None else np.asarray(start_mpa, dtype=float)
-    if start.shape != gap.shape or not np.all(start >= 0) or not 0 < start.sum() < np.inf:
-        raise InputError.of(
-            "start_mpa", f"must be {gap.shape}, not negative and above 0 somewhere", start.shape
-        )
+    fits = start.shape == gap.shape and np.all(start >= 0) and 0 < start.sum() < np.inf
+    must = f"must be {gap.shape}, not negative and above 0 somewhere"
+    require(fits, "start_mpa", must, start.shape)
     return gap, kernel, start
 
 

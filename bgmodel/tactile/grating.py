@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from circuits.errors import InputError, require
+from bgmodel.support.checks import check_finite, check_range
+from circuits.errors import InputError
 
 PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 """Periods of the eight stimuli, mm; 0 is smooth (Pestell, Griffith & Lepora 2022)."""
@@ -23,11 +24,9 @@ class Grating:
     """Distance of a bar's middle from the tip's apex, in periods; 0 presses on a bar."""
 
     def __post_init__(self) -> None:
-        for name in ("period_mm", "depth_mm"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError.of(name, "must be finite and 0 or more", value, owner="Grating")
-        require(np.isfinite(self.phase), "phase", "must be finite", self.phase, owner="Grating")
+        sizes = {"period_mm": self.period_mm, "depth_mm": self.depth_mm}
+        check_range(0, np.inf, owner="Grating", **sizes)
+        check_finite(owner="Grating", phase=self.phase)
 
     def half_period_cells(self, dx_mm: float) -> int:
         """Cells of side `dx_mm` in a bar.

@@ -65,29 +65,20 @@ class Library:
             The period is not in the library, a force is outside its range, or a point outside
             the field that is kept.
         """
-        if period_mm not in self.fields:
-            raise InputError(
-                f"period_mm: got {period_mm:g}, the library has {sorted(self.fields)}", "period_mm"
-            )
+        known = f"must be in the library: {sorted(self.fields)}"
+        require(period_mm in self.fields, "period_mm", known, period_mm)
         forces = np.asarray(force_n, dtype=float)
         low, high = self.plan.forces_n[0], self.plan.forces_n[-1]
         if np.any(forces < low) or np.any(forces > high):
-            raise InputError(
-                f"force_n: got {forces.min():g} to {forces.max():g}, "
-                f"the library allows {low:g} to {high:g}",
-                "force_n",
-            )
+            raise InputError.of("force_n", f"must lie in {low:g}..{high:g}", forces)
         splines = self._pin_splines(period_mm, pin_mm)
         by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
         by_force = sampling.node_weights(forces, self.plan.forces_n)
         weights = (by_phase[:, :, None] * by_force[:, None, :]).reshape(len(forces), -1)
         reach = self.plan.kept_mm / 2 - 2 * self.plan.stored_dx_mm
         if (farthest := np.abs(points_mm).max(initial=0.0)) > reach:
-            raise InputError(
-                f"pins: got one {farthest:.1f} mm from the apex along an axis of the grating, the "
-                f"library's field allows {reach:g} mm (kept_mm)",
-                "pin_mm",
-            )
+            must = f"must keep pins within {reach:g} mm of the apex (kept_mm)"
+            raise InputError.of("pin_mm", must, farthest)
         cells = (points_mm + self.plan.kept_mm / 2) / self.plan.stored_dx_mm - 0.5
         out = np.empty((*points_mm.shape[:2], 3), dtype=np.float32)
         sampling.gather(splines, cells, weights.astype(np.float32), out)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.checks import check_positive
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
@@ -53,10 +54,8 @@ class LibraryPlan:
         for name in ("periods_mm", "forces_n"):  # lists are welcome, but a plan is a key
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
         sides = ("side_mm", "field_side_mm", "kept_mm")
-        for name in ("radius_mm", "depth_mm", *sides, "dx_mm", "stored_dx_mm", "tol"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError.of(name, "must be finite and above 0", value, owner="LibraryPlan")
+        positive = ("radius_mm", "depth_mm", *sides, "dx_mm", "stored_dx_mm", "tol")
+        check_positive(owner="LibraryPlan", **{name: getattr(self, name) for name in positive})
         require(self.phases >= 2, "phases", "must be 2 or more", self.phases, owner="LibraryPlan")
         require(
             len(self.forces_n) >= 2 and np.all(np.diff(self.forces_n, prepend=0.0) > 0),

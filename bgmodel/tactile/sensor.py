@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.checks import check_range
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
@@ -43,10 +44,8 @@ class Nuisance:
     sine, all displacements in proportion."""
 
     def __post_init__(self) -> None:
-        for name in ("offset_sd_mm", "shear_sd_mm", "marker_noise_um"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError.of(name, "must be finite and 0 or more", value, owner="Nuisance")
+        sds = ("offset_sd_mm", "shear_sd_mm", "marker_noise_um")
+        check_range(0, np.inf, owner="Nuisance", **{name: getattr(self, name) for name in sds})
         require(
             len(self.force_n) == 2 and 0 < self.force_n[0] <= self.force_n[1] < np.inf,
             "force_n",
@@ -54,10 +53,8 @@ class Nuisance:
             self.force_n,
             owner="Nuisance",
         )
-        if self.noise_per not in ("tap", "frame"):
-            raise InputError.of(
-                "noise_per", "must be 'tap' or 'frame'", self.noise_per, owner="Nuisance"
-            )
+        known = self.noise_per in ("tap", "frame")
+        require(known, "noise_per", "must be 'tap' or 'frame'", self.noise_per, owner="Nuisance")
         require(self.frames >= 1, "frames", "must be 1 or more", self.frames, owner="Nuisance")
 
     def press_profile(self) -> Singles:

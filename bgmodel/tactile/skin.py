@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_positive
 from circuits.errors import InputError
 
 # Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
@@ -28,10 +29,7 @@ class Skin:
     """Shear modulus of the gel, MPa; assumed."""
 
     def __post_init__(self) -> None:
-        for name in ("skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError.of(name, "must be a finite number above 0", value, owner="Skin")
+        check_positive(owner="Skin", **vars(self))
 
 
 class Response(NamedTuple):
@@ -74,11 +72,7 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     """
     k = np.asarray(wavenumber_per_mm, dtype=float)
     if not np.all(np.isfinite(k)) or np.any(k < 0):
-        raise InputError(
-            f"wavenumber_per_mm: got values from {k.min()} to {k.max()}, "
-            "must be finite and not negative",
-            "wavenumber_per_mm",
-        )
+        raise InputError.of("wavenumber_per_mm", "must be finite and not negative", k)
     # Square grids repeat most wavenumbers, and the solve is the costly part.
     distinct, where = np.unique(k, return_inverse=True)
     positive = distinct > 0

@@ -6,7 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from circuits.errors import InputError
+from bgmodel.support.checks import check_positive, check_range
+from circuits.errors import require
 
 Layout = Literal["square", "hexagonal", "circular"]
 
@@ -27,14 +28,11 @@ class Tip:
     """Distance from the camera to the pins, mm; assumed."""
 
     def __post_init__(self) -> None:
-        if self.layout not in get_args(Layout):
-            raise InputError.of(
-                "layout", f"must be one of {get_args(Layout)}", self.layout, owner="Tip"
-            )
-        for name in ("pitch_mm", "pin_mm", "radius_mm", "camera_height_mm"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and (value > 0 or (value == 0 and name == "pin_mm"))):
-                raise InputError.of(name, "must be a finite number above 0", value, owner="Tip")
+        must = f"must be one of {get_args(Layout)}"
+        require(self.layout in get_args(Layout), "layout", must, self.layout, owner="Tip")
+        positive = ("pitch_mm", "radius_mm", "camera_height_mm")
+        check_positive(owner="Tip", **{name: getattr(self, name) for name in positive})
+        check_range(0, np.inf, owner="Tip", pin_mm=self.pin_mm)
 
     def rest_mm(self) -> NDArray[np.float64]:
         """Places of the pins at rest, x to the right and y up.

@@ -44,19 +44,9 @@ class Empirical:
     def __post_init__(self) -> None:
         given = np.atleast_1d(np.asarray(self.values, dtype=float))
         weights = np.atleast_1d(np.asarray(self.weights, dtype=float))
-        require(
-            given.ndim == 1 and given.size > 0,
-            "values",
-            "must be (n,), n >= 1",
-            given.shape,
-        )
+        require(given.ndim == 1 and given.size, "values", "must be (n,), n >= 1", given.shape)
         require(np.isfinite(given).all(), "values", "must be finite", given)
-        require(
-            weights.shape == given.shape,
-            "weights",
-            f"must be {given.shape}",
-            weights.shape,
-        )
+        require(weights.shape == given.shape, "weights", f"must be {given.shape}", weights.shape)
         require((weights >= 0).all(), "weights", "must be at least 0", weights)
         total = float(weights.sum())
         require(abs(total - 1) < 1e-9, "weights", "must be of sum 1", weights)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_finite, check_positive
 from bgmodel.theory.empirical import Empirical, check_size, empirical_chain
 from circuits.errors import require
 
@@ -32,8 +33,8 @@ class Gaussian:
     sd: float
 
     def __post_init__(self) -> None:
-        require(np.isfinite(self.mean), "mean", "must be finite", self.mean)
-        require(np.isfinite(self.sd) and self.sd > 0, "sd", "must be finite and > 0", self.sd)
+        check_finite(mean=self.mean)
+        check_positive(sd=self.sd)
 
 
 Increments = Gaussian | Empirical
@@ -49,7 +50,7 @@ def gaussian_pair(d: float) -> tuple[Gaussian, Gaussian]:
     ValueError
         If `d` is not finite and above 0.
     """
-    require(np.isfinite(d) and d > 0, "d", "must be finite and > 0", d)
+    check_positive(d=d)
     return Gaussian(-(d**2) / 2, d), Gaussian(d**2 / 2, d)
 
 

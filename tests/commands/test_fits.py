@@ -89,7 +89,7 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--vary", "bound=day"], "mine.csv: there is no column day: there are"),
         (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
         (["--deadline", "0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
-        (["--deadline", "-1"], "mine.csv: deadline_s must be finite and above 0"),
+        (["--deadline", "-1"], "mine.csv: deadline_s must be > 0 and finite"),
         (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
         (["--models"], "models must name at least one"),
         (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
@@ -107,10 +107,10 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
         (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be moved and fixed at once"),
         (["--trials", "0"], "trials must be at least 1, got 0"),
-        (["--noise-nats", "0"], "noise_nats must be finite and above 0, got 0"),
+        (["--noise-nats", "0"], "noise_nats must be > 0 and finite, got 0"),
         (["--rt-window", "2", "0.3"], "rt_window must be an earliest and a later latest time"),
         (["--rt-window", "5", "9"], "rt_window must leave at least 10 responses, got 0 of 80 of a"),
-        (["--noise-nats", "nan"], "noise_nats must be finite and above 0, got nan"),
+        (["--noise-nats", "nan"], "noise_nats must be > 0 and finite, got nan"),
     ],
 )
 def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):

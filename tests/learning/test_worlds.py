@@ -50,10 +50,10 @@ TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
     ("call", "says"),
     [
         (lambda: switching([], 3), "worlds"),
-        (lambda: switching([lambda k, x: x], 0), "worlds"),
+        (lambda: switching([lambda k, x: x], 0), "every"),
         (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
         (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
-        (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "correct"),
+        (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
     ],
 )
 def test_worlds_without_sense_are_refused(call, says):

@@ -158,7 +158,7 @@ def test_the_checksum_tells_other_data_by_any_column(change):
 
 def test_choices_that_contradict_themselves_are_refused():
     found = read_choices(people())
-    with refused("response one value per trial in each column"):
+    with refused("response one value per trial"):
         replace(found, rt_s=found.rt_s[1:])
     with refused("rt_s"):
         replace(found, rt_s=np.full(TRIALS, np.nan))

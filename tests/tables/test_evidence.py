@@ -225,7 +225,7 @@ BAD = {
     },
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
     "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
-    "columns ll_a twice": renamed("ll_b", "ll_a"),
+    "columns 'll_a' twice": renamed("ll_b", "ll_a"),
     "columns the column row is the result's own": changed(row=1),
     "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
     "ll_a must hold numbers, got bool": changed(ll_a=True),

@@ -94,9 +94,9 @@ def test_tables_that_cannot_be_told_are_refused(table):
         "columns has no block": lambda: to_hssm(table, conditions=("block",)),
         "conditions other columns than response": lambda: to_hssm(table, conditions=("response",)),
         "undecided must hold True and False": lambda: to_hssm(table.assign(undecided="no")),
-        "upper must be one of two responses, got 'up'": lambda: to_pyddm(table, upper="up"),
+        "upper must be one of two responses .*, got 'up'": lambda: to_pyddm(table, upper="up"),
         "upper nobody knows what is correct": lambda: to_hssm(table.assign(correct=pd.NA)),
-        "upper of two responses, got 'left' of": lambda: to_hssm(
+        "upper of two responses .*, got 'left'": lambda: to_hssm(
             table.assign(stimulus="up"), upper="left"
         ),
     }
@@ -158,9 +158,7 @@ def test_conditions_of_choices_that_are_not_there_are_refused(choices):
     column = pd.DataFrame({"strength": choices.conditions["cue"]})
     bad = {
         "upper choices say already which response is 1": lambda: to_hssm(choices, upper="right"),
-        "conditions the choices have no condition block": lambda: to_pyddm(
-            choices, conditions=["block"]
-        ),
+        "conditions must be among cue": lambda: to_pyddm(choices, conditions=["block"]),
         "conditions other columns than strength": lambda: to_hssm(
             replace(choices, conditions=column)
         ),
