@@ -186,13 +186,8 @@ class Decision(Facts):
         if self.truth is not None:
             columns["truth"] = np.broadcast_to(self.truth, self.choice.shape)
             columns["correct"] = self._right()
-        places = dict(
-            zip(
-                ("threshold", "trial")[-self.choice.ndim :],
-                np.indices(self.choice.shape),
-                strict=True,
-            )
-        )
+        axes = ("threshold", "trial")[-self.choice.ndim :]
+        places = dict(zip(axes, np.indices(self.choice.shape), strict=True))
         return pd.DataFrame({name: each.ravel() for name, each in {**places, **columns}.items()})
 
     def summary(self) -> pd.DataFrame:
@@ -487,10 +482,8 @@ def _chosen(
     if posterior is None:
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:
-        raise InputError(
-            "this trace does not say which posterior an OUT corresponds to: give thresholds",
-            "posterior",
-        )
+        said = "this trace does not say which posterior an OUT corresponds to: give thresholds"
+        raise InputError(said, "posterior")
     return trace.readout.threshold(posterior, trace.out_nats.shape[2])
 
 
@@ -587,8 +580,7 @@ def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers
     if levels.ndim < 2:
         levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
     if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:
-        raise InputError.of(
-            "thresholds", f"must be a number, (K,) or (K, {hypotheses})", np.shape(thresholds)
-        )
+        must = f"must be a number, (K,) or (K, {hypotheses})"
+        raise InputError.of("thresholds", must, np.shape(thresholds))
     order = np.ascontiguousarray(np.argsort(-levels, axis=0, kind="stable").T)
     return order, np.ascontiguousarray(np.take_along_axis(levels.T, order, axis=1))

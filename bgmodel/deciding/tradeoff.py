@@ -16,6 +16,8 @@ from bgmodel.support.checks import reals
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError
 
+OF_TRIALS = ("choice", "time_ms", "forced", "premature", "posterior")
+"""Fields of a ``Tradeoff`` with a value for each setting and trial."""
 REST_MS = 500.0
 """The time at rest in which responses are counted."""
 
@@ -90,14 +92,12 @@ class Tradeoff(Facts):
         """Append trials; both must have the same settings."""
         if not np.array_equal(self.settings, more.settings):
             raise InputError("tradeoffs can be joined only over the same settings", "thresholds")
-        names = ("choice", "time_ms", "forced", "premature", "posterior")
-        joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
-        return replace(self, **joined)
+        of_both = ((name, getattr(self, name), getattr(more, name)) for name in OF_TRIALS)
+        return replace(self, **{name: np.concatenate(both, axis=1) for name, *both in of_both})
 
     def at(self, chosen: Truths) -> Tradeoff:
         """Return the decisions at some of the settings."""
-        names = ("settings", "choice", "time_ms", "forced", "premature", "posterior")
-        return Tradeoff(*(getattr(self, name)[chosen] for name in names))
+        return Tradeoff(*(getattr(self, name)[chosen] for name in ("settings", *OF_TRIALS)))
 
     def choices(self, k: int) -> ChoicesAndTimes:
         """Return choices and times at the k-th setting."""

@@ -37,8 +37,7 @@ class Prediction:
     """The smallest change that counts, in the measure's unit."""
 
     def __post_init__(self) -> None:
-        if self.measure not in MEASURES:
-            raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
+        _check_measure(self.measure)
         require(0 <= self.at_least < np.inf, "at_least", "must be >= 0", self.at_least)
         check_size("at_least", self.measure, self.at_least, below=1)
         fits = self.direction != "none" or self.at_least
@@ -75,8 +74,7 @@ class Effect:
     """The measure's own unit, or per cent of the control's value, where time scales differ."""
 
     def __post_init__(self) -> None:
-        if self.measure not in MEASURES:
-            raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
+        _check_measure(self.measure)
         if self.unit == PERCENT:
             must = f"must be one of {', '.join(RELATIVE)} for a change in percent"
             require(self.measure in RELATIVE, "measure", must, self.measure)
@@ -93,6 +91,11 @@ class Effect:
         """Its 95 % interval; NaN where none was published."""
         low, high = (np.nan if end is None else end for end in (self.low, self.high))
         return low, high
+
+
+def _check_measure(name: str) -> None:
+    """Raise ValueError, with all names, for a measure that there is not."""
+    require(name in MEASURES, "measure", f"must be one of {', '.join(MEASURES)}", name)
 
 
 def check_size(what: str, measure: str, size: float, below: float) -> None:

@@ -89,8 +89,8 @@ class CircuitModel:
         require(channels == 2, "circuit", "must have two channels for a fit", channels)
         from circuits.declaration.table import NATS
 
-        unit = self.circuit.unit
-        require(unit == NATS, "circuit", "must have an OUT in nats for a fit", unit)
+        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
+        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
         engine_of(self.engine)
         whole("trials", self.trials, PARTS)  # whose parts give the error of the simulation
 

@@ -76,16 +76,12 @@ def likelihood_of(
     simulated trials are long.
     """
     _warn_of_later(model, design)
-    given = {"free": free, "fixed": fixed, "vary": vary}
     largest = design.strength.max()
-    own = replace(
-        SENSITIVITY,
-        low=SENSITIVITY.low / largest,
-        high=SENSITIVITY.high / largest,
-        start=SENSITIVITY.start / largest,
-    )
+    names = ("low", "high", "start")
+    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / largest for name in names})
     known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
-    freed = freedom(known, design.conditions, design.cells, **given)  # type: ignore[arg-type]
+    cells = design.cells
+    freed = freedom(known, design.conditions, cells, free=free, fixed=fixed, vary=vary)
     return Likelihood(model, design, freed)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers, Truths
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 AT_BOUND = 1e-3
 """Share of its range within which a number of a fit counts as at a bound."""
@@ -172,18 +172,12 @@ def freedom(
         if name not in known:
             raise InputError(f"no parameter is called {name!r}; there are {', '.join(known)}", name)
     for name, value in fixed.items():
-        if not known[name].low <= value <= known[name].high:
-            low, high = known[name].low, known[name].high
-            raise InputError.of(name, f"must lie between {low:g} and {high:g}", value)
-        known[name] = Parameter(
-            name, known[name].low, known[name].high, value, known[name].about, free=False
-        )
+        low, high = known[name].low, known[name].high
+        must = f"must lie between {low:g} and {high:g}"
+        require(low <= value <= high, name, must, value)
+        known[name] = replace(known[name], start=value, free=False)
     chosen = {each.name for each in known.values() if each.free} if free is None else set(free)
-    held = (
-        sorted((chosen | set(vary)) & set(fixed))
-        if free is not None
-        else sorted(set(vary) & set(fixed))
-    )
+    held = sorted({*(free or ()), *vary} & set(fixed))
     if held:
         raise InputError(f"{', '.join(held)} can't be moved and fixed at once", "fix", held)
     moved: list[FreeParameter] = []

@@ -125,10 +125,16 @@ def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     """Return the derivative of the log likelihood by each number that does not lie at a bound."""
     found = np.zeros(len(vector))
     for k, step in zip(np.flatnonzero(inside), _steps(likelihood, vector, inside), strict=True):
-        above, below = vector.copy(), vector.copy()
-        above[k], below[k] = vector[k] + step, vector[k] - step
+        above, below = _beside(vector, k, step)
         found[k] = (likelihood(above) - likelihood(below)) / (2 * step)
     return found
+
+
+def _beside(vector: Array, k: int, step: float) -> tuple[Array, Array]:
+    """Return the numbers of a fit with the k-th a step higher, and a step lower."""
+    above, below = vector.copy(), vector.copy()
+    above[k], below[k] = vector[k] + step, vector[k] - step
+    return above, below
 
 
 def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
@@ -140,8 +146,7 @@ def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     steps = _steps(likelihood, vector, inside)
     slopes = []
     for k, step in zip(np.flatnonzero(inside), steps, strict=True):
-        above, below = vector.copy(), vector.copy()
-        above[k], below[k] = vector[k] + step, vector[k] - step
+        above, below = _beside(vector, k, step)
         change = _slopes(likelihood, above, inside) - _slopes(likelihood, below, inside)
         slopes.append(change[inside] / (2 * step))
     found = -np.array(slopes).reshape(inside.sum(), inside.sum())

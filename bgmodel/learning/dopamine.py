@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import any_crossing
-from bgmodel.deciding.tradeoff import Tradeoff
+from bgmodel.deciding.tradeoff import OF_TRIALS, Tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
@@ -88,11 +88,8 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
-        raise InputError(
-            f"{circuit.name} reads OUT between {low_nats:.3g} and {high_nats:.3g} nats, the "
-            f"threshold is {threshold_nats:g}",
-            "threshold_nats",
-        )
+        must = f"must lie where {circuit.name} reads OUT, {low_nats:.3g} to {high_nats:.3g} nats"
+        raise InputError.of("threshold_nats", must, threshold_nats)
 
     def turns(log_odds: Array) -> float:
         def past(level: float) -> float:
@@ -253,5 +250,4 @@ def decide_at_levels(
     for level, row in zip(falling, rows, strict=True):
         if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
             NoiseWarning.warn(f"at a level of {level:g} {said}")
-    names = ("choice", "time_ms", "forced", "premature", "posterior")
-    return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
+    return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in OF_TRIALS))

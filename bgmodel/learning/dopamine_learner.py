@@ -51,11 +51,8 @@ def check_decided(outcomes: LevelOutcomes) -> None:
     """Warn of levels at which the deadline decides most trials; ValueError if it does at all."""
     late = outcomes.forced > MOST_FORCED
     if late.all():
-        raise InputError(
-            "the deadline decides most trials at every level: there is nothing to learn, give "
-            "more readings",
-            "evidence",
-        )
+        said = "the deadline decides most trials at every level: give more readings"
+        raise InputError(said, "evidence")
     if late.any():
         DeadlineWarning.warn(
             f"the deadline decides most trials at {late.sum()} of {len(late)} levels"
@@ -104,10 +101,9 @@ def learn_level(
     """
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
-    if not low <= policy.bounds[0] < policy.bounds[1] <= high:
-        raise InputError.of("bounds", f"must lie in {low:.3f}..{high:.3f}", policy.bounds)
-    if not low <= start_level <= high:
-        raise InputError.of("start_level", f"must lie in {low:.3f}..{high:.3f}", start_level)
+    must, (least, most) = f"must lie in {low:.3f}..{high:.3f}", policy.bounds
+    require(low <= least < most <= high, "bounds", must, policy.bounds)
+    require(low <= start_level <= high, "start_level", must, start_level)
     require(runs >= 1, "runs", "must be >= 1", runs)
     # Starts with one name are paired: the same trials and perturbations from any of them.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]

@@ -223,7 +223,7 @@ def test_points_are_all_values_of_the_axes():
 
 
 def test_other_than_two_channels_and_unknown_engines_are_refused():
-    with pytest.raises(ValueError, match="with two channels, got 3"):
+    with pytest.raises(ValueError, match="two channels for a fit, got 3"):
         model(circuit=load_circuit("macaque", 3))
     with pytest.raises(ValueError, match=r"engine must be one of .* got 'abacus'"):
         model(engine="abacus")
@@ -231,6 +231,6 @@ def test_other_than_two_channels_and_unknown_engines_are_refused():
 
 @pytest.mark.parametrize("trials", [0, 1, 2, 15, 16.5, "many"])
 def test_trials_too_few_for_their_parts_are_refused(trials):
-    with pytest.raises(ValueError, match="trials must be a whole number, 16 or more"):
+    with pytest.raises(ValueError, match="trials must be a whole number >= 16"):
         model(trials=trials)
     assert len(model(trials=16).left_out()) == 16
