@@ -59,10 +59,8 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     assert all(name in shown for name in MEASURES)
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
         assert re.search(rf"^{measure} +{form}( |$)", shown, re.MULTILINE)
-    assert "drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
-    few = table.assign(
-        value=table["value"].where(~table["measure"].isin(["drift", B]))
-    )
+    assert "drift: 1/s, bound: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
+    few = table.assign(value=table["value"].where(~table["measure"].isin(["drift", B])))
     assert "EZ-diffusion" not in page(experiment, few)
 
 
