@@ -66,6 +66,7 @@ def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
     assert circuit.scale("STN", "GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
+    assert circuit.with_channels(circuit.channels).about == circuit.about
 
 
 def test_fields_of_a_cell_are_edited_like_those_of_its_row():

@@ -145,3 +145,29 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
         for call in later:
             call()
         assert ("bgmodel: compiling, once for" in capsys.readouterr().err) == compiles
+
+
+@pytest.mark.parametrize(
+    ("line", "starts", "said"),
+    [
+        ("circuit learn a.csv", "learning.dopamine_learner.level_outcomes",
+         "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s\n"),
+        ("experiment stn_conflict", "experiments.experiment.Experiment.run",
+         "an experiment on macaque on population, 2 circuits, 2000 trials of up to "),
+        ("simulate t.npz --taps 2", "tactile.library.contact_library",
+         "solving 36 contacts, once for all runs, and simulating 16 taps\n"),
+    ],
+)  # fmt: skip
+def test_a_command_says_before_it_starts_what_runs(
+    tmp_path, monkeypatch, capsys, line, starts, said
+):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
+    monkeypatch.setattr(f"bgmodel.{starts}", stop)
+    monkeypatch.chdir(tmp_path)
+    assert main(line.split()) == 2
+    out, told = capsys.readouterr()
+    assert "read " not in out
+    assert told.index(said) < told.index("started")

@@ -8,18 +8,6 @@ from bgmodel.support.files import read_table
 from tests.helpers import run
 
 
-def test_the_command_says_before_it_starts_what_it_does(tmp_path, monkeypatch, capsys):
-    def stop(*given):
-        raise ValueError("started")
-
-    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", stop)
-    assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
-    out, said = capsys.readouterr()
-    assert "read " not in out
-    assert "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s\n" in said
-    assert said.index("learning in") < said.index("started")
-
-
 def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     path = tmp_path / "dopamine.csv"
     small = ["--trials", "40", "--t-max", "10", "--levels", "4", "--runs", "2"]

@@ -106,17 +106,6 @@ def test_json_is_all_that_an_experiment_prints(experiment_file, tmp_path, capsys
     assert {row["file"] for row in listed} == set(SHIPPED)
 
 
-def test_an_experiment_says_before_it_starts_what_runs(capsys, monkeypatch):
-    def stop(*given, **named):
-        raise ValueError("started")
-
-    monkeypatch.setattr("bgmodel.experiments.experiment.Experiment.run", stop)
-    assert run("experiment", "stn_conflict") == 2
-    said = capsys.readouterr().err
-    assert "an experiment on macaque on population, 2 circuits, 2000 trials of up to " in said
-    assert said.index("an experiment") < said.index("started")
-
-
 HALVED = """
 [task]
 channels = 3

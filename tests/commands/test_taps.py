@@ -11,18 +11,6 @@ from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 
-def test_a_library_that_is_not_solved_is_announced(tmp_path, monkeypatch, capsys):
-    def stop(*given, **named):
-        raise ValueError("started")
-
-    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
-    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
-    assert run("simulate", tmp_path / "t.npz", "--taps", 2) == 2
-    said = capsys.readouterr().err
-    assert "solving 36 contacts, once for all runs, and simulating 16 taps\n" in said
-    assert said.index("solving") < said.index("started")
-
-
 def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch, refusal):
     taken = []
 

@@ -165,7 +165,6 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     for name, kind in {"MSPRT": Msprt, "LCA": Lca, "race": Race}.items():
         accuracy, time = curve(tradeoff(kind().run(evidence), evidence), one)
         found[name] = np.interp(0.99, accuracy[0], time[0])
-    print({name: round(float(time)) for name, time in found.items()})
     assert found["MSPRT"] == pytest.approx(515, abs=25)
     assert found["LCA"] == pytest.approx(628, abs=30)
     assert found["race"] == pytest.approx(676, abs=30)

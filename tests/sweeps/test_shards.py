@@ -80,10 +80,15 @@ def test_a_circuit_that_cannot_run_is_an_outcome_with_its_reason(tmp_path, monke
     assert stored.read(setting, tmp_path) == (None, "rates run away")
 
 
-def test_a_fault_of_ours_is_no_outcome(tmp_path, monkeypatch):
+@pytest.mark.parametrize("error", [KeyError("ours"), NoMemoryError("1 TB of memory", "trials")])
+def test_a_fault_of_ours_and_a_machine_short_of_memory_are_no_outcome(tmp_path, monkeypatch, error):
     (shard,) = one_setting().shards()
-    monkeypatch.setattr(stored, "_decided", lambda _: {}["no such key"])
-    with pytest.raises(KeyError):
+
+    def failing(_):
+        raise error
+
+    monkeypatch.setattr(stored, "_decided", failing)
+    with pytest.raises(type(error)):
         stored.compute(shard, tmp_path)
     assert stored.state(shard, tmp_path) == "missing"
 
@@ -130,18 +135,6 @@ def test_a_full_disk_is_one_sentence_and_no_shard(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "write_table", full)
     says = "can't be written: No space left on device; finished shards stay"
     with pytest.raises(ValueError, match=says):
-        stored.compute(shard, tmp_path)
-    assert stored.state(shard, tmp_path) == "missing"
-
-
-def test_a_machine_short_of_memory_is_no_outcome(tmp_path, monkeypatch):
-    (shard,) = one_setting().shards()
-
-    def short(*_):
-        raise NoMemoryError("trials need 1 TB of memory, 1 GB are free", "trials")
-
-    monkeypatch.setattr(stored, "_decided", short)
-    with pytest.raises(NoMemoryError):
         stored.compute(shard, tmp_path)
     assert stored.state(shard, tmp_path) == "missing"
 

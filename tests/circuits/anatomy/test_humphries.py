@@ -20,35 +20,35 @@ SELECTED_HZ = 5
 FITTED_HZ = {MSN: (1, 40), STN: (2, 100), GPE: (5, 80), SNR: (2, 60)}
 
 
-def mean_hz(circuit, inputs_hz, name, seeds=2):
-    """Return the mean rate of each channel over .7 s, wirings and seeds: (seeds, channels)."""
+def mean_hz(circuit, inputs_hz, seeds=2):
+    """Return mean rates of each channel over .7 s, wirings and seeds: (seeds, channels) by name."""
     drive = np.tile((np.array(inputs_hz) - 3) / 40, (3, 10, 1))
     found = []
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
         activity = run(wired, drive, engine="ensemble", step_ms=100, seed=seed)
-        found.append(activity.rates_hz[name][:, 300:].mean(axis=(0, 1)))
-    return np.array(found)
+        found.append({n: hz[:, 300:].mean(axis=(0, 1)) for n, hz in activity.rates_hz.items()})
+    return {name: np.array([one[name] for one in found]) for name in found[0]}
 
 
 @pytest.mark.parametrize("channels", [2, 3, 4])
-@pytest.mark.parametrize("name", PRINTED_HZ)
-def test_tonic_rates_are_those_that_the_authors_print_within_a_quarter(name, channels):
+def test_tonic_rates_are_those_that_the_authors_print_within_a_quarter(channels):
     """Spontaneous currents were set by the authors for their whole model, shunting and all."""
-    found = mean_hz(anatomy.humphries(channels), [3] * channels, name)
-    assert found.mean() == pytest.approx(PRINTED_HZ[name], rel=0.25)
+    found = mean_hz(anatomy.humphries(channels), [3] * channels)
+    for name, printed_hz in PRINTED_HZ.items():
+        assert found[name].mean() == pytest.approx(printed_hz, rel=0.25), name
 
 
 def test_the_channel_of_the_larger_input_is_selected_and_the_others_rise():
     circuit = anatomy.humphries(3)
-    rest = mean_hz(circuit, [3, 3, 3], "SNr").mean()
-    found = mean_hz(circuit, [3, 25, 3], "SNr")
+    rest = mean_hz(circuit, [3, 3, 3])["SNr"].mean()
+    found = mean_hz(circuit, [3, 25, 3])["SNr"]
     assert (found[:, 1] < SELECTED_HZ).all()
     assert (found[:, [0, 2]] > rest + 5).all()
 
 
 def test_two_of_four_large_inputs_are_told_apart():
-    found = mean_hz(anatomy.humphries(4), [20, 10, 3, 3], "SNr")
+    found = mean_hz(anatomy.humphries(4), [20, 10, 3, 3])["SNr"]
     assert (found[:, 0] < SELECTED_HZ).all()
     assert (found[:, 1:] > 2 * SELECTED_HZ).all()
 
@@ -57,7 +57,7 @@ def test_too_little_dopamine_selects_nothing_and_too_much_selects_both():
     """As the abstract says: selection deteriorates in depleted and in excessive dopamine."""
     inputs = [20, 15, 3]
     little, tonic, much = (
-        mean_hz(anatomy.humphries(3, dopamine=level), inputs, "SNr").mean(axis=0)
+        mean_hz(anatomy.humphries(3, dopamine=level), inputs)["SNr"].mean(axis=0)
         for level in (0.0, 0.3, 0.8)
     )
     assert (little > SELECTED_HZ).all()

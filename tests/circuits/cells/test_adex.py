@@ -81,7 +81,6 @@ def solved_isi_ms(cell, nats, count=12):
 def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
     cell = replace(ADEX, rest_mv=-40.0)
     found, solved = isi_ms(cell, 0.5), solved_isi_ms(cell, 0.5)
-    print(np.round(found, 2), np.round(solved, 2))
     npt.assert_allclose(found, solved, rtol=0.01)
     assert found[-1] > 1.5 * found[0]  # it adapts
 

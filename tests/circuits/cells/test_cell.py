@@ -90,35 +90,37 @@ def test_every_registered_type_answers_or_raises_in_every_engine():
             assert right
 
 
+ONE = np.float32(1)
+
+
 def fitting(**answers):
     """Return a circuit whose GPe has a Phase-like type of its own with other answers."""
     kind = dataclass(frozen=True)(type("Fitting", (Phase,), {"__module__": __name__, **answers}))
     return with_cell(BASE, "STN", register(kind)(0.3))
 
 
+def short(heard, ones, phi, noise_step, factor):
+    return (phi > phi,)
+
+
+def swapped(heard, ones, phi, factor, noise_step):
+    return phi > phi, phi
+
+
 @pytest.mark.parametrize("engine", SPIKING)
 @pytest.mark.parametrize(
     ("answers", "says"),
     [
-        ({"constants": lambda *_: {"factor": np.float32(1)}}, "constants must give what"),
+        ({"constants": lambda *_: {"factor": ONE}}, "constants must give what"),
         (
-            {"constants": lambda *_: {n: np.float32(1) for n in ("factor", "noise_step", "more")}},
-            "constants must give what",
+            {"constants": lambda *_: {"factor": ONE, "noise_step": ONE, "more": ONE}},
+            "must give what",
         ),
-        ({"constants": lambda *_: {"noise_step": 1.0, "factor": np.float32(1)}}, "single prec"),
-        (
-            {"constants": lambda *_: {"noise_step": np.float32("nan"), "factor": np.float32(1)}},
-            "noise_step must be finite, got nan",
-        ),
+        ({"constants": lambda *_: {"noise_step": 1.0, "factor": ONE}}, "single prec"),
+        ({"constants": lambda *_: {"noise_step": ONE * np.nan, "factor": ONE}}, "must be finite"),
         ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin must return phi"),
-        (
-            {"tick": staticmethod(lambda heard, ones, phi, noise_step, factor: (phi > phi,))},
-            "tick must return whether it fires and phi; it returns 1",
-        ),
-        (
-            {"tick": staticmethod(lambda heard, ones, phi, factor, noise_step: (phi > phi, phi))},
-            "tick must take",
-        ),
+        ({"tick": staticmethod(short)}, "tick must return whether it fires and phi; it returns 1"),
+        ({"tick": staticmethod(swapped)}, "tick must take"),
     ],
     ids=["too few", "too many", "double", "nan", "begin", "tick", "order"],
 )

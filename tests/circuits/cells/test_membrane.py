@@ -146,7 +146,6 @@ def test_cells_at_the_tick_fire_at_the_rate_of_continuous_time(name, dt_ms):
     mean = [lif_mean_mv(cell, rate) for rate in (8, 25, 60)]
     found, error = measured_hz(cell, mean, (5000, 1500, 1000), dt_ms, 1000.0, rest_ms=150.0)
     off = found / lif_rate_hz(cell, mean) - 1
-    print(f"{name}, {dt_ms} ms: {np.round(100 * off, 2)} % +- {np.round(100 * error / found, 2)}")
     assert (error / found).max() < 0.005
     assert np.abs(off).max() < 0.01
 
@@ -180,7 +179,6 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
     wanted = np.linspace(*range_hz, 200)
     nats = (wanted - line[0]) / line[1]
     off = (lif_rate_hz(row.cell, rest_mv + mv_per_nat * nats) - wanted) / line[1]
-    print(f"{name}: off its line by at most {np.abs(off).max():.4f} nats over {range_hz} Hz")
     assert np.abs(off).max() < off_nats
 
 
@@ -192,7 +190,6 @@ def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
     cell = SPIKING.population("STN").cell
     nats = np.linspace(np.log(0.5), np.log(400), 9)
     found, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)
-    print(f"phase cells: off an exponential by {off_an_exponential(nats, found):.3f}")
     assert np.ptp(nats) > 6
     assert (np.abs(found - np.exp(nats)) < Z_LIMIT * error + 1e-3 * found).all()
     assert off_an_exponential(nats, found) < 0.05
@@ -220,8 +217,6 @@ def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
     found = (lif_rate_hz(row.cell, mean) - row.baseline_hz) / row.gain_hz_per_nat
     wanted = (total - np.log(total)) - (s0 - np.log(s0))
     off = found - wanted
-    print("S, GPe - GPe(s0), S - ln S - (s0 - ln s0), error, all in nats")
-    print(np.round(np.stack([total, found, wanted, off], axis=1), 3))
     assert s0 == pytest.approx(2.2)
     assert np.abs(off[(total >= 1.25) & (total <= 3.25)]).max() < 0.1
     assert 0.5 < np.abs(off[-1]) < 0.8  # at S = 5: why a common mode must hold S near s0

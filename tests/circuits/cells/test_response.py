@@ -90,7 +90,6 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
         for by in (step, -step)
     )
     law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
-    print(f"{name} {above_mv}: {gained:.4f}, law {law:.4f}")
     assert gained == pytest.approx(law, rel=0.03)
 
 

@@ -83,8 +83,6 @@ def test_a_file_the_terminal_and_python_say_the_same():
         ("cut D1 -> SNr[1]", TABLE.cut("D1", "SNr", channel=1)),
         ("scale STN->GPe 0.5", TABLE.scale("STN", "GPe", 0.5)),
         ("scale ctx -> D1[0] 1.1", TABLE.scale("ctx", "D1", 1.1, channel=0)),
-        ("set STN.bias_nats -0.2", TABLE.with_population("STN", bias_nats=-0.2)),
-        ("set STN.bias_nats=-0.2", TABLE.set("STN.bias_nats", -0.2)),
         ("set STN.cell.cv 0.2", TABLE.with_cell("STN", cv=0.2)),
         ("set ctx->D1.factors 1,0.9", TABLE.set("ctx->D1.factors", (1, 0.9))),
         ("add dopamine amount=0.2", TABLE.add(Course("dopamine", 0.2))),

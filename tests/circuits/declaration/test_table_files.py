@@ -136,14 +136,6 @@ def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_pat
     assert table_files.digest(edited) == table_files.digest(unmarked)
 
 
-def test_an_edit_that_changes_nothing_leaves_the_description():
-    circuit = anatomy.macaque()
-    row = circuit.population("STN")
-    for same in (circuit.lesion("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
-        assert same.about == circuit.about
-    assert circuit.edited(f"set STN.neurons={row.neurons}").about == circuit.about
-
-
 def test_a_file_of_ones_own_needs_no_more_than_what_differs():
     text = """
         format = 1

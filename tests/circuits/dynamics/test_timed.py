@@ -66,8 +66,7 @@ def test_a_drive_that_is_held_settles_where_a_bias_does(name):
 def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
     table = TABLES["macaque"].with_neurons(30)
     drive = np.tile(SPREAD, (1, 3, 1))
-    given = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0}
-    given |= {"seed": 4}
+    given = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0, "seed": 4}
     pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
     expected = run(table, pushed, **given).output_nats
     found = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
@@ -182,8 +181,7 @@ def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
 def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0}
-    given |= {"seed": 4}
+    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
     nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
     one, two = (run(circuit, HELD[:, :2], **given) for circuit in (table, nothing))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)

@@ -77,7 +77,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
         run_algebra(table, drive[:1], laws=laws).output_nats[0, 0, 0]
         for laws in ("cells", "finite")
     )
-    print(f"{measured.mean():.4f} +- {error:.4f}, cells {cells:.4f}, finite {finite:.4f}")
     assert abs(measured.mean() - cells) > 4 * error
     assert abs(measured.mean() - finite) < 0.15 * abs(measured.mean() - cells)
 

@@ -214,8 +214,6 @@ def test_linear_noise_of_a_loop_is_met_as_cells_grow():
         finite = run_algebra(table, np.zeros((1, 1, 2)), laws="finite").output_nats[0, 0, 0]
         moved = cells * (finite - float(LAW(3.0)))
         off[cells] = variance / known - 1
-        print(f"{cells}: {variance:.4f} +- {error:.4f}, computed {known:.4f}; "
-              f"mean {shift:.3f} +- {shift_error:.3f}, computed {moved:.3f}")  # fmt: skip
         if cells >= 300:
             assert abs(variance - known) < 3 * error
         if cells >= 30:
@@ -234,7 +232,6 @@ def test_out_of_30_000_cells_scatters_as_computed(make, drive):
     parts = ((out - out.mean()) ** 2).mean(axis=1)
     error = parts.std() / np.sqrt(len(parts))
     known = sum(part[0] for part in out_variance(table, drive).values())
-    print(f"{parts.mean() / known:.4f} +- {error / known:.4f}")
     assert abs(parts.mean() - known) < 3 * error
     assert error < 0.02 * known
 
@@ -247,7 +244,6 @@ def test_spikes_of_a_bent_circuit_scatter_as_computed():
     found = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, FAVOURED, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))
-    print(f"{found:.4f}, computed {law:.4f}")
     assert found == pytest.approx(law, rel=0.06)
 
 

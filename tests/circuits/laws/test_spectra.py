@@ -26,7 +26,6 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
     inside = (frequency >= 4) & (frequency <= 300)
     ratio = power[inside] / rate_spectrum(MANY, name, frequency[inside])
     bands = [part.mean() for part in np.array_split(ratio, 8)]
-    print(f"{name}: measured over computed {np.round(bands, 3)}")
     np.testing.assert_allclose(bands, 1, atol=0.1)
 
 
@@ -67,7 +66,6 @@ def test_out_scatters_as_computed(edit):
     measured = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, drive, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))
-    print(f"{edit}: {measured:.4f}, computed {law:.4f}")
     assert measured == pytest.approx(law, rel=0.06)
 
 

@@ -115,7 +115,6 @@ def test_the_measured_onset_is_the_computed_one(circuit):
     # Sustained oscillations above the limit grow no further, so keep to the small ones.
     small = late[:, 0] < 0.3 * totals
     measured = float(np.interp(0, grows[small], totals[small]))
-    print(f"{circuit.name}: onset {measured:.3f}, computed {limit.total_nats:.3f}")
     assert grows[small].min() < 0 < grows[small].max()
     assert measured == pytest.approx(limit.total_nats, rel=0.05)
     spectrum = np.abs(np.fft.rfft(departs[4] * np.hanning(departs.shape[1])))

@@ -137,7 +137,6 @@ def test_half_the_tick_takes_the_error_down_by_its_order(name, order):
     dts = (0.5, 0.25, 0.125, 0.0625)
     out = [run_rate(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
     errors = [np.abs(a - b).max() for a, b in pairwise(out)]
-    print(errors)
     for coarse, fine in pairwise(errors):
         assert fine < SINGLE or coarse / fine == pytest.approx(2**order, rel=0.3)
 

@@ -295,7 +295,6 @@ def test_half_the_tick_quarters_the_error_of_cells_too():
         for dt in (0.5, 0.25, 0.125)
     ]
     errors = [np.abs(out[0] - out[1]).max(), np.abs(out[1] - out[2]).max()]
-    print(errors)
     assert errors[0] < 3e-3
     assert errors[1] < 0.6 * errors[0]
 
