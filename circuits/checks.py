@@ -36,16 +36,36 @@ def is_whole(value: Any) -> bool:
     return is_number(value) and (isinstance(value, Integral) or float(value).is_integer())
 
 
-def check_number(what: str, value: Any) -> None:
-    """Raise ValueError if a value is no real number."""
-    require(is_number(value), what, "must be a number", value)
+def check_range(low: float, high: float, *, owner: str = "", **values: Any) -> None:
+    """Raise ValueError for a value that is no finite number from low to high.
+
+    Parameters
+    ----------
+    low, high : float
+        Both are allowed, where they are finite.
+    owner : str
+        What the values belong to, named first in the message.
+    **values
+        By the names of their fields.
+    """
+    must = f"must lie in {low:g}..{high:g}"
+    if math.isinf(high):
+        must = "must be finite" if math.isinf(low) else f"must be >= {low:g} and finite"
+    for name, value in values.items():
+        require(is_number(value), name, "must be a number", value, owner=owner)
+        require(low <= value <= high and math.isfinite(value), name, must, value, owner=owner)
 
 
-def check_time(what: str, value: Any, *, zero: bool = False) -> None:
-    """Raise ValueError unless a time is a finite number above 0, or 0 where that is allowed."""
-    check_number(what, value)
-    if not (0 < value < math.inf or (zero and value == 0)):
-        raise InputError.of(what, f"must be {'>= 0' if zero else '> 0'} and finite", value)
+def check_finite(*, owner: str = "", **values: Any) -> None:
+    """Raise ValueError for a value, by its field's name, that is no finite number."""
+    check_range(-math.inf, math.inf, owner=owner, **values)
+
+
+def check_positive(*, owner: str = "", **values: Any) -> None:
+    """Raise ValueError for a value, by its field's name, that is no finite number above 0."""
+    for name, value in values.items():
+        require(is_number(value), name, "must be a number", value, owner=owner)
+        require(0 < value < math.inf, name, "must be > 0 and finite", value, owner=owner)
 
 
 def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:

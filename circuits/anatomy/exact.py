@@ -116,10 +116,6 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
     exact = bogacz_gurney(channels)
     linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
     # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.
-    high = 4 + math.log(4 / slope)
-    return _renamed(linear, "linear_gpe", "GPe linear in its input; Bogacz & Gurney 2007", high)
-
-
-def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:
-    renamed = replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)
-    return replace(renamed, unedited=None)
+    reach = (0.0, 4 + math.log(4 / slope))
+    about = f"GPe linear in its input; {BG2007}"
+    return replace(linear, name="linear_gpe", about=about, range_nats=reach, unedited=None)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from circuits.anatomy.columns import rows
 from circuits.cells import Rate
-from circuits.checks import check_channels, check_number
+from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import require
 
 GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"
@@ -29,8 +28,7 @@ def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
         lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
     """
     check_channels(channels)
-    check_number("dopamine", dopamine)
-    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
+    check_range(0, 1, dopamine=dopamine)
     unit, weight, gained = Rate(), GPR, f"{GPR}, lambda {dopamine:g}"
     salience = f"{GPR}, saliences 0 to 1; {ASSUMED}"
     ramp = f"{GPR}, ramp; tau, authors' code; {ASSUMED}"

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
-from circuits.checks import check_channels, check_number
+from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import require
 
 HUMPHRIES = "Humphries et al. 2006"
 CODE = f"{HUMPHRIES}, ModelDB 83559"
@@ -137,8 +136,7 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
         ``1 - lambda / 2``. ``Circuit.dopamine`` moves cortical weights onto D1 and D2 alone.
     """
     check_channels(channels)
-    check_number("dopamine", dopamine)
-    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
+    check_range(0, 1, dopamine=dopamine)
     half = 1 - 0.5 * dopamine
     of_gpe = half * SYNAPSES * PALLIDAL_HZ  # spikes per second that reach a cell of STN
     mutual = SYNAPSES * PALLIDAL_HZ / 2  # half of them proximal, half somatic

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
-from circuits.checks import check_channels, check_number
+from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import require
 
 STEWART = "Stewart et al. 2010"
 CODE = f"{STEWART}, nengo 4.1"
@@ -42,8 +41,7 @@ def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
         lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
     """
     check_channels(channels)
-    check_number("dopamine", dopamine)
-    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
+    check_range(0, 1, dopamine=dopamine)
     cell = Phase(0.0)
     given = f"no synapse, {CODE}"
     d1, d2 = 1 + dopamine, 1 - dopamine

@@ -12,8 +12,7 @@ from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
 from circuits.cells.renewal import renewal_spectrum
 from circuits.cells.single import ONE, ZERO, choose, fused, single
-from circuits.checks import check_types
-from circuits.errors import require
+from circuits.checks import check_range, check_types
 
 FOUR = np.float32(4)
 
@@ -61,7 +60,7 @@ class Phase(Cell):
 
     def __post_init__(self) -> None:
         check_types(self, "a Phase cell")
-        require(0 <= self.cv <= 1, "cv", "must lie in 0..1", self.cv)
+        check_range(0, 1, cv=self.cv)
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the noise of a bit over the root of a tick's mean advance, and the rate's factor.

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from circuits.arrays import Array
-from circuits.checks import check_types
-from circuits.errors import InputError
+from circuits.checks import check_finite, check_range, check_types
+from circuits.errors import InputError, require
 
 DOPAMINE = "dopamine"
 """What a course says in place of a population's name if it is of the level of dopamine."""
@@ -53,26 +53,14 @@ class Course:
 
     def __post_init__(self) -> None:
         check_types(self, f"the course of {self.what}")
-        for name in ("amount", "from_ms"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
-        if self.from_ms < 0:
-            raise InputError.of(
-                "from_ms", "must be >= 0, when the drive begins", self.from_ms, owner=self.name
-            )
-        if not self.from_ms < self.to_ms:
-            raise InputError.of(
-                "to_ms", f"must lie after from_ms, {self.from_ms:g}", self.to_ms, owner=self.name
-            )
-        for name in ("rise_ms", "decay_ms"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise InputError.of(
-                    name, "must be >= 0 and finite", getattr(self, name), owner=self.name
-                )
+        name, begin = self.name, self.from_ms
+        check_finite(owner=name, amount=self.amount, from_ms=begin)
+        require(begin >= 0, "from_ms", "must be >= 0, when the drive begins", begin, owner=name)
+        after = f"must lie after from_ms, {begin:g}"
+        require(begin < self.to_ms, "to_ms", after, self.to_ms, owner=name)
+        check_range(0, math.inf, owner=name, rise_ms=self.rise_ms, decay_ms=self.decay_ms)
         if self.decay_ms and math.isinf(self.to_ms):
-            raise InputError(
-                f"{self.name}: without an end, to_ms, there is no decay_ms", "decay_ms"
-            )
+            raise InputError(f"{name}: without an end, to_ms, there is no decay_ms", "decay_ms")
 
     @property
     def name(self) -> str:

@@ -40,19 +40,12 @@ class Network(Mapping[str, "Population | Projection"]):
         if len(self._known) != len(self.populations):
             raise InputError(f"{self.name}: two populations have one name", "populations")
         if len({p.name for p in self.projections}) != len(self.projections):
-            raise InputError(
-                f"{self.name}: two projections join the same populations", "projections"
-            )
+            said = f"{self.name}: two projections join the same populations"
+            raise InputError(said, "projections")
         check_channels(self.channels)
         object.__setattr__(self, "channels", int(self.channels))
         for row in self.populations:
-            if row.intact_by_channel and len(row.intact_by_channel) != self.channels_of(row.name):
-                raise InputError.of(
-                    "intact_by_channel",
-                    f"needs one number for each of {self.channels_of(row.name)} channels",
-                    len(row.intact_by_channel),
-                    owner=row.name,
-                )
+            _check_counts(row, self.channels_of(row.name), "intact_by_channel")
         for p in self.projections:
             self._check_projection(p)
 
@@ -61,20 +54,9 @@ class Network(Mapping[str, "Population | Projection"]):
         channels = self.channels_of(p.target)
         what = self.population(p.source).transmitter
         if p.weight * SIGNS[what] < 0:
-            raise InputError(
-                f"{p.name}: {p.source} releases {what}, so the weight must be "
-                f"{'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}",
-                "weight",
-            )
-        for name in ("factors", "intact_by_channel"):
-            count = len(getattr(p, name))
-            require(
-                count in (0, channels),
-                name,
-                f"must hold one number for each of {channels} channels",
-                count,
-                owner=p.name,
-            )
+            must = f"the weight must be {'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
+            raise InputError(f"{p.name}: {p.source} releases {what}, so {must}", "weight")
+        _check_counts(p, channels, "factors", "intact_by_channel")
 
     def population(self, name: str) -> Population:
         """Return a row by name.
@@ -93,12 +75,9 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return a row by its two ends; raises ValueError with the valid names."""
         if isinstance(source, str) and "->" in source:
             ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
-            raise InputError(
-                f"source must be one nucleus, got {shown(source)}: give the two ends of a pathway "
-                f"one by one, as in cut({ends}, 0.5)",
-                "source",
-                source,
-            )
+            given = f"must be one nucleus, got {shown(source)}"
+            said = f"source {given}: give the two ends one by one, as in cut({ends}, 0.5)"
+            raise InputError(said, "source", source)
         name = " ".join(f"{source}->{target}".split())
         for p in self.projections:
             if p.name == name:
@@ -170,6 +149,14 @@ class Network(Mapping[str, "Population | Projection"]):
         """
         pattern = PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
         return np.asarray(pattern * np.array(p.factors)[:, None]) if p.factors else pattern
+
+
+def _check_counts(row: Population | Projection, channels: int, *names: str) -> None:
+    """Refuse fields that hold numbers for channels, and not one for each."""
+    for name in names:
+        count = len(getattr(row, name))
+        must = f"must hold one number for each of {channels} channels"
+        require(count in (0, channels), name, must, count, owner=row.name)
 
 
 def check_rows(owner: str, kind: type, rows: Iterable[object]) -> None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from circuits.cells import Cell
 from circuits.cells.cell import check_cell
-from circuits.checks import check_types
+from circuits.checks import check_finite, check_positive, check_range, check_types
 from circuits.declaration import transfer
 from circuits.errors import EditWarning, InputError, require, user_level
 
@@ -121,52 +121,23 @@ class Population:
         _one_of("receptor", self.receptor, RECEPTORS)
         self._check_ranges()
         if self.cell.hears == "nats" and self.tau_ms:
-            kind = type(self.cell).__name__
-            raise InputError(
-                f"{self.name}: tau_ms is that of the {kind} cell, cell.tau_ms: leave it 0 here",
-                "tau_ms",
-            )
+            said = f"{self.name}: tau_ms is that of the {self.cell.kind} cell, cell.tau_ms"
+            raise InputError(f"{said}: leave it 0 here", "tau_ms")
 
     def _check_ranges(self) -> None:
-        require(
-            1 <= self.neurons <= MOST_NEURONS,
-            "neurons",
-            f"must be a whole number from 1 to {MOST_NEURONS}",
-            self.neurons,
-            owner=self.name,
-        )
-        if not 0 < self.gain_hz_per_nat < math.inf:
-            raise InputError.of(
-                "gain_hz_per_nat", "must be > 0", self.gain_hz_per_nat, owner=self.name
-            )
-        require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
+        name, published = self.name, self.published_hz
+        check_range(1, MOST_NEURONS, owner=name, neurons=self.neurons)
+        check_positive(owner=name, gain_hz_per_nat=self.gain_hz_per_nat)
+        check_range(0, math.inf, owner=name, tau_ms=self.tau_ms)
         # Beyond, a good part of the cells would have constants of the wrong sign.
-        require(
-            0 <= self.heterogeneity <= 1,
-            "heterogeneity",
-            "must lie in 0..1",
-            self.heterogeneity,
-            owner=self.name,
-        )
-        for name in ("baseline_hz", "bias_nats", "operating_point_nats"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
-        published = self.published_hz
-        require(
-            not published or (len(published) == 2 and 0 <= published[0] <= published[1] < math.inf),
-            "published_hz",
-            "must be the lowest and the highest rate, Hz",
-            published,
-            owner=self.name,
-        )
+        check_range(0, 1, owner=name, heterogeneity=self.heterogeneity)
+        check_finite(owner=name, bias_nats=self.bias_nats)
+        check_finite(owner=name, operating_point_nats=self.operating_point_nats)
+        rates = len(published) == 2 and 0 <= published[0] <= published[1] < math.inf
+        must = "must be the lowest and the highest rate, Hz"
+        require(rates or not published, "published_hz", must, published, owner=name)
         lowest_hz = min(0.0, self.cell.lowest_hz)
-        require(
-            lowest_hz <= self.baseline_hz <= MOST_HZ,
-            "baseline_hz",
-            f"must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per ms",
-            self.baseline_hz,
-            owner=self.name,
-        )
+        check_range(lowest_hz, MOST_HZ, owner=name, baseline_hz=self.baseline_hz)
         if self.baseline_hz > USUAL_HZ:
             warnings.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
@@ -238,32 +209,24 @@ class Projection:
         transfer.named(self.transfer)
         _one_of("pattern", self.pattern, PATTERNS)
         _one_of("receptor", self.receptor, RECEPTORS)
-        for name in ("weight", "operating_point_nats"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
-        require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
-        if not 0 <= self.delay_ms <= MOST_DELAY_MS:
-            raise InputError.of(
-                "delay_ms", f"must lie in 0..{MOST_DELAY_MS:g}", self.delay_ms, owner=self.name
-            )
-        _warn_of_times(self.name, tau_ms=self.tau_ms, delay_ms=self.delay_ms)
-        if not 0 < self.probability <= 1:
-            raise InputError.of(
-                "probability", "must lie in 0..1", self.probability, owner=self.name
-            )
-        if self.probability < 1 and self.transfer != "linear":
-            raise InputError(
-                f"{self.name}: connections of probability < 1 must be linear", "transfer"
-            )
+        name = self.name
+        check_finite(owner=name, weight=self.weight)
+        check_finite(owner=name, operating_point_nats=self.operating_point_nats)
+        check_range(0, math.inf, owner=name, tau_ms=self.tau_ms)
+        check_range(0, MOST_DELAY_MS, owner=name, delay_ms=self.delay_ms)
+        _warn_of_times(name, tau_ms=self.tau_ms, delay_ms=self.delay_ms)
+        check_positive(owner=name, probability=self.probability)
+        check_range(0, 1, owner=name, probability=self.probability)
         _check_intact(self)
-        if not all(0 <= factor < math.inf for factor in self.factors):
-            raise InputError.of("factors", "must be >= 0", self.factors, owner=self.name)
-        if self.factors and self.transfer != "linear":
-            raise InputError(
-                f"{self.name}: only a linear pathway can be scaled in one channel, this one is "
-                f"{self.transfer!r}",
-                "transfer",
-            )
+        for factor in self.factors:
+            check_range(0, math.inf, owner=name, factors=factor)
+        if self.transfer != "linear":
+            if self.probability < 1:
+                said = f"{name}: connections of probability < 1 must be linear"
+                raise InputError(said, "transfer")
+            if self.factors:
+                said = f"{name}: a pathway that is scaled in one channel must be linear"
+                raise InputError(f"{said}, got {self.transfer!r}", "transfer")
 
     @property
     def name(self) -> str:
@@ -285,24 +248,18 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
 
 def _check_intact(row: Population | Projection) -> None:
     """Refuse surviving fractions out of range."""
-    require(0 <= row.intact <= 1, "intact", "must lie in 0..1", row.intact, owner=row.name)
-    if not all(0 <= part <= 1 for part in row.intact_by_channel):
-        raise InputError.of(
-            "intact_by_channel", "must lie in 0..1", row.intact_by_channel, owner=row.name
-        )
+    check_range(0, 1, owner=row.name, intact=row.intact)
+    for part in row.intact_by_channel:
+        check_range(0, 1, owner=row.name, intact_by_channel=part)
 
 
 def _check_name(name: str) -> None:
     """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
     if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
-        raise InputError(
-            "a population's name is text without blanks, brackets, '.', '=', '/' and '>', got "
-            f"{name!r}",
-            "name",
-        )
+        must = "is text without blanks, brackets, '.', '=', '/' and '>'"
+        raise InputError(f"a population's name {must}, got {name!r}", "name")
 
 
 def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
-    if value not in allowed:
-        names = ", ".join(repr(name) for name in allowed)
-        raise InputError.of(what, f"must be one of {names}", value)
+    names = ", ".join(repr(name) for name in allowed)
+    require(value in allowed, what, f"must be one of {names}", value)

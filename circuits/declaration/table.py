@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
 from circuits.arrays import Array
+from circuits.checks import check_finite, check_positive, check_range
 from circuits.declaration.courses import DOPAMINE, Course, extremes
 from circuits.declaration.network import Network, check_rows
 from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
@@ -97,36 +98,27 @@ class CircuitTable(Network):
     def _check_numbers(self) -> None:
         for name in ("max_deficit_nats", "max_lead_nats"):
             require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
-        if not 0 <= self.readout_tau_ms < math.inf:
-            raise InputError.of("readout_tau_ms", "must be >= 0", self.readout_tau_ms)
+        check_range(0, math.inf, readout_tau_ms=self.readout_tau_ms)
         for name in ("range_nats", "readable_nats"):
-            if any(map(math.isnan, getattr(self, name))):
-                raise InputError.of(name, "must be two numbers", getattr(self, name))
-            if sorted(getattr(self, name)) != list(getattr(self, name)):
-                raise InputError.of(name, "must rise", getattr(self, name))
-        for name in ("reference_nats", "drive_gain"):
-            require(math.isfinite(getattr(self, name)), name, "must be finite", getattr(self, name))
+            low, high = getattr(self, name)
+            require(low <= high, name, "must be two numbers that rise", (low, high))
+        check_finite(reference_nats=self.reference_nats, drive_gain=self.drive_gain)
 
     def _check_unit(self) -> None:
         require(self.unit in UNITS, "unit", f"must be one of {', '.join(UNITS)}", self.unit)
         if self.exact:
             self.check_nats("exact, OUT = -ln P,")
-        if self.default_gain is not None and not 0 < self.default_gain < math.inf:
-            raise InputError.of("default_gain", "must be > 0 and finite", self.default_gain)
+        if self.default_gain is not None:
+            check_positive(default_gain=self.default_gain)
 
     def _reaches(self) -> None:
         """Refuse a circuit whose evidence cannot reach its read-out."""
         for role in ("input", "readout"):
-            if getattr(self, role) not in self._known:
-                raise InputError(
-                    f"{self.name} has no nucleus {getattr(self, role)!r}: its {role} must be one "
-                    f"of {', '.join(self._known)}",
-                    role,
-                )
-        if self.population(self.input).pooled or self.population(self.readout).pooled:
-            raise InputError(
-                f"{self.input} and {self.readout} need a channel an alternative", "input"
-            )
+            must = f"must be one of the nuclei of {self.name}, {', '.join(self._known)}"
+            require(getattr(self, role) in self._known, role, must, getattr(self, role))
+        ends = self.input, self.readout
+        if any(self.population(name).pooled for name in ends):
+            raise InputError(f"{' and '.join(ends)} need a channel an alternative", "input")
         reached = {self.input}
         for _ in self.populations:
             reached |= {
@@ -145,51 +137,39 @@ class CircuitTable(Network):
         """Refuse a course of nothing, and one that takes dopamine out of its range."""
         for row in self.courses:
             if row.what not in (DOPAMINE, *self._known):
-                names = ", ".join(self._known)
-                raise InputError(
-                    f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of "
-                    f"{DOPAMINE}, {names}",
-                    "courses",
-                )
+                said = f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of"
+                raise InputError(f"{said} {', '.join((DOPAMINE, *self._known))}", "courses")
         rows = [row for row in self.courses if row.what == DOPAMINE]
         if not rows:
             return
+        first = rows[0].name
         if DOPAMINE in self._known:
-            raise InputError(
-                f"{rows[0].name}: a nucleus of {self.name} has that name too", "courses"
-            )
+            raise InputError(f"{first}: a nucleus of {self.name} has that name too", "courses")
         if not self.receptors():
-            raise InputError(
-                f"{rows[0].name}: no row of {self.name} has a receptor, it would change nothing",
-                "courses",
-            )
+            said = f"{first}: no row of {self.name} has a receptor, it would change nothing"
+            raise InputError(said, "courses")
         self.dopamine_changes(1.0)
         for moved, time_ms in extremes(rows):
             if not -1 <= moved <= 1:
                 at = np.array([time_ms])
                 there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
-                raise InputError(
-                    f"{max(there, key=lambda row: row.from_ms).name}: the level of dopamine must "
-                    f"lie in 0..2, with this row it is {1 + moved:.3g} at {time_ms:.4g} ms",
-                    "courses",
-                )
+                last = max(there, key=lambda row: row.from_ms).name
+                level = f"with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
+                said = f"{last}: the level of dopamine must lie in 0..2, {level}"
+                raise InputError(said, "courses")
 
     def check_steady(self, what: str) -> None:
         """Raise ValueError, in a circuit with courses, for what knows no time."""
         if self.courses:
-            raise InputError(
-                f"{self.name} has courses, and {what} knows no time: take circuit.steady, the "
-                "circuit without them, or circuit.dopamine(level) for a level that stays",
-                "courses",
-            )
+            steady = "circuit.steady, without them, or circuit.dopamine(level), which stays"
+            said = f"{self.name} has courses, and {what} knows no time: take {steady}"
+            raise InputError(said, "courses")
 
     def check_nats(self, what: str, instead: str = "") -> None:
         """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
         if self.unit != NATS:
-            raise InputError(
-                f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}",
-                "unit",
-            )
+            said = f"{self.name} works in {self.unit}, not nats: {what} has no meaning there"
+            raise InputError(said + instead, "unit")
 
     @property
     def rest_drive(self) -> float:
@@ -232,11 +212,8 @@ class CircuitTable(Network):
         found = []
         for p, row in self.receptors():
             if p.factors and row.operating_point_nats:
-                raise InputError(
-                    f"{p.name} differs from channel to channel: dopamine about a pivot would "
-                    "need a bias for each",
-                    "dopamine",
-                )
+                bias = "dopamine about a pivot would need a bias for each"
+                raise InputError(f"{p.name} differs from channel to channel: {bias}", "dopamine")
             change = RECEPTORS[row.receptor] * (level - 1)
             found.append((p, change, -(change * p.weight * row.operating_point_nats)))
         return found
@@ -249,7 +226,6 @@ class CircuitTable(Network):
     @property
     def unlesioned(self) -> Self:
         """The circuit with every lesion and cut undone; biases that recovered from one stay."""
-        whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": ()}
         rows = tuple(replace(p, **WHOLE) for p in self.populations)
-        paths = tuple(replace(p, **whole) for p in self.projections)
+        paths = tuple(replace(p, intact=1.0, intact_by_channel=()) for p in self.projections)
         return replace(self, populations=rows, projections=paths, chronic=False)

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Self
 
-from circuits.checks import check_channel, check_channels, check_number
+from circuits.checks import check_channel, check_channels, check_positive, check_range
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
-from circuits.errors import InputError, require, shown
+from circuits.errors import InputError, shown
 
 NOT_COMPUTED = (
     "neurons",
@@ -105,18 +105,13 @@ class EditableTable(CircuitTable):
     def _lost(self, name: str, fraction: float, channel: int | None, *, clamped: bool) -> Self:
         row = self.population(name)
         if name in (self.input, self.readout):
-            raise InputError(
-                f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
-                "nothing is decided",
-                "nucleus",
-            )
+            role = "input" if name == self.input else "read-out"
+            raise InputError(f"{name} is the {role}: without it nothing is decided", "nucleus")
         if (self.intact_of(name) < 1).any() and row.clamped != clamped:
             there = "clamped" if row.clamped else "lesioned"
-            raise InputError(
-                f"{name} is {there} already: it can't be both lesioned and clamped", "nucleus"
-            )
-        check_number("fraction", fraction)
-        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
+            said = f"{name} is {there} already: it can't be both lesioned and clamped"
+            raise InputError(said, "nucleus")
+        check_range(0, 1, fraction=fraction)
         if channel is not None:
             self._check_own_channel(row, channel)
         if fraction == 0:
@@ -129,11 +124,9 @@ class EditableTable(CircuitTable):
 
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
-            raise InputError(
-                f"{row.name} is pooled, one for all alternatives: it has no channel "
-                f"{shown(channel)} to lesion, give none",
-                "channel",
-            )
+            none = f"it has no channel {shown(channel)} to lesion, give none"
+            said = f"{row.name} is pooled, one for all alternatives: {none}"
+            raise InputError(said, "channel")
         check_channel(row.name, channel, self.channels)
 
     def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
@@ -159,8 +152,7 @@ class EditableTable(CircuitTable):
             is not linear.
         """
         row = self.projection(source, target)
-        check_number("factor", factor)
-        require(0 <= factor < math.inf, "factor", "must be >= 0", factor)
+        check_range(0, math.inf, factor=factor)
         if channel is None:
             return self.with_projection(source, target, weight=row.weight * factor)
         return self._multiplied(row, "factors", factor, channel)
@@ -189,8 +181,7 @@ class EditableTable(CircuitTable):
             from the input to the read-out.
         """
         row = self.projection(source, target)
-        check_number("fraction", fraction)
-        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
+        check_range(0, 1, fraction=fraction)
         if channel is None:
             return self.with_projection(source, target, intact=row.intact * (1 - fraction))
         return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
@@ -212,8 +203,7 @@ class EditableTable(CircuitTable):
         own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
         and 1.5.
         """
-        check_number("level", level)
-        require(0 <= level <= 2, "level", "must lie in 0..2", level)
+        check_range(0, 2, level=level)
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
@@ -243,8 +233,7 @@ class EditableTable(CircuitTable):
 
     def with_neurons_times(self, factor: float) -> Self:
         """Return the circuit with so many times the cells of every spiking population, rounded."""
-        check_number("factor", factor)
-        require(0 < factor < math.inf, "factor", "must be > 0 and finite", factor)
+        check_positive(factor=factor)
         rows = tuple(
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
             for p in self.populations
@@ -260,18 +249,10 @@ class EditableTable(CircuitTable):
 
         A pathway that bends stays as it is: it is the sum of all that bends.
         """
-        between = [
-            p.transfer == "linear"
-            and all(self.population(end).spiking for end in (p.source, p.target))
-            for p in self.projections
-        ]
-        if not any(between):
+        between = [p for p in self.projections if p.transfer == "linear" and self.joins_cells(p)]
+        if not between:
             raise InputError(f"{self.name} has no pathway between cells that spike", "probability")
-        rows = tuple(
-            replace(p, probability=probability) if spikes else p
-            for p, spikes in zip(self.projections, between, strict=True)
-        )
-        return self._edited(projections=rows)
+        return self._with(*(replace(p, probability=probability) for p in between))
 
     def add(self, *rows: Population | Projection | Course | str) -> Self:
         """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
@@ -285,9 +266,8 @@ class EditableTable(CircuitTable):
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
-                raise InputError(
-                    f"a row is a Population, a Projection, a Course or text, got {row!r}", "row"
-                )
+                said = f"a row is a Population, a Projection, a Course or text, got {row!r}"
+                raise InputError(said, "row")
         new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
             return self._with_tables(
@@ -342,9 +322,8 @@ class EditableTable(CircuitTable):
 
     def _everywhere(self, **values: Any) -> Self:
         if not any(row.spiking for row in self.populations):
-            raise InputError(
-                f"{self.name} has no cells that spike: {', '.join(values)} say nothing", "cells"
-            )
+            said = f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
+            raise InputError(said, "cells")
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return self._edited(populations=rows)
 

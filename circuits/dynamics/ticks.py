@@ -24,6 +24,7 @@ lesions are chronic; the evidence comes after a time to settle.
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,7 +35,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Index
 from circuits.cells.cell import Cell, Constants
-from circuits.checks import check_time, whole_ticks
+from circuits.checks import check_positive, check_range, whole_ticks
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import rest
@@ -79,16 +80,13 @@ class Clock:
     settle_ms: float = 300.0
 
     def __post_init__(self) -> None:
-        check_time("dt_ms", self.dt_ms)
-        for name in ("step_ms", "sample_ms", "settle_ms"):
-            value = getattr(self, name)
-            check_time(name, value, zero=name == "settle_ms")
-            whole_ticks(name, value, self.dt_ms)
+        check_positive(dt_ms=self.dt_ms, step_ms=self.step_ms, sample_ms=self.sample_ms)
+        check_range(0, math.inf, settle_ms=self.settle_ms)
+        _ = self.settle_ticks  # says if it is no multiple of the tick
         if self.step_ticks % self.sample_ticks:
-            raise InputError(
-                f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}",
-                "sample_ms",
-            )
+            given = f"{self.step_ms} and {self.sample_ms}"
+            said = f"step_ms must be a multiple of sample_ms, got {given}"
+            raise InputError(said, "sample_ms")
 
     @property
     def step_ticks(self) -> int:
@@ -168,15 +166,11 @@ class Scheme:
     def start(self) -> tuple[Array, Array, Array]:
         """Units (without constant), block states in nats, and rates in Hz where all starts."""
         edited = self.wiring.circuit
-        if edited.chronic:
-            x = rest(self.wiring)
-            rates = self.wiring.rates(x)
-            return self.wiring.deliver @ rates, x, rates
-        intact = wire(edited.unlesioned)
-        x = rest(intact)
-        rates = intact.rates(x)
+        first = self.wiring if edited.chronic else wire(edited.unlesioned)
+        x = rest(first)
+        rates = first.rates(x)
         try:
-            if edited != edited.unlesioned:
+            if not edited.chronic and edited != edited.unlesioned:
                 rest(self.wiring)
         except ValueError:
             warnings.warn(

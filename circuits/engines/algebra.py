@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
-from circuits.checks import check_time
+from circuits.checks import check_positive
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
@@ -40,7 +40,7 @@ def run(
     ValueError
         If the drive does not fit the circuit, or the circuit has courses or no fixed point.
     """
-    check_time("step_ms", step_ms)
+    check_positive(step_ms=step_ms)
     circuit.check_steady("the algebra engine")
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy.typing as npt
 
 from circuits.cells import CELLS
-from circuits.checks import check_time, check_types, is_whole
+from circuits.checks import check_positive, check_range, check_types, is_whole
 from circuits.engines.memory import blocks, cells, connection_bytes
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -186,9 +187,10 @@ class TimedEngine(Engine):
     def __post_init__(self) -> None:
         """Check the times too."""
         super().__post_init__()
-        for name in ("dt_ms", "sample_ms", "settle_ms"):
-            if (time_ms := getattr(self, name, None)) is not None:
-                check_time(name, time_ms, zero=name == "settle_ms")
+        check_positive(sample_ms=self.sample_ms)
+        check_range(0, math.inf, settle_ms=self.settle_ms)
+        if (dt_ms := getattr(self, "dt_ms", None)) is not None:
+            check_positive(dt_ms=dt_ms)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -250,25 +252,13 @@ class CompiledEngine(TimedEngine):
     def __post_init__(self) -> None:
         """Check the threads and the level too."""
         super().__post_init__()
-        if not is_whole(self.workers) or self.workers < 1:
-            raise InputError.of("workers", "must be a whole number >= 1", self.workers)
-        if self.drop_below is not None and self.drop_below != self.drop_below:
-            raise InputError("drop_below must be a number, got nan", "drop_below", self.drop_below)
+        whole = is_whole(self.workers) and self.workers >= 1
+        require(whole, "workers", "must be a whole number >= 1", self.workers)
+        require(self.drop_below == self.drop_below, "drop_below", "must be a number", math.nan)
 
-    def tuned(
-        self,
-        *,
-        workers: int | None = None,
-        rates: bool | None = None,
-        sample_ms: float | None = None,
-    ) -> Self:
+    def tuned(self, **options: Any) -> Self:
         """Return the engine set for many trials; what is None stays."""
-        return replace(
-            self,
-            workers=self.workers if workers is None else workers,
-            rates=self.rates if rates is None else rates,
-            sample_ms=self.sample_ms if sample_ms is None else sample_ms,
-        )
+        return replace(self, **{name: v for name, v in options.items() if v is not None})
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
         """Return the engine that drops a trial once its OUT is below a level, nats."""

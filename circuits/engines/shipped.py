@@ -14,7 +14,7 @@ from circuits.engines.engine import (
 )
 from circuits.engines.memory import blocks
 from circuits.engines.registry import register
-from circuits.errors import InputError
+from circuits.errors import require
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -49,8 +49,8 @@ class Algebra(Engine):
 
     def __post_init__(self) -> None:
         """Check the laws."""
-        if self.laws not in LAWS_AT_REST:
-            raise InputError.of("laws", f"must be one of {', '.join(LAWS_AT_REST)}", self.laws)
+        known = ", ".join(LAWS_AT_REST)
+        require(self.laws in LAWS_AT_REST, "laws", f"must be one of {known}", self.laws)
 
     def ignores(self, field: str) -> bool:
         """Return whether a field is of cells or of time: the lines of the table have neither."""
@@ -162,8 +162,8 @@ class Population(PopulationsEngine):
     def __post_init__(self) -> None:
         """Check the laws too."""
         super().__post_init__()
-        if self.laws not in LAWS_OF_RATES:
-            raise InputError.of("laws", f"must be one of {', '.join(LAWS_OF_RATES)}", self.laws)
+        known = ", ".join(LAWS_OF_RATES)
+        require(self.laws in LAWS_OF_RATES, "laws", f"must be one of {known}", self.laws)
 
     @property
     def noisy(self) -> bool:

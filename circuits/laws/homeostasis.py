@@ -35,12 +35,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from circuits.arrays import Array, Truths
-from circuits.checks import check_number
+from circuits.checks import check_finite, check_range
 from circuits.declaration import transfer
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
 from circuits.dynamics.wiring import Wiring, wire
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,9 +69,8 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     """
     row = circuit.projection(source, circuit.readout)
     if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
-        raise InputError(
-            f"{row.name} must be linear, diffuse and of a weight other than 0", "source"
-        )
+        must = "must be linear, diffuse and of a weight other than 0"
+        raise InputError(f"{row.name} {must}", "source")
     wiring = wired(circuit)
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
@@ -81,9 +80,8 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
-        raise InputError(
-            f"{row.name} carries nothing of what all channels share: there is no rule", "source"
-        )
+        said = f"{row.name} carries nothing of what all channels share: there is no rule"
+        raise InputError(said, "source")
     return row.weight * (1 - whole / part)
 
 
@@ -255,23 +253,15 @@ class _Goal:
         wiring = self.before
         each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
         total = each.sum(axis=1)
-        rows = self.wiring.circuit.populations
-        known = {row.name for row in wiring.circuit.populations}
-        found = np.array(
-            [
-                max(1.0, total[wiring.blocks_of(row.name)].mean()) if row.name in known else 0.0
-                for row in rows
-            ]
-        )
+        found = {row.name: 0.0 for row in self.wiring.circuit.populations}
+        for row in wiring.circuit.populations:
+            if row.name in found:
+                found[row.name] = max(1.0, total[wiring.blocks_of(row.name)].mean())
         for name, value in speed.items():
             self.wiring.circuit.population(name)
-            check_number(f"the speed of {name}", value)
-            if not 0 <= value < np.inf:
-                raise InputError(
-                    f"the speed of {name} must be >= 0 and finite, got {value}", "speed"
-                )
-            found[[row.name == name for row in rows]] = value
-        return found
+            check_range(0, np.inf, owner=name, speed=value)
+            found[name] = value
+        return np.array(list(found.values()))
 
 
 def _goal(
@@ -296,12 +286,9 @@ def _goal(
     for name, nats in (rebound_nats or {}).items():
         blocks = wiring.blocks_of(name)
         if name not in known:
-            raise InputError(
-                f"{name} is new: without an old rate it can't rebound above it", "rebound_nats"
-            )
-        check_number(f"the rebound of {name}", nats)
-        if not np.isfinite(nats):
-            raise InputError(f"the rebound of {name} must be finite, got {nats}", "rebound_nats")
+            said = f"{name} is new: without an old rate it can't rebound above it"
+            raise InputError(said, "rebound_nats")
+        check_finite(owner=name, rebound_nats=nats)
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
     goal = _Goal(wiring, before, rates, inputs)
@@ -313,30 +300,20 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
     """Return the circuit before the edits; ValueError where it is not known or does not fit."""
     for row in circuit.populations:
         if row.clamped:
-            raise InputError(
-                f"{row.name} is clamped, which leaves resting rates what they were: there is "
-                "nothing to compensate",
-                "clamp",
-            )
+            rest = "which leaves resting rates what they were: there is nothing to compensate"
+            raise InputError(f"{row.name} is clamped, {rest}", "clamp")
     if reference is None:
         if circuit == circuit.unlesioned:
-            raise InputError(
-                f"{circuit.name} has no lesion: compensate needs a reference, the circuit before "
-                "the edits",
-                "reference",
-            )
+            needs = "compensate needs a reference, the circuit before the edits"
+            raise InputError(f"{circuit.name} has no lesion: {needs}", "reference")
         return circuit.unlesioned
     if not isinstance(reference, CircuitTable):
         raise InputError.of("reference", "must be a Circuit", reference)
-    if reference.channels != circuit.channels:
-        raise InputError(
-            f"the reference must have {circuit.channels} channels, got {reference.channels}",
-            "reference",
-        )
+    must = f"must have {circuit.channels} channels"
+    same = reference.channels == circuit.channels
+    require(same, "reference", must, reference.channels)
     for row in circuit.populations:
-        old = next((old for old in reference.populations if old.name == row.name), row)
-        if row.pooled != old.pooled:
-            raise InputError(
-                f"{row.name} is pooled in the circuit or in the reference alone", "reference"
-            )
+        if row.pooled != getattr(reference.get(row.name, row), "pooled", row.pooled):
+            said = f"{row.name} is pooled in the circuit or in the reference alone"
+            raise InputError(said, "reference")
     return reference

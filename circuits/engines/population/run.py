@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.checks import check_time, is_whole
+from circuits.checks import check_positive, is_whole
 from circuits.circuit import Circuit
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
@@ -71,7 +71,7 @@ def run(
     drive = checked_drive(circuit, drive)
     if not is_whole(first_trial) or first_trial < 0:
         raise InputError.of("first_trial", "must be a whole number >= 0", first_trial)
-    check_time("step_ms", step_ms)
+    check_positive(step_ms=step_ms)
     noise, times = engine.noise, (step_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
     dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
