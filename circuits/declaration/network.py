@@ -75,10 +75,9 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return a row by its two ends; raises ValueError with the valid names."""
         if isinstance(source, str) and "->" in source:
             ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
-            said = (
-                f"source must be one nucleus, got {shown(source)}: give the two ends of a pathway"
-            )
-            raise InputError(f"{said} one by one, as in cut({ends}, 0.5)", "source", source)
+            given = f"must be one nucleus, got {shown(source)}"
+            said = f"source {given}: give the two ends one by one, as in cut({ends}, 0.5)"
+            raise InputError(said, "source", source)
         name = " ".join(f"{source}->{target}".split())
         for p in self.projections:
             if p.name == name:

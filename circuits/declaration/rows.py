@@ -136,9 +136,8 @@ class Population:
         rates = len(published) == 2 and 0 <= published[0] <= published[1] < math.inf
         must = "must be the lowest and the highest rate, Hz"
         require(rates or not published, "published_hz", must, published, owner=name)
-        check_range(
-            min(0.0, self.cell.lowest_hz), MOST_HZ, owner=name, baseline_hz=self.baseline_hz
-        )
+        lowest_hz = min(0.0, self.cell.lowest_hz)
+        check_range(lowest_hz, MOST_HZ, owner=name, baseline_hz=self.baseline_hz)
         if self.baseline_hz > USUAL_HZ:
             warnings.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
@@ -223,9 +222,8 @@ class Projection:
             check_range(0, math.inf, owner=name, factors=factor)
         if self.transfer != "linear":
             if self.probability < 1:
-                raise InputError(
-                    f"{name}: connections of probability < 1 must be linear", "transfer"
-                )
+                said = f"{name}: connections of probability < 1 must be linear"
+                raise InputError(said, "transfer")
             if self.factors:
                 said = f"{name}: a pathway that is scaled in one channel must be linear"
                 raise InputError(f"{said}, got {self.transfer!r}", "transfer")

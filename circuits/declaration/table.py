@@ -161,8 +161,8 @@ class CircuitTable(Network):
     def check_steady(self, what: str) -> None:
         """Raise ValueError, in a circuit with courses, for what knows no time."""
         if self.courses:
-            steady = "take circuit.steady, or circuit.dopamine(level) for a level that stays"
-            said = f"{self.name} has courses, and {what} knows no time: {steady}"
+            steady = "circuit.steady, without them, or circuit.dopamine(level), which stays"
+            said = f"{self.name} has courses, and {what} knows no time: take {steady}"
             raise InputError(said, "courses")
 
     def check_nats(self, what: str, instead: str = "") -> None:

@@ -59,7 +59,7 @@ def test_a_table_of_whole_numbers_is_that_of_floats():
 
 @pytest.mark.parametrize("role", ["input", "readout"])
 def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
-    with pytest.raises(ValueError, match=f"no nucleus 'GPi': its {role} must be one of ctx"):
+    with pytest.raises(ValueError, match=f"{role} must be one of the nuclei of spiking_msprt, ctx"):
         replace(anatomy.spiking_msprt(), **{role: "GPi"})
 
 

@@ -212,10 +212,10 @@ def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
     [
         (lambda c: c.compensate(), "macaque has no lesion: compensate needs a reference"),
         (lambda c: c.scale("STN", "GPe", 0.9).compensate(), "has no lesion"),
-        (lambda c: c.compensate(anatomy.macaque(4)), "the reference must have 2 channels, got 4"),
+        (lambda c: c.compensate(anatomy.macaque(4)), "reference must have 2 channels, got 4"),
         (lambda c: c.clamp("GPe").compensate(), "GPe is clamped"),
         (lambda c: c.compensate(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
-        (lambda c: c.compensate(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
+        (lambda c: c.compensate(c, rebound_nats={"SNr": np.nan}), "SNr: rebound_nats must be"),
         (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
         (lambda c: recovery(c, c, speed={"GPe": -1}), "GPe: speed must be >= 0"),
         (lambda c: recovery(c, c, step=0), "step must be > 0"),
