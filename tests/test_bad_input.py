@@ -86,6 +86,8 @@ LEGAL = {
     },
     "stimuli period_mm": ["nan", "inf", "negative", "huge"],  # of no say in Gaussian evidence
     "stimuli fold": ["negative", "huge"],
+    "stimuli evidence": ["text"],  # files that are read when trials are drawn
+    "stimuli taps": ["text"],
     "baseline": ["negative", "huge"],
     "delta": ["huge", "array"],
     "first_crossing thresholds": ["array"],

@@ -98,7 +98,7 @@ BAD_USE = {
     "decide out.csv --trials 1.5": "must be a whole number, got '1.5'",
     "decide out.csv --trials": "Missing value for argument '--trials'",
     "decide out.csv --no-such-thing": "Unrecognized options",
-    "no-such-thing": "Available subcommands: demo, simulate",
+    "no-such-thing": "Available subcommands: demo, touch",
     "decide": "Missing from bgmodel decide",
     "decide .": "is a folder",
     "learn out.csv --xi -2": "xi must be",
@@ -115,7 +115,7 @@ BAD_USE = {
     "figures": "figures are drawn in a checkout",
     "compare a.txt": "output must end in .parquet or .csv",
     "compare a.csv --evidence x.csv --trials 9": "trials is for evidence",
-    "compare a.csv --task same-different --d-prime 1": "d_prime is for Gaussian evidence",
+    "compare a.csv --task same-different --d-prime 1": "d_prime is for gaussian",
     "compare a.csv --task same-different --channels 3": "2 alternatives",
     "compare a.csv --trials 50": "trials must be 100 or more for an interval, got 50",
     "compare a.csv --accuracies 1.2": "accuracies must lie above chance",
@@ -123,12 +123,12 @@ BAD_USE = {
     "circuit compare-edits a.csv 'lesion SNr'": "SNr is the read-out",
     "circuit run d.txt": "output must end in .parquet or .csv",
     "circuit run d.csv --evidence x.csv --channels 4": "channels is for evidence that is drawn",
-    "circuit run d.csv --period-mm 1.5": "period_mm is for tactile evidence, it says nothing",
+    "circuit run d.csv --period-mm 1.5": "period_mm is for same-different, orientation",
     "circuit run d.csv --engine rate --edits 'neurons 3'": "says nothing to the rate engine",
     "circuit run d.csv --engine population --spikes s.csv": "engine has no spikes: leave --spikes",
     "circuit run d.csv --trials 1e12": "of memory",
     "circuit run d.csv --edits 'neurons 1e9' --engine ensemble": "of memory",
-    "circuit run d.csv --edits 'neurons 1e12'": "neurons must be",
+    "circuit run d.csv --edits 'neurons 1e12'": "neurons must lie in 1",
     "circuit run d.csv --edits 'heterogeneity 5'": "heterogeneity must lie in 0..1, got 5",
     "circuit run d.csv --edits 'lesion STN 50%'": "rests at OUT = 0.00, which is not above",
     "circuit run d.csv --gain 0": "gain must be > 0",
@@ -145,7 +145,7 @@ BAD_USE = {
     "circuit show --channels 0": "channels must be a whole number >= 2, got 0",
     "circuit show spiking_msprt --edits 'lesion GPi'": "has no nucleus 'GPi': ctx, ",
     "circuit show spiking_msprt --edits 'scale STN 2'": "written as in 'scale STN->GPe 0.5'",
-    "circuit show spiking_msprt --edits 'neurons 0'": "neurons must be a whole number",
+    "circuit show spiking_msprt --edits 'neurons 0'": "neurons must lie in 1",
     "circuit show spiking_msprt --noise .99": "that spiking_msprt reads, 0.52 to 0.95",
     "circuit show spiking_msprt --noise .8 --edits 'connections 0.5'": "ctx->D1 connects 50%",
     "circuit show macaque --edits 'dopamine 0.9' --edits 'lesion D1'": "--edits is given twice",
@@ -231,10 +231,10 @@ def numbers(options):
         ("demo", "seed=1 alternatives=3"),
         (
             "simulate a.npz",
-            "taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 pitch_mm=1.2 pin_mm=1.5 radius_mm=20 "
-            "camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 gel_mm=15 gel_shear_mpa=0.01 "
-            "force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 marker_noise_um=9.5 frames=15 "
-            "workers=1 seed=0",
+            "taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 channels=2 pitch_mm=1.2 pin_mm=1.5 "
+            "radius_mm=20 camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 gel_mm=15 "
+            "gel_shear_mpa=0.01 force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 "
+            "marker_noise_um=9.5 frames=15 workers=1 seed=0",
         ),
         (
             "train a.npz b.safetensors",

@@ -23,6 +23,9 @@ MADE = DOCS / "gallery.md"
 # Commands that are parsed and not run, by how they begin, and why.
 PARSED = {
     "bgmodel demo": "it takes half a minute; a test of the demo does the same",
+    "bgmodel touch": "it trains a decoder; a test of the command does so on fewer taps",
+    "bgmodel watch": "it waits for images; a test of the command brings some",
+    "bgmodel decide decisions.csv --taps": "there is no table of decoded taps",
     "bgmodel simulate": "it solves contacts for minutes; a test of the command does less",
     "bgmodel decode": "there is no decoder where nothing was trained",
     "bgmodel figures": "figures take an hour",

@@ -145,11 +145,9 @@ def fit_likelihood(
         )
     if not all(np.isfinite(part).all() for part in pool):
         raise InputError("decoded angles must be finite, got NaN or infinity", "readings", readings)
-    if few := [k for k, x in enumerate(readings(pool)) if len(x) < density.inner_folds]:
+    if few := [k for k, x in enumerate(readings(pool)) if not len(x)]:
         raise InputError(
-            f"{taps} taps are too few for a likelihood: hypothesis {few[0]} has fewer than "
-            f"{density.inner_folds} readings",
-            "pool",
+            f"{taps} taps are too few for a likelihood: hypothesis {few[0]} has no reading", "pool"
         )
     grid = np.linspace(*range_deg, 721)
     period = range_deg[1] - range_deg[0] if circular else None

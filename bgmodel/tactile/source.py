@@ -275,6 +275,8 @@ def readings_of(
     fold, density :
         As for ``source``.
     """
+    if task not in TASKS:
+        raise InputError.of("task", f"must be one of {', '.join(TASKS)}", task)
     found = source(
         read_decoded(taps), TASKS[task](count, period_mm, step_deg), fold=fold, density=density
     )

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
-import pandas as pd
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from circuits.errors import InputError, require
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TOLERANCE_DEG = 0.5
 """Largest distance of a pair's true turn from the one that is asked, degrees."""

@@ -353,7 +353,7 @@ def test_natural_logarithms_are_never_taken_for_others():
 
 def test_taps_that_ship_are_natural_logarithms():
     with unwarned():
-        for task in ("same-different", "yaw"):
+        for task in ("same-different", "orientation"):
             warn_of_units(Stimuli(task=task, trials=1000).draw(0, "taps").evidence)
 
 
