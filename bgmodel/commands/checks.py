@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
-OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
+OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options on which the numbers do not depend, and the seed, which is recorded on its own."""

@@ -147,3 +147,14 @@ def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, eng
     assert run("circuit", "run", out, *asked, "--evidence", tmp_path / "mine.csv") == 0
     assert (read_provenance(out)["seed"] == 5) == noisy
     assert (pd.read_csv(out)["seed"] == 5).all() == noisy
+
+
+@pytest.mark.parametrize("option", ["rates", "spikes"])
+def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
+    there = tmp_path / "there.csv"
+    there.write_text("mine\n")
+    given = ("--engine", "ensemble", "--edits", "neurons 20", "--trials", 2, "--t-max", 2)
+    assert run("circuit", "run", tmp_path / "out.csv", f"--{option}", there, *given) == 2
+    assert "there.csv" in capsys.readouterr().err
+    assert there.read_text() == "mine\n"
+    assert not (tmp_path / "out.csv").exists()
