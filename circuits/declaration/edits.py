@@ -299,11 +299,8 @@ def _list(given: object) -> tuple[object, ...]:
 
 def overlapping(one: Edit, other: Edit) -> ValueError:
     """Return the error for two edits of one number."""
-    return InputError(
-        f"{one.text!r} and {other.text!r} edit the same number, so neither would be its value: "
-        "keep one of them",
-        "edits",
-    )
+    same = "edit the same number, so neither would be its value: keep one of them"
+    return InputError(f"{one.text!r} and {other.text!r} {same}", "edits")
 
 
 def parsed(line: str) -> Edit:
@@ -316,11 +313,8 @@ def parsed(line: str) -> Edit:
     """
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
-        raise InputError(
-            f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}",
-            "edits",
-            line,
-        )
+        said = f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}"
+        raise InputError(said, "edits", line)
     verb, _, rest = line.strip().partition(" ")
     if verb not in VERBS:
         known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
@@ -371,9 +365,8 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
     except (ValueError, OverflowError):
         return None
     if kind.takes == FRACTION and value > 1 and not percent:
-        raise InputError(
-            f"{line!r}: a fraction lies in 0..1: write {value:g}% or {value / 100:g}", "edits"
-        )
+        write = f"write {value:g}% or {value / 100:g}"
+        raise InputError(f"{line!r}: a fraction lies in 0..1: {write}", "edits")
     return Edit(line, verb, row, channel=channel, value=value)
 
 

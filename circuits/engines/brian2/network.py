@@ -236,12 +236,7 @@ class Network:
             engine="brian2",
             output_hz=self._sampled("out_hz", last)[..., w.blocks_of(w.circuit.readout)],
             spikes=spikes or None,
-            about={
-                "seed": int(seed),
-                "first_trial": first_trial,
-                "dt_ms": clock.dt_ms,
-                "settle_ms": clock.settle_ms,
-            },
+            about=clock.about(seed, first_trial),
         )
 
     def _sampled(self, variable: str, ticks: npt.NDArray[np.int64]) -> Array:

@@ -17,11 +17,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
+from circuits.engines.ensemble.registers import instruction
 
 LANES = 64
 WHOLE = -LANES
@@ -53,14 +53,10 @@ MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
 SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
 
 
-@intrinsic
-def ones32(typing, word):
+@instruction(types.float32, types.uint32)
+def ones32(builder, word):
     """Return the number of ones in a word, as float32."""
-
-    def build(context, builder, signature, arguments):
-        return builder.uitofp(builder.ctpop(arguments[0]), ir.FloatType())
-
-    return types.float32(types.uint32), build
+    return builder.uitofp(builder.ctpop(word), ir.FloatType())
 
 
 @numba.njit(inline="always")
