@@ -34,16 +34,8 @@ __all__ = [
     "stewart",
 ]
 
-CIRCUITS: dict[str, Callable[..., Circuit]] = {
-    "bogacz_gurney": bogacz_gurney,
-    "appendix_b": appendix_b,
-    "linear_gpe": linear_gpe,
-    "macaque": macaque,
-    "spiking_msprt": spiking_msprt,
-    "gpr": gpr,
-    "humphries": humphries,
-    "stewart": stewart,
-}
+_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr, humphries, stewart)
+CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from circuits.cells import CELLS
 from circuits.checks import check_positive, check_range, check_types, is_whole
+from circuits.declaration.rows import OF_CELLS
 from circuits.engines.memory import blocks, cells, connection_bytes
 from circuits.errors import InputError, require
 
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
     from circuits.arrays import Array
     from circuits.circuit import Circuit
     from circuits.dynamics.wiring import Wiring
-
-OF_CELLS = ("neurons", "probability", "heterogeneity")
-"""Fields of rows that act through the number of cells, their connections and their differences."""
-OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
-"""Fields of rows on which a fixed point does not depend."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

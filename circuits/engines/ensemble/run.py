@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
+"""For how many spikes of a trial there is room at first."""
 
 
 def run(
@@ -86,7 +87,8 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
     found = [np.empty((0, 3), np.int32)] * trials
 
     def task(first: int) -> int:
-        room, work = np.empty((_capacity(p), 3), np.int32), workspace(p)
+        capacity = FIRST_CAPACITY if p.blocks["kept"].any() else 0
+        room, work = np.empty((capacity, 3), np.int32), workspace(p)
         last = min(first + TRIALS_A_TASK, trials)
         for t in range(first, last):
             drive, stream, out, kept = (array[t] for array in arrays)
@@ -103,8 +105,3 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
         for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
             bar.update(done)
     return found
-
-
-def _capacity(p: Plan) -> int:
-    """Return for how many spikes there is room at first."""
-    return FIRST_CAPACITY if p.blocks["kept"].any() else 0

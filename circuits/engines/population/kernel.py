@@ -29,15 +29,10 @@ WINDOW = 4
 """Most ticks that a block is taken through at a time: those of one key of noise."""
 REFRESH = 16
 """Ticks after which the coefficients of a block's filters follow its state."""
-LOOKED_UP, LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = range(7)
-TRANSFERS = {
-    "linear": LINEAR,
-    "rectified": RECTIFIED,
-    "saturating": SATURATING,
-    "ramp": RAMP,
-    "exp": EXP,
-    "s_minus_log_s": S_MINUS_LOG_S,
-}
+LOOKED_UP = 0
+_NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
+TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
+LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
 """Transfers with a loop of their own; any other law is looked up."""
 HEARD, ACTIVE, NOISE = range(3)
 """Rows of what a block works on: its input, what it makes of it, and the noise of its cells."""

@@ -40,13 +40,7 @@ FEW_CELLS = (
     f"the population engine takes noise for Gaussian, and that of fewer than {FEW} cells is not: "
     "hold what follows to spikes"
 )
-NO_ANSWERS: dict[str, float] = {
-    "table": -1,
-    "lags": 0,
-    "state_lowest": 0,
-    "state_per": 0,
-    "noise": 0,
-}
+NO_ANSWERS = {"table": -1.0} | dict.fromkeys(("lags", "state_lowest", "state_per", "noise"), 0.0)
 """Fields of the record of a block whose cells answer nothing."""
 TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 """Ticks that are tried, ms, the longest first."""
