@@ -240,7 +240,7 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
     names = tuple(inspect.signature(begin).parameters)[1:]
     taken = tuple(inspect.signature(tick).parameters)[2:]
     if taken != kind.state + names:
-        must = f"must take (heard, ones, *state, *constants), of {name}.begin {', '.join(names)}"
+        must = f"must take heard, ones, state and the constants of {name}.begin, {', '.join(names)}"
         raise InputError(f"{name}.tick {must}; it takes {', '.join(taken)}", "tick")
     if taken_by_engines := RESERVED & {*kind.state, *names}:
         said = f"{name}: an engine's own names can't be those of a variable or a constant"

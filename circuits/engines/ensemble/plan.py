@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.declaration.rows import Population
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import Clock, Scheme, cell_factors, spike_hz
 from circuits.dynamics.timed import Timed, rows, timed
@@ -80,13 +79,9 @@ class _Places:
     def circuit(self) -> CircuitTable:
         return self.wiring.circuit
 
-    @property
-    def rows(self) -> list[Population]:
-        return self.wiring.rows
-
     @cached_property
     def entries(self) -> list[Entry]:
-        return [entry(row.cell) for row in self.rows]
+        return [entry(row.cell) for row in self.wiring.rows]
 
     @cached_property
     def sparse(self) -> npt.NDArray[np.bool_]:
@@ -106,7 +101,7 @@ class _Places:
     @cached_property
     def variation(self) -> npt.NDArray[np.int64]:
         """In what the cells of each block differ."""
-        heterogeneity = [row.spiking and row.heterogeneity for row in self.rows]
+        heterogeneity = [row.spiking and row.heterogeneity for row in self.wiring.rows]
         variation = np.where(heterogeneity, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
         for q in np.flatnonzero(self.sparse):
             variation[self.targets[q]] = kernel.OWN_INPUTS
@@ -114,7 +109,7 @@ class _Places:
 
     @cached_property
     def cells(self) -> npt.NDArray[np.int64]:
-        return np.array([row.neurons if row.spiking else 0 for row in self.rows])
+        return np.array([row.neurons if row.spiking else 0 for row in self.wiring.rows])
 
     @cached_property
     def filled(self) -> npt.NDArray[np.int64]:
@@ -161,16 +156,16 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
     own_from = np.searchsorted(own_inputs["target"], np.arange(wiring.blocks + 1))
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
-    pairs = zip(places.entries, places.rows, strict=True)
+    pairs = zip(places.entries, wiring.rows, strict=True)
     own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
     of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
     return filled(
         records.BLOCK,
         wiring.blocks,
         kind=[made.kind for made in places.entries],
-        variables=[len(row.cell.state) for row in places.rows],
-        nats=[row.cell.hears == "nats" for row in places.rows],
-        law=[_law(row.transfer) for row in places.rows],
+        variables=[len(row.cell.state) for row in wiring.rows],
+        nats=[row.cell.hears == "nats" for row in wiring.rows],
+        law=[_law(row.transfer) for row in wiring.rows],
         drive=drives,
         input=input_from[:-1],
         inputs=input_from[1:],
@@ -239,7 +234,7 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     constants = np.zeros((5, int(places.filled.sum())), np.float32)
     for b in np.flatnonzero(places.variation):
         here = slice(places.start[b], places.start[b] + places.cells[b])
-        row, channel = places.rows[b], int(places.wiring.channel[b])
+        row, channel = places.wiring.rows[b], int(places.wiring.channel[b])
         factors = cell_factors(places.circuit, row.name, channel)
         constants[:, here] = places.entries[b].varied(row.cell, factors, places.scheme.dt_ms)
     return constants

@@ -167,10 +167,10 @@ def marked(typing, marks, place, t):
 @instruction(WORDS, types.uint64, types.uint64)
 def byte_counts(builder, index, key):
     """Return ``noise.byte_counts`` of the words of the cells from an index on, from a tick key."""
-    low = _spread(builder, builder.trunc(key, _I32))
+    high, low = high_half(builder, key), _spread(builder, builder.trunc(key, _I32))
     first = builder.mul(builder.trunc(index, _I32), ir.Constant(_I32, noise.GOLDEN_32))
     steps = [k * noise.GOLDEN_32 % 2**32 for k in range(WIDTH)]
-    begin = _spread(builder, builder.add(first, high_half(builder, key)))
+    begin = _spread(builder, builder.add(first, high))
     x = lowbias32(builder, builder.add(begin, ir.Constant(low.type, steps)), low, _each)
     octets = builder.bitcast(x, ir.VectorType(ir.IntType(8), 4 * WIDTH))
     return builder.bitcast(_named(builder, f"llvm.ctpop.v{4 * WIDTH}i8", octets), x.type)
