@@ -58,16 +58,17 @@ class Activity:
     def from_blocks(
         cls,
         wiring: Wiring,
-        rates: Array | None,
+        rates: npt.NDArray[Any] | None,
         time_ms: Array,
         *,
         engine: str,
         output_hz: Array | None = None,
+        output_nats: Array | None = None,
         **other: Any,
     ) -> Activity:
         """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``.
 
-        Without rates none are kept, and ``output_hz`` is needed.
+        Without rates none are kept, and ``output_hz`` or OUT itself is needed.
         """
         circuit = wiring.circuit
         by_name = {
@@ -75,12 +76,14 @@ class Activity:
             for row in circuit.populations
             if rates is not None
         }
-        readout = by_name[circuit.readout] if output_hz is None else output_hz
+        if output_nats is None:
+            readout = by_name[circuit.readout] if output_hz is None else output_hz
+            output_nats = wiring.activity(readout, circuit.readout)
         return cls(
             circuit=circuit,
             time_ms=np.asarray(time_ms, dtype=np.float64),
             rates_hz=by_name,
-            output_nats=wiring.activity(readout, circuit.readout),
+            output_nats=output_nats,
             engine=engine,
             **other,
         )
@@ -129,9 +132,8 @@ class Activity:
             If no rates were kept, there is no such trial, or the Axes do not fit.
         """
         if not self.rates_hz:
-            raise InputError(
-                f"the {self.engine} engine kept no rates: ask for them (rates=True)", "rates"
-            )
+            said = f"the {self.engine} engine kept no rates: ask for them (rates=True)"
+            raise InputError(said, "rates")
         trials = len(self.output_nats)
         require(trial in range(trials), "trial", f"must lie in 0..{trials - 1}", trial)
         one = {name: values[trial] for name, values in self.rates_hz.items()}
@@ -210,11 +212,9 @@ class Activity:
             If none were kept.
         """
         if not self.spikes:
-            raise InputError(
-                f"the {self.engine} engine recorded no spikes: name the populations to record with "
-                'an engine of spiking cells, such as engine=Ensemble(spikes=("STN",))',
-                "spikes",
-            )
+            such = 'with an engine of spiking cells, such as engine=Ensemble(spikes=("STN",))'
+            said = f"the {self.engine} engine recorded no spikes: name the populations to record"
+            raise InputError(f"{said} {such}", "spikes")
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
         whole = pd.concat(parts, ignore_index=True)
         return whole[["population", *(name for name in whole if name != "population")]]
@@ -248,16 +248,13 @@ class RateMeans:
         for name, total in self._sums.items():
             ticks, channels = total.shape
             mean = total / np.where(self._counts[name] > 0, self._counts[name], np.nan)
-            parts.append(
-                pd.DataFrame(
-                    {
-                        "population": name,
-                        "channel": np.tile(np.arange(channels), ticks),
-                        "time_ms": np.repeat(self._time_ms, channels),
-                        "rate_hz": mean.ravel(),
-                    }
-                )
-            )
+            columns = {
+                "population": name,
+                "channel": np.tile(np.arange(channels), ticks),
+                "time_ms": np.repeat(self._time_ms, channels),
+                "rate_hz": mean.ravel(),
+            }
+            parts.append(pd.DataFrame(columns))
         return pd.concat(parts, ignore_index=True)
 
 
@@ -271,21 +268,44 @@ def spike_table(
     return pd.DataFrame(whole | {"time_ms": time_ms})
 
 
+def spike_tables(
+    wiring: Wiring, names: Sequence[str], spikes: Sequence[npt.NDArray[Any]], dt_ms: float
+) -> dict[str, pd.DataFrame] | None:
+    """Return the spikes of populations as ``Activity`` keeps them; None without populations.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        The circuit as arrays.
+    names : sequence of str
+        The populations.
+    spikes : sequence of arrays (spikes, 3)
+        Block, cell and tick of each spike; an array per trial.
+    dt_ms : float
+        One tick.
+    """
+    trial = np.repeat(np.arange(len(spikes)), [len(rows) for rows in spikes])
+    block, neuron, tick = np.concatenate(spikes).T
+    tables = {}
+    for name in names:
+        here = np.isin(block, wiring.blocks_of(name))
+        channel = wiring.channel[block[here]]
+        tables[name] = spike_table(trial[here], channel, neuron[here], tick[here], dt_ms)
+    return tables or None
+
+
 def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
     """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
     values = np.asarray(drive, dtype=np.float64)
     if values.ndim != 3 or 0 in values.shape[:2]:
         raise InputError.of("drive", "must be (trials, steps, channels)", values.shape)
     if values.shape[2] != circuit.channels:
-        raise InputError(
-            f"the drive has {values.shape[2]} hypotheses, {circuit.name} has {circuit.channels} "
-            f"channels: load it with {values.shape[2]}, load_circuit(..., {values.shape[2]})",
-            "drive",
-        )
+        count, has = values.shape[2], f"{circuit.name} has {circuit.channels} channels"
+        load = f"load it with {count}, load_circuit(..., {count})"
+        raise InputError(f"the drive has {count} hypotheses, {has}: {load}", "drive")
     if not np.isfinite(values).all():
-        raise InputError(
-            "drive must be finite: a hypothesis that is ruled out has no finite nats", "drive"
-        )
+        said = "drive must be finite: a hypothesis that is ruled out has no finite nats"
+        raise InputError(said, "drive")
     return values
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
@@ -89,20 +90,52 @@ def is_bool(value: Any) -> bool:
     return type(value).__name__ in ("bool", "bool_")
 
 
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, (tuple, list)) and all(map(is_number, values))
+
+
+def check_kind(kind: Any, base: type, what: str) -> str:
+    """Return the name of a class that is to be registered.
+
+    Parameters
+    ----------
+    kind : type
+        The class.
+    base : type
+        What it must derive from.
+    what : str
+        What it is, with its article and the field of errors last: "an engine".
+
+    Raises
+    ------
+    ValueError
+        If it is no frozen dataclass of the base's type.
+    """
+    name, field = getattr(kind, "__name__", repr(kind)), what.split()[1]
+    if not (isinstance(kind, type) and issubclass(kind, base)):
+        raise InputError(f"{what} is a subclass of {base.__name__}, got {name}", field)
+    settings = vars(kind).get("__dataclass_params__")
+    if settings is None or not settings.frozen:
+        raise InputError(f"{what} must be a dataclass with frozen=True, got {name}", field, kind)
+    return name
+
+
+def check_free(name: str, kind: type, known: Mapping[str, type], what: str) -> None:
+    """Raise ValueError for a name under which a class of another module is registered."""
+    if name in known and known[name].__module__ != kind.__module__:
+        said = f"there is {what} {name} already, in {known[name].__module__}"
+        raise InputError(said, what.split()[1])
+
+
 _KINDS = {
     "float": ("a number", is_number),
     "int": ("a whole number", is_whole),
     "bool": ("true or false", is_bool),
     "str": ("text", lambda value: isinstance(value, str)),
-    "tuple[float, ...]": (
-        "numbers",
-        lambda value: isinstance(value, (tuple, list)) and all(map(is_number, value)),
-    ),
+    "tuple[float, ...]": ("numbers", _are_numbers),
     "tuple[float, float]": (
         "two numbers",
-        lambda value: (
-            isinstance(value, (tuple, list)) and len(value) == 2 and all(map(is_number, value))
-        ),
+        lambda value: _are_numbers(value) and len(value) == 2,
     ),
     "float | None": ("a number", lambda value: value is None or is_number(value)),
 }

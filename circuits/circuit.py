@@ -166,5 +166,6 @@ class Circuit(EditableTable):
         for edit in edits:
             channel = {} if edit.channel is None else {"channel": edit.channel}
             with naming(edit.text):
-                circuit = getattr(circuit, VERBS[edit.verb].method)(*edit.arguments, **channel)
+                made_by = getattr(circuit, VERBS[edit.verb].method or edit.verb)
+                circuit = made_by(*edit.arguments, **channel)
         return circuit

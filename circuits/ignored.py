@@ -18,11 +18,8 @@ def check_edits(edits: Edits, engine: Engine | str) -> None:
     chosen = engine_of(engine)
     for edit in edits.parsed():
         if chosen.ignores(edit.field or VERBS[edit.verb].changes):
-            raise InputError(
-                f"{edit.text!r} says nothing to the {engine} engine: take another engine, such as "
-                "population",
-                "edits",
-            )
+            said = f"{edit.text!r} says nothing to the {engine} engine"
+            raise InputError(f"{said}: take another engine, such as population", "edits")
 
 
 def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:

@@ -121,24 +121,19 @@ def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
 def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
     """Return the facts of the whole circuit, a line each."""
     low, high = circuit.range_nats
-    at_rest = (
-        f"S = {circuit.reference_nats:.3g} nats at rest, works"
-        if circuit.unit == NATS
-        else f"in {circuit.unit}, not nats: no posterior follows from OUT; "
-        f"{circuit.rest_drive:.3g} at rest, works"
-    )
-    gain = circuit.default_gain
-    lead = (
-        f"; follows a lead of up to {circuit.max_lead_nats:g} {circuit.unit} of drive per 100 ms"
-        if math.isfinite(circuit.max_lead_nats)
-        else ""
-    )
+    at_rest = f"S = {circuit.reference_nats:.3g} nats"
+    if circuit.unit != NATS:
+        at_rest = f"in {circuit.unit}, not nats: no posterior follows from OUT; "
+        at_rest += f"{circuit.rest_drive:.3g}"
+    gain, most, lead = circuit.default_gain, circuit.max_lead_nats, ""
+    if math.isfinite(most):
+        lead = f"; follows a lead of up to {most:g} {circuit.unit} of drive per 100 ms"
     default = "no default gain" if gain is None else f"default gain {gain:g} per nat of evidence"
     return (
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
         f"{'exact' if circuit.exact else 'not exact'}\n"
-        f"{at_rest} from {low:g} to {high:g}; OUT is "
+        f"{at_rest} at rest, works from {low:g} to {high:g}; OUT is "
         f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}{lead}\n"
         f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
@@ -184,11 +179,8 @@ def _drive(circuit: CircuitTable) -> str:
     """Return what a channel is driven by."""
     if not circuit.centred:
         return "each channel driven by its own evidence"
-    apart = (
-        ""
-        if math.isinf(circuit.max_deficit_nats)
-        else f", at most {circuit.max_deficit_nats:g} apart"
-    )
+    most = circuit.max_deficit_nats
+    apart = "" if math.isinf(most) else f", at most {most:g} apart"
     return f"drives less their mean over channels{apart}"
 
 

@@ -45,16 +45,13 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     except UnicodeDecodeError as error:
         raise InputError(f"{str(path)!r} can't be read as text: {error}", "path") from None
     except OSError as error:
-        raise InputError(
-            f"the circuit {str(path)!r} can't be read: {error.strerror}", "path"
-        ) from None
+        said = f"the circuit {str(path)!r} can't be read: {error.strerror}"
+        raise InputError(said, "path") from None
     found = parse(given, path.name)
     if channels not in (None, found.channels):
-        raise InputError(
-            f"{path.name} holds a circuit for {found.channels} alternatives, not for {channels}: "
-            f"ask for {found.channels} channels",
-            "channels",
-        )
+        held = f"{path.name} holds a circuit for {found.channels} alternatives"
+        said = f"{held}, not for {channels}: ask for {found.channels} channels"
+        raise InputError(said, "channels")
     return found
 
 
@@ -84,9 +81,8 @@ class _Reader:
             if key not in data:
                 raise InputError(f"{self.file}: the key {key!r} is missing", key)
         if (form := data.pop("format")) != FORMAT:
-            raise InputError(
-                f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}", "format"
-            )
+            said = f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}"
+            raise InputError(said, "format")
         cells = self._cells(data.pop("cells", {}))
         tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES if name in data}
         self._check_ends(tables)
@@ -130,15 +126,13 @@ class _Reader:
         """Return the rows of a table."""
         where = self._at("", table)
         if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
-            raise InputError(
-                f"{where}: {table} must hold columns and rows, and nothing else", table
-            )
+            said = f"{where}: {table} must hold columns and rows, and nothing else"
+            raise InputError(said, table)
         kind, columns, rows = TABLES[table], given["columns"], given["rows"]
         for name in ("columns", "rows"):
             if not isinstance(given[name], list):
-                raise InputError(
-                    f"{self._at(table, name)}: {name} must be a list in brackets", name
-                )
+                said = f"{self._at(table, name)}: {name} must be a list in brackets"
+                raise InputError(said, name)
         self._check_columns(table, kind, columns)
         if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
             # Rows are no lines here: they are counted instead.
@@ -152,9 +146,8 @@ class _Reader:
         for name in columns:
             self._known(where, f"column of {table}", name, [f.name for f in fields(kind)])
             if columns.count(name) > 1:
-                raise InputError(
-                    f"{where}: the column {name!r} of {table} stands there twice", table
-                )
+                said = f"{where}: the column {name!r} of {table} stands there twice"
+                raise InputError(said, table)
         if missing := _needed(kind, *columns):
             raise InputError(f"{where}: {table} needs the columns {missing}", table)
 

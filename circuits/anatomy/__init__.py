@@ -18,7 +18,7 @@ from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
 from circuits.declaration import table_files
-from circuits.errors import InputError
+from circuits.errors import require
 
 __all__ = [
     "CIRCUITS",
@@ -34,16 +34,8 @@ __all__ = [
     "stewart",
 ]
 
-CIRCUITS: dict[str, Callable[..., Circuit]] = {
-    "bogacz_gurney": bogacz_gurney,
-    "appendix_b": appendix_b,
-    "linear_gpe": linear_gpe,
-    "macaque": macaque,
-    "spiking_msprt": spiking_msprt,
-    "gpr": gpr,
-    "humphries": humphries,
-    "stewart": stewart,
-}
+_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr, humphries, stewart)
+CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
 
 
@@ -71,13 +63,10 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     ValueError
         If there is none of that name, with the names that there are; or as ``table_reader.read``.
     """
-    if not isinstance(name, (str, Path)):
-        raise InputError.of("circuit", "must be a name or the path of a .toml file", name)
+    named = isinstance(name, (str, Path))
+    require(named, "circuit", "must be a name or the path of a .toml file", name)
     if table_files.is_path(name):
         return table_reader.read(name, channels)
-    if name not in CIRCUITS:
-        names = ", ".join(CIRCUITS)
-        raise InputError.of(
-            "circuit", f"must be one of {names}, or the path of a .toml file", str(name)
-        )
+    must = f"must be one of {', '.join(CIRCUITS)}, or the path of a .toml file"
+    require(name in CIRCUITS, "circuit", must, str(name))
     return CIRCUITS[str(name)](2 if channels is None else channels)

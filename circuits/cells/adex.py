@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from circuits.arrays import Array
-from circuits.cells.cell import BrianText, Cell, Constants, register
+from circuits.cells.cell import BrianText, Cell, Constants, check_constants, register
 from circuits.cells.single import ONE, ZERO, choose, exponential, fused, single
-from circuits.checks import check_types, whole_ticks
-from circuits.errors import InputError, require
+from circuits.checks import whole_ticks
+from circuits.errors import InputError
 
 
 def _begin(
@@ -106,19 +106,11 @@ class AdEx(Cell):
     )
 
     def __post_init__(self) -> None:
-        check_types(self, "an AdEx cell")
-        if not all(np.isfinite(value) for value in vars(self).values()):
-            raise InputError.of("constants", "of an AdEx cell must be finite", vars(self))
-        for name in ("tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv"):
-            if not getattr(self, name) > 0:
-                raise InputError.of(name, "of an AdEx cell must be > 0", getattr(self, name))
-        require(self.refractory_ms >= 0, "refractory_ms", "must be >= 0", self.refractory_ms)
+        check_constants(self, "tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv")
         if not self.reset_mv < self.knee_mv < self.peak_mv:
-            raise InputError(
-                "reset_mv must lie below knee_mv, and that below peak_mv, got "
-                f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}",
-                "reset_mv",
-            )
+            given = f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}"
+            said = f"reset_mv must lie below knee_mv, and that below peak_mv, got {given}"
+            raise InputError(said, "reset_mv")
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the constants of a tick, v in mV from the reset.

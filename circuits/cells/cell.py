@@ -19,7 +19,15 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.errors import InputError
+from circuits.checks import (
+    check_finite,
+    check_free,
+    check_kind,
+    check_positive,
+    check_range,
+    check_types,
+)
+from circuits.errors import InputError, require
 
 Constants = dict[str, Any]
 
@@ -185,48 +193,36 @@ def register(kind: C) -> C:
         If it is no frozen dataclass of type ``Cell``, hears something unknown, has no state
         although it spikes, or if another type has its name.
     """
-    name = getattr(kind, "__name__", repr(kind))
-    if not (isinstance(kind, type) and issubclass(kind, Cell)):
-        raise InputError(f"a cell type is a subclass of circuits.cells.Cell, got {name}", "cell")
-    settings = vars(kind).get("__dataclass_params__")
-    if settings is None or not settings.frozen:
-        raise InputError(f"the cell type {name} must be a dataclass with frozen=True", "cell", kind)
-    if kind.hears not in HEARS:
-        raise InputError(
-            f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}", "hears"
-        )
-    if not kind.spikes and kind.hears != "hz":
-        raise InputError(
-            f"{name} does not spike, so it passes a rate on: {name}.hears must be hz", "hears"
-        )
-    if kind.spikes and not (kind.state and isinstance(kind.state, tuple)):
-        raise InputError(
-            f"{name} spikes, so {name}.state must be a tuple of its variables' names", "state"
-        )
-    if name in CELLS and CELLS[name].__module__ != kind.__module__:
-        raise InputError(
-            f"there is a cell type {name} already, in {CELLS[name].__module__}", "cell"
-        )
+    name = check_kind(kind, Cell, "a cell type")
+    must = f"must be one of {', '.join(HEARS)}"
+    require(kind.hears in HEARS, "hears", must, kind.hears, owner=name)
+    rate = kind.spikes or kind.hears == "hz"
+    require(rate, "hears", "must be hz where cells do not spike", kind.hears, owner=name)
+    state = not kind.spikes or (kind.state and isinstance(kind.state, tuple))
+    must = "must be a tuple of the variables' names where cells spike"
+    require(state, "state", must, kind.state, owner=name)
+    check_free(name, kind, CELLS, "a cell type")
     CELLS[name] = kind
     return kind
 
 
 def check_cell(owner: str, cell: object) -> None:
     """Raise ValueError if what a population's row calls its cell is of no registered type."""
-    if type(cell) not in CELLS.values():
-        known = ", ".join(CELLS)
-        raise InputError(
-            f"{owner}: cell must be one of {known}, got {cell!r}; circuits.cells.register enters "
-            "a type of your own",
-            "cell",
-        )
-    if isinstance(cell, Cell) and cell.lowest_hz != 0 and (cell.spikes or cell.lowest_hz > -np.inf):
-        raise InputError.of(
-            "lowest_hz",
-            f"of {cell.kind} must be 0, or -inf where it does not spike",
-            cell.lowest_hz,
-            owner=owner,
-        )
+    must = f"must be one of {', '.join(CELLS)}, or of a type entered by circuits.cells.register"
+    require(type(cell) in CELLS.values(), "cell", must, cell, owner=owner)
+    if isinstance(cell, Cell):
+        allowed = cell.lowest_hz == 0 or (cell.lowest_hz == -np.inf and not cell.spikes)
+        must = f"of {cell.kind} must be 0, or -inf where it does not spike"
+        require(allowed, "lowest_hz", must, cell.lowest_hz, owner=owner)
+
+
+def check_constants(cell: Cell, *above_0: str) -> None:
+    """Raise ValueError unless a spiking cell's constants are finite numbers, and some above 0."""
+    owner, constants = f"the {cell.kind} cell", vars(cell)
+    check_types(cell, owner)
+    check_finite(owner=owner, **constants)
+    check_positive(owner=owner, **{name: constants[name] for name in above_0})
+    check_range(0, np.inf, owner=owner, refractory_ms=constants["refractory_ms"])
 
 
 def constant_names(kind: type[Cell]) -> tuple[str, ...]:
@@ -244,35 +240,25 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
     names = tuple(inspect.signature(begin).parameters)[1:]
     taken = tuple(inspect.signature(tick).parameters)[2:]
     if taken != kind.state + names:
-        raise InputError(
-            f"{name}.tick must take (heard, ones, *state, *constants), with the constants of "
-            f"{name}.begin, {', '.join(names)}; it takes {', '.join(taken)}",
-            "tick",
-        )
+        must = f"must take heard, ones, state and the constants of {name}.begin, {', '.join(names)}"
+        raise InputError(f"{name}.tick {must}; it takes {', '.join(taken)}", "tick")
     if taken_by_engines := RESERVED & {*kind.state, *names}:
-        raise InputError(
-            f"{name}: an engine's own names can't be those of a variable or a constant: "
-            f"{', '.join(sorted(taken_by_engines))}",
-            "state",
-        )
+        said = f"{name}: an engine's own names can't be those of a variable or a constant"
+        raise InputError(f"{said}: {', '.join(sorted(taken_by_engines))}", "state")
     for what, function in (("begin", begin), ("tick", tick)):
         if numbers := _bare_numbers(function):
-            raise InputError(
-                f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they must be "
-                "constants, or global names of np.float32, so that every engine rounds alike",
-                what,
-            )
+            must = "must be constants, or global names of np.float32, to be rounded alike"
+            said = f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they {must}"
+            raise InputError(said, what)
     constants, one = [np.float32(1)] * len(names), np.float32(1)
     with np.errstate(all="ignore"):
         begun = begin(np.float64(0.5), *constants)
         moved = tick(np.float64(0.5), one, *[one] * len(kind.state), *constants)
     for what, given, wanted in (("begin", begun, 0), ("tick", moved, 1)):
         if len(given) != wanted + len(kind.state):
-            raise InputError(
-                f"{name}.{what} must return {'whether it fires and ' if wanted else ''}"
-                f"{', '.join(kind.state)}; it returns {len(given)} values",
-                what,
-            )
+            wants = ", ".join(("whether it fires",) * wanted + kind.state)
+            said = f"{name}.{what} must return {wants}; it returns {len(given)} values"
+            raise InputError(said, what)
     return names
 
 
@@ -294,16 +280,12 @@ def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
     name, found = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))
     if set(found) != set(names):
-        raise InputError(
-            f"{name}.constants must give what {name}.begin takes, {', '.join(names)}; it gives "
-            f"{', '.join(found)}",
-            "constants",
-        )
+        must = f"must give what {name}.begin takes, {', '.join(names)}"
+        raise InputError(f"{name}.constants {must}; it gives {', '.join(found)}", "constants")
+    owner = f"{name}.constants"
     for constant, value in found.items():
-        if np.asarray(value).dtype != np.float32:
-            raise InputError(
-                f"{name}.constants: {constant} must be in single precision, np.float32", constant
-            )
-        if not np.isfinite(value).all():
-            raise InputError(f"{name}.constants: {constant} must be finite, got {value}", constant)
+        kind = np.asarray(value).dtype
+        must = "must be in single precision, np.float32"
+        require(kind == np.float32, constant, must, kind, owner=owner)
+        require(np.isfinite(value).all(), constant, "must be finite", value, owner=owner)
     return {constant: found[constant] for constant in names}

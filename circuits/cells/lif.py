@@ -8,12 +8,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from circuits.arrays import Array
-from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.cell import (
+    BrianText,
+    Cell,
+    Constants,
+    Line,
+    Response,
+    check_constants,
+    register,
+)
 from circuits.cells.membrane import Membrane, lif_rate_hz
 from circuits.cells.response import lif_response
 from circuits.cells.single import ONE, ZERO, choose, fused, single
-from circuits.checks import check_types, whole_ticks
-from circuits.errors import InputError, require
+from circuits.checks import whole_ticks
+from circuits.errors import require
 
 OVERSHOOT = 0.5825971579390107
 """-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
@@ -85,15 +93,9 @@ class Lif(Membrane, Cell):
     )
 
     def __post_init__(self) -> None:
-        check_types(self, "a Lif cell")
-        if not all(np.isfinite(value) for value in vars(self).values()):
-            raise InputError.of("constants", "of a Lif cell must be finite", vars(self))
-        for name in ("tau_ms", "noise_mv"):
-            require(getattr(self, name) > 0, name, "of a Lif cell must be > 0", getattr(self, name))
-        require(self.refractory_ms >= 0, "refractory_ms", "must be >= 0", self.refractory_ms)
-        if not self.reset_mv < self.threshold_mv:
-            below = f"must lie below threshold_mv = {self.threshold_mv:g}"
-            raise InputError.of("reset_mv", below, self.reset_mv)
+        check_constants(self, "tau_ms", "noise_mv")
+        below = f"must lie below threshold_mv = {self.threshold_mv:g}"
+        require(self.reset_mv < self.threshold_mv, "reset_mv", below, self.reset_mv)
 
     def step_mv(self, dt_ms: float, tau: Any = 1.0) -> Any:
         """Return the sd of a tick's noise, mV; ``tau`` is a factor on the time constant."""

@@ -40,7 +40,7 @@ class Verb:
     takes: str = ""
     """The number behind it: a fraction, which may be left out and is then all, a number or none."""
     method: str = ""
-    """The method of a circuit that makes the edit; none where edits are made together."""
+    """The method of a circuit that makes the edit, where it is not called as the kind is."""
     changes: str = ""
     """The field of rows that it changes."""
 
@@ -82,7 +82,6 @@ VERBS = {
         "a fraction of a nucleus is lost, with the effect of its steady firing (its tone)",
         of=NUCLEUS,
         takes=FRACTION,
-        method="lesion",
         changes="intact",
     ),
     "clamp": Verb(
@@ -90,7 +89,6 @@ VERBS = {
         "a lesion after which the targets receive the lost output as a constant, its resting rate",
         of=NUCLEUS,
         takes=FRACTION,
-        method="clamp",
         changes="intact",
     ),
     "cut": Verb(
@@ -98,7 +96,6 @@ VERBS = {
         "a fraction of the axons of a pathway is lost, with their tone",
         of=PATHWAY,
         takes=FRACTION,
-        method="cut",
         changes="intact",
     ),
     "scale": Verb(
@@ -106,14 +103,12 @@ VERBS = {
         "the weight of a pathway is multiplied; the tone of its source stays",
         of=PATHWAY,
         takes=NUMBER,
-        method="scale",
         changes="weight",
     ),
     "dopamine": Verb(
         "dopamine 0.9",
         "the dopamine level, 0 to 2, where 1 is normal",
         takes=NUMBER,
-        method="dopamine",
     ),
     "compensate": Verb(
         "compensate",
@@ -299,11 +294,8 @@ def _list(given: object) -> tuple[object, ...]:
 
 def overlapping(one: Edit, other: Edit) -> ValueError:
     """Return the error for two edits of one number."""
-    return InputError(
-        f"{one.text!r} and {other.text!r} edit the same number, so neither would be its value: "
-        "keep one of them",
-        "edits",
-    )
+    same = "edit the same number, so neither would be its value: keep one of them"
+    return InputError(f"{one.text!r} and {other.text!r} {same}", "edits")
 
 
 def parsed(line: str) -> Edit:
@@ -316,11 +308,8 @@ def parsed(line: str) -> Edit:
     """
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
-        raise InputError(
-            f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}",
-            "edits",
-            line,
-        )
+        said = f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}"
+        raise InputError(said, "edits", line)
     verb, _, rest = line.strip().partition(" ")
     if verb not in VERBS:
         known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
@@ -360,7 +349,7 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
         row, channel = _channel_of(line, left.pop(0))
     if not left and kind.takes == FRACTION:
         return Edit(line, verb, row, channel=channel, value=1.0)
-    if len(left) != 1 or (channel is not None and not kind.method):
+    if len(left) != 1 or (channel is not None and not kind.changes):
         return None
     number, percent = left[0].removesuffix("%"), left[0].endswith("%")
     if percent and kind.takes != FRACTION:
@@ -371,9 +360,8 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
     except (ValueError, OverflowError):
         return None
     if kind.takes == FRACTION and value > 1 and not percent:
-        raise InputError(
-            f"{line!r}: a fraction lies in 0..1: write {value:g}% or {value / 100:g}", "edits"
-        )
+        write = f"write {value:g}% or {value / 100:g}"
+        raise InputError(f"{line!r}: a fraction lies in 0..1: {write}", "edits")
     return Edit(line, verb, row, channel=channel, value=value)
 
 

@@ -116,9 +116,8 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
         ready = [k for k in waiting if likes[k] not in names]
         if not ready:
             with naming(*(texts[k] for k in waiting)):
-                raise InputError(
-                    "rows that are like each other say nothing: give one its fields", "add"
-                )
+                said = "rows that are like each other say nothing: give one its fields"
+                raise InputError(said, "add")
         for k in ready:
             row = read[k] = _read(circuit, known, texts[k])
             if not isinstance(row, Course):
@@ -177,16 +176,10 @@ def naming(*edits: str) -> Iterator[None]:
         raise within(", ".join(map(repr, edits)), error, "edits") from None
 
 
-def _tidied(text: str) -> str:
-    """Return an edit without blanks about "->" and "="."""
-    if not isinstance(text, str):
-        raise InputError("an edit is text", "edits", text)
-    return re.sub(r"\s*(->|=)\s*", r"\1", text.strip())
-
-
 def _new(text: str) -> tuple[str, dict[str, str]]:
     """Return the name and the fields of a new row."""
-    name, *words = shlex.split(_tidied(text)) or [""]
+    tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks about -> and =
+    name, *words = shlex.split(tidied) or [""]
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}
     if not name or "=" in name or len(given) < len(pairs):

@@ -31,6 +31,10 @@ MOST_HZ, USUAL_HZ = 1000.0, 200.0
 """Highest ``baseline_hz``: no cell fires at more than a spike per ms, its refractory period. Above
 the second a row is warned of: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
+OF_CELLS = ("neurons", "probability", "heterogeneity")
+"""Fields of rows that act through the number of cells, their connections and their differences."""
+OF_TIME = ("delay_ms", "tau_ms")
+"""Fields of rows on which a fixed point does not depend."""
 WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "clamped": False}
 """The fields of a population by which it is lesioned, without any lesion."""
 

@@ -51,9 +51,16 @@ def _capped(x: Array) -> Array:
     return values
 
 
-def _within(low: float, high: float) -> Callable[[Array], Array]:
-    """Return the inverse of a straight line that is cut off at both ends."""
-    return lambda a: np.where((a >= low) & (a <= high), a, np.nan)
+def _cut_off(high: float, about: str) -> Transfer:
+    """Return a straight line that is cut off at 0 and at a highest value."""
+    return Transfer(
+        lambda x: np.clip(x, 0.0, high),
+        lambda x: ((x > 0) & (x < high)).astype(np.float64),
+        np.zeros_like,
+        f"clip({{x}}, 0, {high:g})",
+        about,
+        lambda a: np.where((a >= 0) & (a <= high), a, np.nan),
+    )
 
 
 def _log(a: Array) -> Array:
@@ -86,30 +93,9 @@ TRANSFERS: dict[str, Transfer] = {
     "linear": Transfer(
         lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is", lambda a: a + 0.0
     ),
-    "rectified": Transfer(
-        lambda x: np.maximum(x, 0.0),
-        lambda x: (x > 0).astype(np.float64),
-        np.zeros_like,
-        "clip({x}, 0, inf)",
-        "no less than zero",
-        _within(0.0, np.inf),
-    ),
-    "saturating": Transfer(
-        lambda x: np.clip(x, 0.0, MOST_NATS),
-        lambda x: ((x > 0) & (x < MOST_NATS)).astype(np.float64),
-        np.zeros_like,
-        f"clip({{x}}, 0, {MOST_NATS:g})",
-        "no less than zero, no more than 5.5 nats; assumed",
-        _within(0.0, MOST_NATS),
-    ),
-    "ramp": Transfer(
-        lambda x: np.clip(x, 0.0, 1.0),
-        lambda x: ((x > 0) & (x < 1)).astype(np.float64),
-        np.zeros_like,
-        "clip({x}, 0, 1)",
-        "no less than zero, no more than one; Gurney, Prescott & Redgrave 2001",
-        _within(0.0, 1.0),
-    ),
+    "rectified": _cut_off(np.inf, "no less than zero"),
+    "saturating": _cut_off(MOST_NATS, "no less than zero, no more than 5.5 nats; assumed"),
+    "ramp": _cut_off(1.0, "no less than zero, no more than one; Gurney, Prescott & Redgrave 2001"),
     "exp": Transfer(
         _capped,
         _capped,

@@ -14,19 +14,11 @@ from circuits.checks import check_channel, check_channels, check_positive, check
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
-from circuits.declaration.rows import Population, Projection
+from circuits.declaration.rows import OF_CELLS, OF_TIME, Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import InputError, shown
 
-NOT_COMPUTED = (
-    "neurons",
-    "heterogeneity",
-    "probability",
-    "delay_ms",
-    "tau_ms",
-    "cite",
-    "published_hz",
-)
+NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "published_hz")
 """Fields of rows that leave the fixed point as it is."""
 
 

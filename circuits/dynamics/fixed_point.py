@@ -5,10 +5,12 @@ from __future__ import annotations
 from graphlib import TopologicalSorter
 
 import numpy as np
+import numpy.typing as npt
 
 from circuits.arrays import Array, Index
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.wiring import Wiring, wire
+from circuits.errors import require
 
 MOST_STEPS = 400
 TOLERANCE = 1e-9
@@ -47,6 +49,15 @@ def rest_rates(wiring: Wiring) -> Array:
 def rest(wiring: Wiring) -> Array:
     """Return the state (blocks,) at rest, nats."""
     return np.asarray(solve(wiring, np.zeros((1, wiring.circuit.channels)))[0])
+
+
+def held_drive(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
+    """Return a held drive (channels,) in nats, or rest for None, as one trial of ``solve``."""
+    channels = wiring.circuit.channels
+    held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
+    fits = held.shape == (channels,) and np.isfinite(held).all()
+    require(fits, "drive", f"must be {channels} finite numbers", drive)
+    return held[None]
 
 
 def solve(wiring: Wiring, drive: Array) -> Array:

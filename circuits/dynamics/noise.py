@@ -23,6 +23,8 @@ START_TICK = 2**62
 CONNECTIONS_TICK = START_TICK + 1
 CELLS_TICK = START_TICK + 2
 
+Words = npt.NDArray[np.uint32]
+
 _MASK = 2**64 - 1
 
 
@@ -85,7 +87,12 @@ def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint
     """
     index = np.arange(neurons) if np.ndim(neurons) == 0 else np.asarray(neurons)
     high, low = (np.uint32(half) for half in tick_key(stream, tick))
-    x = index.astype(np.uint32) * np.uint32(GOLDEN_32) + high
+    return lowbias32(index.astype(np.uint32), high, low)
+
+
+def lowbias32(index: Words, high: Words | np.uint32, low: Words | np.uint32) -> Words:
+    """Return the words of neurons under the two halves of their tick keys."""
+    x = index * np.uint32(GOLDEN_32) + high
     x ^= x >> np.uint32(16)
     x = x * np.uint32(FIRST) + low
     x ^= x >> np.uint32(15)
@@ -141,9 +148,9 @@ def stream_keys(seed: int, trials: npt.ArrayLike, names: list[str]) -> npt.NDArr
     _check(seed=seed, trial=np.min(trials, initial=0))
     index = np.asarray(trials, dtype=np.uint64)
     golden = np.uint64(GOLDEN)
-    first = _mix_all((np.uint64(mix(int(seed) + GOLDEN)) ^ index) + golden)
+    first = mix_all((np.uint64(mix(int(seed) + GOLDEN)) ^ index) + golden)
     keys = np.array([name_key(name) for name in names], dtype=np.uint64)
-    return _mix_all((first[:, None] ^ keys[None, :]) + golden)
+    return mix_all((first[:, None] ^ keys[None, :]) + golden)
 
 
 def _check(**values: float) -> None:
@@ -152,7 +159,8 @@ def _check(**values: float) -> None:
             raise InputError.of(name, "must be a whole number 0 .. 2**64 - 1", value)
 
 
-def _mix_all(z: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+def mix_all(z: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Return ``mix`` of an array."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return z ^ (z >> np.uint64(31))

@@ -34,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Index
-from circuits.cells.cell import Cell, Constants
+from circuits.cells.cell import Cell, Constants, tick_constants
 from circuits.checks import check_positive, check_range, whole_ticks
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
@@ -118,6 +118,11 @@ class Clock:
         """Time of each sample, ms from the first reading: the end of what it sums up."""
         return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
 
+    def about(self, seed: int, first_trial: int) -> dict[str, float]:
+        """Return what ``Activity.about`` says of a run with noise."""
+        run = {"seed": int(seed), "first_trial": first_trial}
+        return run | {"dt_ms": self.dt_ms, "settle_ms": self.settle_ms}
+
     def step_of(self, tick: int) -> int:
         """Return the reading that holds at a tick, -1 before the first."""
         late = tick - self.settle_ticks
@@ -142,14 +147,15 @@ class Scheme:
     @cached_property
     def unit_decay(self) -> Array:
         """D of each unit."""
-        w = self.wiring
-        return _decay(self.dt_ms, np.array([w.projection(u).tau_ms for u in range(w.units)]))
+        return _decay(self.dt_ms, np.array([p.tau_ms for p in self.wiring.projections]))
 
     @cached_property
     def unit_delay(self) -> Index:
         """Delay of each unit, ticks, at least 1."""
-        rows = [self.wiring.projection(u) for u in range(self.wiring.units)]
-        delays = [whole_ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms) for p in rows]
+        delays = [
+            whole_ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms)
+            for p in self.wiring.projections
+        ]
         return np.maximum(np.array(delays, dtype=np.intp), 1)
 
     @cached_property
@@ -180,6 +186,14 @@ class Scheme:
                 stacklevel=user_level(),
             )
         return self.wiring.deliver @ rates, x, rates
+
+    def constants(self, block: int) -> Constants:
+        """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
+        row, circuit = self.wiring.row(block), self.wiring.circuit
+        factors = ALL_ALIKE
+        if row.heterogeneity:
+            factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))
+        return tick_constants(row.cell, factors, self.dt_ms)
 
 
 def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:

@@ -67,24 +67,35 @@ class Wiring:
     @cached_property
     def names(self) -> list[str]:
         """``GPe/0`` and so on: the keys of the blocks' noise."""
-        return [f"{self.row(b).name}/{self.channel[b]}" for b in range(self.blocks)]
+        pairs = zip(self.rows, self.channel, strict=True)
+        return [f"{row.name}/{channel}" for row, channel in pairs]
+
+    @cached_property
+    def rows(self) -> list[Population]:
+        """The population of each block."""
+        return [self.circuit.populations[int(i)] for i in self.owner]
+
+    @cached_property
+    def projections(self) -> list[Projection]:
+        """The projection of each unit."""
+        return [self.circuit.projections[int(i)] for i in self.path]
 
     def row(self, block: int) -> Population:
         """Return the population of a block."""
-        return self.circuit.populations[int(self.owner[block])]
+        return self.rows[block]
 
     def projection(self, unit: int) -> Projection:
         """Return the projection of a unit."""
-        return self.circuit.projections[int(self.path[unit])]
+        return self.projections[unit]
 
     def blocks_of(self, name: str) -> Index:
         """Return the blocks of a population, in the order of its channels."""
         self.circuit.population(name)
-        return np.array([b for b in range(self.blocks) if self.row(b).name == name], dtype=np.intp)
+        return np.flatnonzero([row.name == name for row in self.rows])
 
     def column(self, name: str) -> Array:
         """Return a field of each block's population as an array."""
-        return np.array([getattr(self.row(b), name) for b in range(self.blocks)], dtype=np.float64)
+        return np.array([getattr(row, name) for row in self.rows], dtype=np.float64)
 
     @cached_property
     def baseline_hz(self) -> Array:
@@ -102,13 +113,13 @@ class Wiring:
 
         Raises ValueError for a cell type that has no single one.
         """
-        membrane = [self.row(b).cell.membrane_ms() for b in range(self.blocks)]
+        membrane = [row.cell.membrane_ms() for row in self.rows]
         return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
 
     @cached_property
     def floor_hz(self) -> Array:
         """Lowest rate of each block, Hz: 0, or none where the rate stands for a difference."""
-        return np.array([self.row(b).cell.lowest_hz for b in range(self.blocks)])
+        return np.array([row.cell.lowest_hz for row in self.rows])
 
     def drive(self, drive: Array) -> Array:
         """Return the input (..., blocks) that a drive (..., channels) in nats adds."""
@@ -145,21 +156,24 @@ class Wiring:
 
     def rates_slope(self, x: Array) -> Array:
         """Return the slope (..., blocks) of ``rates``, Hz/nat."""
-        rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
-        slope = _applied(self._block_transfers, x, "slope")
-        return self.gain_hz_per_nat * slope * (rate > self.floor_hz)
+        return self._bent(x, "slope")
 
     def rates_curvature(self, x: Array) -> Array:
         """Return the second derivative (..., blocks) of ``rates``, Hz/nat^2."""
+        return self._bent(x, "curvature")
+
+    def _bent(self, x: Array, what: str) -> Array:
+        """Return a derivative of ``rates``: 0 on the floor."""
         rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
-        curvature = _applied(self._block_transfers, x, "curvature")
-        return self.gain_hz_per_nat * curvature * (rate > self.floor_hz)
+        change = _applied(self._block_transfers, x, what)
+        return self.gain_hz_per_nat * change * (rate > self.floor_hz)
 
     def synapse(self, frequency_hz: Array) -> Complex:
         """Return the answer (F, units) of each unit's delay and filter to a modulation."""
         turn = 2j * np.pi * np.asarray(frequency_hz)[:, None] / 1000
-        paths = [self.projection(u) for u in range(self.units)]
-        delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
+        delay, tau = (
+            np.array([getattr(p, k) for p in self.projections]) for k in ("delay_ms", "tau_ms")
+        )
         return np.asarray(np.exp(-turn * delay) / (1 + turn * tau), dtype=np.complex128)
 
     def activity(self, rates: Array, name: str) -> Array:
@@ -169,11 +183,11 @@ class Wiring:
 
     @cached_property
     def _unit_transfers(self) -> Placed:
-        return _places_of([self.projection(u).transfer for u in range(self.units)])
+        return _places_of([p.transfer for p in self.projections])
 
     @cached_property
     def _block_transfers(self) -> Placed:
-        return _places_of([self.row(b).transfer for b in range(self.blocks)])
+        return _places_of([row.transfer for row in self.rows])
 
 
 def _places_of(names: list[str]) -> Placed:

@@ -14,7 +14,7 @@ from circuits.circuit import Circuit
 from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
 from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
-from circuits.errors import InputError
+from circuits.errors import require
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -73,9 +73,7 @@ def run(
     ValueError
         For an unknown engine, one with noise and no seed, or an option that it does not take.
     """
-    if not isinstance(circuit, Circuit):
-        raise InputError.of(
-            "circuit", "must be a Circuit, as from circuits.anatomy.circuit", circuit
-        )
+    must = "must be a Circuit, as from circuits.anatomy.load_circuit"
+    require(isinstance(circuit, Circuit), "circuit", must, circuit)
     chosen = engine_of(engine, **options)
     return chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)

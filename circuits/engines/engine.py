@@ -8,22 +8,21 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
 import numpy.typing as npt
 
 from circuits.cells import CELLS
 from circuits.checks import check_positive, check_range, check_types, is_whole
+from circuits.declaration.rows import OF_CELLS
 from circuits.engines.memory import blocks, cells, connection_bytes
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
+    from circuits.arrays import Array
     from circuits.circuit import Circuit
+    from circuits.dynamics.wiring import Wiring
     from circuits.engines.stream import Stream
-
-OF_CELLS = ("neurons", "probability", "heterogeneity")
-"""Fields of rows that act through the number of cells, their connections and their differences."""
-OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
-"""Fields of rows on which a fixed point does not depend."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -301,6 +300,17 @@ class CompiledEngine(TimedEngine):
     def tuned(self, **options: Any) -> Self:
         """Return the engine set for many trials; what is None stays."""
         return replace(self, **{name: v for name, v in options.items() if v is not None})
+
+    @property
+    def level_nats(self) -> float:
+        """OUT below which a trial is over; -inf for none."""
+        return -math.inf if self.drop_below is None else float(self.drop_below)
+
+    def outputs(self, trials: int, samples: int, wiring: Wiring) -> tuple[Array, Any]:
+        """Return the arrays that a run writes: OUT, and the rates of blocks where they are kept."""
+        blocks = wiring.blocks if self.rates else 0
+        out = np.empty((trials, samples, wiring.circuit.channels))
+        return out, np.empty((trials, samples, blocks), np.float32)
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
         """Return the engine that drops a trial once its OUT is below a level, nats."""

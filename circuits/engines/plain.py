@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
-from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
+from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
-from circuits.cells.cell import tick_constants
 from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import ALL_ALIKE, Clock, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.ticks import Clock, Scheme, spike_hz, starting_state
 from circuits.dynamics.timed import Timed, timed
 from circuits.dynamics.wiring import fan_in, units_of
 from circuits.engines.stream import Onward, Stream
@@ -53,34 +51,26 @@ def run(
     names = circuit.spiking(engine.spikes)
     warn_beyond_range(circuit, drive)
     scheme = Scheme(wired(circuit), engine.dt_ms)
-    kept = np.concatenate([[], *(scheme.wiring.blocks_of(name) for name in names)]).astype(int)
+    kept = [b for name in names for b in scheme.wiring.blocks_of(name)]
     courses = timed(scheme.wiring, clock)
-    rates, outputs, tables = [], [], []
-    channel = scheme.wiring.channel
+    late, every = clock.settle_ticks, clock.sample_ticks
+    rates, outputs, spikes = [], [], []
     for t, given in enumerate(drive):
         trial = _Trial(scheme, clock, courses, seed, first_trial + t)
         ticks = (trial.tick(k, given) for k in range(clock.ticks))
         fired = [[now[b] for b in kept] for now in ticks]
-        late, every = clock.settle_ticks, clock.sample_ticks
         sampled = trial.rates[late:].reshape(clock.samples, every, -1)
         rates.append(sampled.mean(axis=1))
         outputs.append(trial.outputs[late + every - 1 :: every])
-        for i, b in enumerate(kept):
-            written = [np.flatnonzero(now[i]) for now in fired[late:]]
-            tables.append((scheme.wiring.row(b).name, _table(written, t, channel[b], engine.dt_ms)))
+        spikes.append(_listed(kept, fired[late:]))
     return Activity.from_blocks(
         scheme.wiring,
         np.array(rates),
         clock.time_ms,
         engine=engine.id,
         output_hz=np.array(outputs),
-        spikes=_by_name(tables) if names else None,
-        about={
-            "seed": int(seed),
-            "first_trial": first_trial,
-            "dt_ms": engine.dt_ms,
-            "settle_ms": engine.settle_ms,
-        },
+        spikes=spike_tables(scheme.wiring, names, spikes, engine.dt_ms),
+        about=clock.about(seed, first_trial),
     )
 
 
@@ -166,10 +156,7 @@ class _Cells:
         self.wiring, self.block, self.neurons = w, block, self.row.neurons
         self.spike_hz = spike_hz(self.neurons, scheme.dt_ms)
         self.decay = scheme.block_decay[block]
-        cell, factors = self.row.cell, ALL_ALIKE
-        if self.row.heterogeneity:
-            factors = cell_factors(w.circuit, self.row.name, int(w.channel[block]))
-        constants = tick_constants(cell, factors, scheme.dt_ms)
+        cell, constants = self.row.cell, scheme.constants(block)
         self.step = cell.tick or cell.lacks("tick", "the plain engine")
         self.constants = list(constants.values())
         self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
@@ -243,15 +230,10 @@ def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
     return own, weight
 
 
-def _table(written: list[Index], trial: int, channel: int, dt_ms: float) -> pd.DataFrame:
-    """Return the spikes of a block in a trial from the cells that fired in each tick."""
-    tick = np.repeat(np.arange(len(written)), [len(cells) for cells in written])
-    return spike_table(trial, channel, np.concatenate(written), tick, dt_ms)
-
-
-def _by_name(tables: list[tuple[str, pd.DataFrame]]) -> dict[str, pd.DataFrame]:
-    names = dict.fromkeys(name for name, _ in tables)
-    return {
-        name: pd.concat([table for of, table in tables if of == name], ignore_index=True)
-        for name in names
-    }
+def _listed(blocks: list[int], fired: list[list[Truths]]) -> Index:
+    """Return block, cell and tick of each spike of a trial, from who fired in each tick."""
+    rows = [np.empty((0, 3), np.intp)]
+    for i, b in enumerate(blocks):
+        tick, cell = np.nonzero([now[i] for now in fired])
+        rows.append(np.stack([np.full(len(tick), b), cell, tick], axis=1))
+    return np.concatenate(rows)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from typing import TypeVar, overload
 
+from circuits.checks import check_free, check_kind
 from circuits.engines.engine import Engine
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 ENGINES: dict[str, type[Engine]] = {}
 """All engines by id, in the order in which they were registered."""
@@ -22,21 +23,11 @@ def register(kind: E) -> E:
         If it is no frozen dataclass of type ``Engine``, an option has no default, or another engine
         has its id.
     """
-    name = getattr(kind, "__name__", repr(kind))
-    if not (isinstance(kind, type) and issubclass(kind, Engine)):
-        raise InputError(
-            f"an engine is a subclass of circuits.engines.Engine, got {name}", "engine"
-        )
-    settings = vars(kind).get("__dataclass_params__")
-    if settings is None or not settings.frozen:
-        raise InputError(f"the engine {name} must be a dataclass with frozen=True", "engine", kind)
+    name = check_kind(kind, Engine, "an engine")
     for word in ("id", "description"):
-        if not isinstance(getattr(kind, word, None), str):
-            raise InputError(f"{name}.{word} must be text, got {getattr(kind, word, None)!r}", word)
-    if kind.id in ENGINES and ENGINES[kind.id].__module__ != kind.__module__:
-        raise InputError(
-            f"there is an engine {kind.id} already, in {ENGINES[kind.id].__module__}", "engine"
-        )
+        text = getattr(kind, word, None)
+        require(isinstance(text, str), word, "must be text", text, owner=name)
+    check_free(kind.id, kind, ENGINES, "an engine")
     try:
         kind()
     except TypeError as error:
@@ -62,13 +53,13 @@ def engine_of(given: Engine | str, **options: object) -> Engine:
         with those that it takes; for a value out of range.
     """
     if not isinstance(given, Engine):
-        if not isinstance(given, str) or given not in ENGINES:
-            raise InputError.of("engine", f"must be one of {', '.join(ENGINES)}", given)
+        known = isinstance(given, str) and given in ENGINES
+        require(known, "engine", f"must be one of {', '.join(ENGINES)}", given)
         given = ENGINES[given]()
-    known = [f.name for f in fields(given)]
+    names = [f.name for f in fields(given)]
     for name in options:
-        if name not in known:
-            raise InputError(f"the {given.id} engine takes no {name!r}: {', '.join(known)}", name)
+        if name not in names:
+            raise InputError(f"the {given.id} engine takes no {name!r}: {', '.join(names)}", name)
     return replace(given, **options) if options else given
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
+from circuits.declaration.rows import OF_TIME
 from circuits.engines.engine import (
-    OF_TIME,
     CompiledEngine,
     Engine,
     SpikingEngine,
@@ -55,7 +55,9 @@ class Algebra(Engine):
     def ignores(self, field: str) -> bool:
         """Return whether a field is of cells or of time: the lines of the table have neither."""
         # The fixed point by the cells' own laws does use their constants.
-        return self.laws == "table" and (of_cells_alone(field) or field in OF_TIME)
+        return self.laws == "table" and (
+            of_cells_alone(field) or field.removeprefix("cell.") in OF_TIME
+        )
 
     def samples(self, steps: int, step_ms: float) -> int:
         """There is one sample per reading."""

@@ -146,7 +146,7 @@ def extra(wiring: Wiring, x: Array) -> Extra:
     frequency, found = swept(wiring, x)
     power = np.einsum("tfbc,tfc->tfb", np.abs(found.into) ** 2, found.own)
     activity = _activity(wiring, x)
-    bent = np.array([wiring.projection(u).transfer != "linear" for u in range(wiring.units)], bool)
+    bent = np.array([p.transfer != "linear" for p in wiring.projections], bool)
     reach = wiring.synapse(frequency)[:, bent, None] * wiring.deliver[bent]
     arriving = np.einsum("tfuc,tfc->tfu", np.abs(reach @ found.out) ** 2, found.own)
     # Two-sided: as much lies at negative frequencies.
@@ -185,10 +185,8 @@ def _check_stable(wiring: Wiring, det: Complex) -> None:
     turned = np.unwrap(np.angle(det), axis=1)
     # Each unstable root turns it by half a turn; an integrator's pole at 0 by a quarter.
     if (np.abs(turned[:, -1] - turned[:, 0]) > 0.75 * np.pi).any():
-        raise ValueError(
-            f"the fixed point of {wiring.circuit.name} as edited is unstable: it oscillates, and "
-            "the laws of a finite number of cells do not hold"
-        )
+        said = f"the fixed point of {wiring.circuit.name} as edited is unstable: it oscillates"
+        raise ValueError(f"{said}, and the laws of a finite number of cells do not hold")
 
 
 def _check_kinks(
@@ -196,17 +194,16 @@ def _check_kinks(
 ) -> None:
     """Raise ValueError if noise, of so many nats (sd) at blocks and bent units, meets a kink."""
     # A cell that hears nats follows a law of its own, not the line.
-    by_line = [wiring.row(b).cell.hears == "hz" for b in range(wiring.blocks)]
+    by_line = [row.cell.hears == "hz" for row in wiring.rows]
     at = _jumps(lambda x: wiring.rates_slope(x) / wiring.gain_hz_per_nat, x) & by_line
     at &= blocks > KINK_NATS
     names = [wiring.row(b).name for b in np.flatnonzero(at.any(axis=0))]
     at = _jumps(wiring.units_slope, activity)[:, bent] & (units > KINK_NATS)
     names += [wiring.projection(u).name for u in np.flatnonzero(bent)[at.any(axis=0)]]
     if names:
-        raise ValueError(
-            f"{names[0]} of {wiring.circuit.name} as edited is right at a kink, where its slope "
-            "jumps: the laws of a finite number of cells do not hold there"
-        )
+        said = f"{names[0]} of {wiring.circuit.name} as edited is right at a kink"
+        jumps = "where its slope jumps: the laws of a finite number of cells do not hold there"
+        raise ValueError(f"{said}, {jumps}")
 
 
 def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
@@ -218,7 +215,5 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
 def _check(wiring: Wiring) -> None:
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            raise ValueError(
-                "laws of a finite number of cells are known for cells connected all to all: "
-                f"{p.name} connects {p.probability:.0%}"
-            )
+            said = "laws of a finite number of cells are known for cells connected all to all"
+            raise ValueError(f"{said}: {p.name} connects {p.probability:.0%}")

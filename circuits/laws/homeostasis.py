@@ -75,7 +75,7 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
     blocks = wiring.blocks_of(circuit.readout)
-    own = np.array([u for u in range(wiring.units) if wiring.projection(u) is row])
+    own = np.array([u for u, p in enumerate(wiring.projections) if p is row])
     whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
     carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
@@ -107,10 +107,9 @@ def biases(
     for row in circuit.populations:
         own = change[wiring.blocks_of(row.name)]
         if np.ptp(own) > ALIKE_NATS:
-            raise ValueError(
-                f"{row.name} gets another input at rest in each channel, and has one bias for all: "
-                "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
-            )
+            said = f"{row.name} gets another input at rest in each channel, and has one bias"
+            rule = "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
+            raise ValueError(f"{said}: {rule}")
         found[row.name] = row.bias_nats + float(own.mean())
     return found
 
@@ -224,10 +223,9 @@ class _Goal:
         off = np.abs(wiring.rates(found) - self.rates_hz) / wiring.gain_hz_per_nat
         if (wrong := np.flatnonzero(~(off < ALIKE_NATS))).size:
             row = wiring.row(wrong[0])
-            raise ValueError(
-                f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz: no input to its "
-                f"transfer {row.transfer!r} is known that gives this rate"
-            )
+            said = f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz"
+            known = f"no input to its transfer {row.transfer!r} is known that gives this rate"
+            raise ValueError(f"{said}: {known}")
         return found
 
     def with_held(self, held: Truths) -> Array:
@@ -292,7 +290,7 @@ def _goal(
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
     goal = _Goal(wiring, before, rates, inputs)
-    held = np.array([wiring.row(b).name in known for b in range(wiring.blocks)])
+    held = np.array([row.name in known for row in wiring.rows])
     return goal if held.all() else replace(goal, rates_hz=goal.with_held(held))
 
 

@@ -68,8 +68,7 @@ def settled(
 
         solution = root(missing, start[t], tol=TOLERANCE)
         if not solution.success:
-            raise ValueError(
-                f"{wiring.circuit.name}: no fixed point was found with the cells' own f-I laws"
-            )
+            said = "no fixed point was found with the cells' own f-I laws"
+            raise ValueError(f"{wiring.circuit.name}: {said}")
         found[t] = solution.x
     return found

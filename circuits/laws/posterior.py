@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.checks import check_range
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
-from circuits.errors import InputError
 
 STEPS = 21
 """Values of OUT at which it is looked up, from the lowest to the highest that is read."""
@@ -33,8 +33,7 @@ def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[flo
     """
     circuit.check_nats("OUT as -ln P")
     count = circuit.channels - 1 if competitors is None else competitors
-    if not 1 <= count < circuit.channels:
-        raise InputError.of("competitors", f"must lie in 1..{circuit.channels - 1}", competitors)
+    check_range(1, circuit.channels - 1, competitors=count)
     low, high = circuit.readable_nats
     want = np.linspace(low, min(high, np.log(count + 1)), STEPS + 1)[1:]
     drive = np.full((STEPS, circuit.channels), -BEHIND_NATS)
@@ -54,6 +53,5 @@ def _entering(circuit: CircuitTable, drive: Array) -> Array:
 
 def _out(circuit: CircuitTable, drive: Array) -> npt.NDArray[np.float64]:
     """Return OUT (drives, channels) at the fixed point, nats."""
-    wiring, row = wired(circuit), circuit.population(circuit.readout)
-    rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(row.name)]
-    return np.asarray((rates - row.baseline_hz) / row.gain_hz_per_nat)
+    wiring, name = wired(circuit), circuit.readout
+    return wiring.activity(wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(name)], name)

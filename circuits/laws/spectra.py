@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.fixed_point import solve, wired
+from circuits.dynamics.fixed_point import held_drive, solve, wired
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import InputError
+from circuits.errors import require
 from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, linear, swept
 from circuits.laws.mean_field import settled
 
@@ -46,8 +46,8 @@ def rate_spectrum(
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     lowest = FREQUENCIES_HZ[0]
-    if not (frequency >= lowest).all():
-        raise InputError.of("frequency_hz", f"must be {lowest:g} or more", frequency.min())
+    least = f"must be {lowest:g} or more"
+    require((frequency >= lowest).all(), "frequency_hz", least, frequency.min())
     wiring = wired(circuit)
     x, extra_hz = _state(wiring, drive)
     swept(wiring, x, extra_hz)  # raises where there is no spectrum
@@ -95,10 +95,7 @@ def out_variance(
 def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
     """Return the state (1, blocks), nats, of a finite number of cells, and its extra rates, Hz."""
     wiring.circuit.check_steady("its noise in closed form")
-    channels = wiring.circuit.channels
-    held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
-    if held.shape != (channels,) or not np.isfinite(held).all():
-        raise InputError.of("drive", f"must be {channels} finite numbers", drive)
-    start = settled(wiring, held[None], solve(wiring, held[None]))
+    held = held_drive(wiring, drive)
+    start = settled(wiring, held, solve(wiring, held))
     added = extra(wiring, start)
-    return settled(wiring, held[None], start, *added), added.rates_hz
+    return settled(wiring, held, start, *added), added.rates_hz

@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Complex, Index
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.fixed_point import parts, solve, wired
+from circuits.dynamics.fixed_point import held_drive, parts, solve, wired
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import require
 
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
@@ -153,10 +152,7 @@ def stability_limit_nats(circuit: CircuitTable) -> float:
 def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
     """Return the state (1, blocks), nats, at a held drive, or at rest."""
     wiring.circuit.check_steady("stability")
-    channels = wiring.circuit.channels
-    held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
-    require(held.shape == (channels,), "drive", f"must be ({channels},)", held.shape)
-    return solve(wiring, held[None])
+    return solve(wiring, held_drive(wiring, drive))
 
 
 def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
@@ -181,8 +177,8 @@ def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:
     activity = wiring.rates(x) @ wiring.deliver.T + wiring.constant
     inward = wiring.weight[np.ix_(blocks, units)] * wiring.units_slope(activity)[units]
     outward = wiring.deliver[np.ix_(units, blocks)] * wiring.rates_slope(x)[blocks]
-    delay = np.array([wiring.projection(u).delay_ms for u in units])
-    tau = np.array([wiring.projection(u).tau_ms for u in units])
+    paths = [wiring.projections[u] for u in units]
+    delay, tau = np.array([p.delay_ms for p in paths]), np.array([p.tau_ms for p in paths])
     b, u = len(blocks), len(units)
     size = b + u + NODES * np.count_nonzero(delay)
     flow, lag = np.zeros((size, size)), np.zeros(size)

@@ -14,10 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Index
-from circuits.cells.cell import tick_constants
 from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
-from circuits.dynamics.ticks import ALL_ALIKE, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.ticks import Scheme, spike_hz, starting_state
 from circuits.dynamics.timed import Timed
 from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
@@ -77,7 +76,7 @@ class Layout:
     @cached_property
     def shared_inputs(self) -> list[int]:
         """Units of the wiring that serve whole blocks."""
-        return [u for u in range(self.wiring.units) if not self.is_own(self.wiring.projection(u))]
+        return [u for u, p in enumerate(self.wiring.projections) if not self.is_own(p)]
 
     @cached_property
     def own_inputs(self) -> list[tuple[int, int, Index]]:
@@ -201,15 +200,8 @@ class Layout:
 
     def constants(self, block: int) -> dict[str, Any]:
         """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
-        cell = self.wiring.row(block).cell
-        constants = tick_constants(cell, self._factors(block), self.scheme.dt_ms)
+        constants = self.scheme.constants(block)
         return {name: np.float64(value) for name, value in constants.items()}
-
-    def _factors(self, block: int) -> Array:
-        row, circuit = self.wiring.row(block), self.wiring.circuit
-        if not row.heterogeneity:
-            return ALL_ALIKE
-        return cell_factors(circuit, row.name, int(self.wiring.channel[block]))
 
     def start(self, seed: int, first_trial: int) -> Values:
         """Return the variables that change from run to run, as one begins."""
@@ -227,8 +219,7 @@ class Layout:
     def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
         """Return the first value of each variable of a population's cells, trial after trial."""
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
-        dt_ms = self.scheme.dt_ms
-        constants = {b: tick_constants(row.cell, self._factors(b), dt_ms) for b in blocks}
+        constants = {b: self.scheme.constants(b) for b in blocks}
         begun = [
             starting_state(row.cell, constants[b], int(one[b]), row.neurons)
             for one in streams
@@ -246,7 +237,7 @@ class Layout:
     @cached_property
     def block_laws(self) -> list[str]:
         """Name of each block's transfer."""
-        return [self.wiring.row(b).transfer for b in range(self.wiring.blocks)]
+        return [row.transfer for row in self.wiring.rows]
 
     def _units(self) -> Values:
         scheme, w = self.scheme, self.wiring
@@ -268,7 +259,6 @@ class Layout:
 
     def _blocks(self) -> Values:
         scheme, w = self.scheme, self.wiring
-        rows = [w.row(b) for b in range(w.blocks)]
         one: dict[str, Any] = {
             "x": scheme.start[1],
             "rate_hz": scheme.start[2],
@@ -279,7 +269,7 @@ class Layout:
             "baseline_hz": w.baseline_hz,
             "gain_hz_per_nat": w.gain_hz_per_nat,
             "lowest_hz": np.maximum(w.floor_hz, -1e300),
-            "spiking": np.array([row.spiking for row in rows]) * 1.0,
+            "spiking": np.array([row.spiking for row in w.rows]) * 1.0,
             **brian_text.law_marks(self.block_laws),
         }
         if self.courses:

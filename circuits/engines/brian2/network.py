@@ -144,23 +144,23 @@ class Network:
             synapses.delay = (columns[3] - 1) * self.clock.dt_ms * self.ms
         self.objects.append(synapses)
 
+    def _texts(self, state: str, ticks: tuple[str, str], laws: list[str]) -> tuple[str, str]:
+        """Return the equations and the code of a tick, of those without and with courses."""
+        timed = bool(self.layout.courses)
+        state += brian_text.law_state(laws) + brian_text.COURSE_STATE * timed
+        return state, ticks[timed].format(law=brian_text.law(laws))
+
     def _units(self, name: str) -> None:
-        laws = self.layout.unit_laws(name)
-        state, tick = brian_text.UNIT_STATE + brian_text.law_state(laws), brian_text.UNIT_TICK
-        if self.layout.courses:
-            state, tick = state + brian_text.COURSE_STATE, brian_text.TIMED_UNIT_TICK
-        tick = tick.format(law=brian_text.law(laws))
+        ticks = brian_text.UNIT_TICK, brian_text.TIMED_UNIT_TICK
+        state, tick = self._texts(brian_text.UNIT_STATE, ticks, self.layout.unit_laws(name))
         if name == "own_inputs":
             state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
         self._every_tick(self._group(name, state), tick)
 
     def _blocks(self) -> None:
-        laws = self.layout.block_laws
-        state, tick = brian_text.BLOCK_STATE + brian_text.law_state(laws), brian_text.BLOCK_TICK
-        if self.layout.courses:
-            state, tick = state + brian_text.COURSE_STATE, brian_text.TIMED_BLOCK_TICK
-        blocks = self._group("blocks", state)
-        self._every_tick(blocks, tick.format(law=brian_text.law(laws)))
+        ticks = brian_text.BLOCK_TICK, brian_text.TIMED_BLOCK_TICK
+        state, tick = self._texts(brian_text.BLOCK_STATE, ticks, self.layout.block_laws)
+        self._every_tick(self._group("blocks", state), tick)
         if self.layout.shared_inputs:
             self._connect(
                 "shared_inputs", "blocks", self.layout.shared_to_blocks(), "nats_post = sent_pre"
@@ -236,12 +236,7 @@ class Network:
             engine="brian2",
             output_hz=self._sampled("out_hz", last)[..., w.blocks_of(w.circuit.readout)],
             spikes=spikes or None,
-            about={
-                "seed": int(seed),
-                "first_trial": first_trial,
-                "dt_ms": clock.dt_ms,
-                "settle_ms": clock.settle_ms,
-            },
+            about=clock.about(seed, first_trial),
         )
 
     def _sampled(self, variable: str, ticks: npt.NDArray[np.int64]) -> Array:

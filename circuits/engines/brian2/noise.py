@@ -22,19 +22,12 @@ def tick_key(stream: Integers, tick: Integers) -> Integers:
     """Return ``noise.tick_key`` as one int64, for arrays of streams (int64) and ticks."""
     z = np.atleast_1d(tick).astype(np.uint64) + np.uint64(1)
     z = np.atleast_1d(stream).astype(np.uint64) + z * np.uint64(noise.GOLDEN)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return (z ^ (z >> np.uint64(31))).astype(np.int64)
+    return noise.mix_all(z).astype(np.int64)
 
 
 def random_word(cell: Integers, key: Integers) -> Integers:
     """Return ``noise.words`` as int32, for arrays of cells and of keys."""
-    x = _u32(cell) * np.uint32(noise.GOLDEN_32) + _u32(np.asarray(key) >> 32)
-    x ^= x >> np.uint32(16)
-    x = x * np.uint32(noise.FIRST) + _u32(key)
-    x ^= x >> np.uint32(15)
-    x *= np.uint32(noise.SECOND)
-    return (x ^ (x >> np.uint32(15))).astype(np.int32)
+    return noise.lowbias32(_u32(cell), _u32(np.asarray(key) >> 32), _u32(key)).astype(np.int32)
 
 
 def byte_counts(cell: Integers, key: Integers) -> Integers:

@@ -28,14 +28,9 @@ if TYPE_CHECKING:
 
 RATE, LIF, PHASE, GENERAL = range(4)
 """Loops over cells: none, those of two types, or one compiled from a type's own tick."""
-LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = range(5)
-TRANSFERS = {
-    "linear": LINEAR,
-    "rectified": RECTIFIED,
-    "saturating": SATURATING,
-    "exp": EXP,
-    "s_minus_log_s": S_MINUS_LOG_S,
-}
+_NAMES = ("linear", "rectified", "saturating", "exp", "s_minus_log_s")
+TRANSFERS = {name: code for code, name in enumerate(_NAMES)}
+LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = TRANSFERS.values()
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 IDENTICAL, OWN_CONSTANTS, OWN_INPUTS = range(3)
 WORD = noise.TICKS_A_WORD

@@ -31,9 +31,13 @@ from circuits.dynamics import noise
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.registers import (
     WIDTH,
+    bits_before,
     byte_counts,
+    high_half,
+    instruction,
     later,
     load,
+    lowbias32,
     marked,
     multiply_add,
     note,
@@ -138,39 +142,25 @@ def word32(typing, index, key):
     """Return ``noise.words`` of one cell from the tick key."""
 
     def build(context, builder, signature, arguments):
-        _, key = arguments
-        high = builder.trunc(builder.lshr(key, ir.Constant(key.type, 32)), _I32)
+        high = high_half(builder, arguments[1])
         x, low = (builder.trunc(value, _I32) for value in arguments)
         x = builder.add(builder.mul(x, _const(noise.GOLDEN_32)), high)
-        x = builder.xor(x, builder.lshr(x, _const(16)))
-        x = builder.add(builder.mul(x, _const(noise.FIRST)), low)
-        x = builder.xor(x, builder.lshr(x, _const(15)))
-        x = builder.mul(x, _const(noise.SECOND))
-        return builder.xor(x, builder.lshr(x, _const(15)))
+        return lowbias32(builder, x, low, _const)
 
     return types.uint32(index, types.uint64), build
 
 
-@intrinsic
-def ones8(typing, byte):
+@instruction(types.uint8, types.uint8)
+def ones8(builder, byte):
     """Return the number of ones in a byte."""
-
-    def build(context, builder, signature, arguments):
-        return builder.ctpop(*arguments)
-
-    return types.uint8(types.uint8), build
+    return builder.ctpop(byte)
 
 
-@intrinsic
-def ones_at(typing, counts, byte):
+@instruction(types.float32, types.uint32, types.int64)
+def ones_at(builder, counts, byte):
     """Return the count of a byte, as float32."""
-
-    def build(context, builder, signature, arguments):
-        counts, byte = arguments
-        shift = builder.shl(builder.trunc(byte, _I32), _const(3))
-        return builder.sitofp(builder.and_(builder.lshr(counts, shift), _const(15)), _F32)
-
-    return types.float32(types.uint32, types.int64), build
+    here = builder.lshr(counts, bits_before(builder, byte))
+    return builder.sitofp(builder.and_(here, _const(15)), _F32)
 
 
 @intrinsic
@@ -183,34 +173,22 @@ def choose(typing, condition, yes, no):
     return yes(types.boolean, yes, yes), build
 
 
-@intrinsic
-def fused(typing, a, b, c):
+@instruction(types.float32, types.float32, types.float32, types.float32)
+def fused(builder, a, b, c):
     """Return ``a b + c`` of float32, rounded once, on every machine."""
-
-    def build(context, builder, signature, arguments):
-        return builder.fma(*arguments)
-
-    return types.float32(types.float32, types.float32, types.float32), build
+    return builder.fma(a, b, c)
 
 
-@intrinsic
-def lowest(typing, word):
+@instruction(types.int64, types.uint64)
+def lowest(builder, word):
     """Return the place of the lowest one of a 64-bit word that has one."""
-
-    def build(context, builder, signature, arguments):
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.uint64), build
+    return builder.cttz(word, ir.Constant(ir.IntType(1), 1))
 
 
-@intrinsic
-def ones(typing, word):
+@instruction(types.int64, types.uint64)
+def ones(builder, word):
     """Return the number of ones in a 64-bit word."""
-
-    def build(context, builder, signature, arguments):
-        return builder.ctpop(*arguments)
-
-    return types.int64(types.uint64), build
+    return builder.ctpop(word)
 
 
 @intrinsic
@@ -232,15 +210,11 @@ def add_bits(typing, sums, place, word):
     return types.void(sums, types.uint64, types.uint64), build
 
 
-@intrinsic
-def two_to(typing, whole):
+@instruction(types.float32, types.float32)
+def two_to(builder, whole):
     """Return 2**whole for a whole float32 from -126 to 127."""
-
-    def build(context, builder, signature, arguments):
-        exponent = builder.add(builder.fptosi(arguments[0], _I32), _const(127))
-        return builder.bitcast(builder.shl(exponent, _const(23)), _F32)
-
-    return types.float32(types.float32), build
+    exponent = builder.add(builder.fptosi(whole, _I32), _const(127))
+    return builder.bitcast(builder.shl(exponent, _const(23)), _F32)
 
 
 @numba.njit(inline="always")

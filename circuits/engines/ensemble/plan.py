@@ -10,10 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.cells.cell import tick_constants
-from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.ticks import ALL_ALIKE, Clock, Scheme, cell_factors, spike_hz
+from circuits.dynamics.ticks import Clock, Scheme, cell_factors, spike_hz
 from circuits.dynamics.timed import Timed, rows, timed
 from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
@@ -82,21 +80,13 @@ class _Places:
         return self.wiring.circuit
 
     @cached_property
-    def rows(self) -> list[Population]:
-        return [self.wiring.row(b) for b in range(self.wiring.blocks)]
-
-    @cached_property
-    def projections(self) -> list[Projection]:
-        return [self.wiring.projection(q) for q in range(self.wiring.units)]
-
-    @cached_property
     def entries(self) -> list[Entry]:
-        return [entry(row.cell) for row in self.rows]
+        return [entry(row.cell) for row in self.wiring.rows]
 
     @cached_property
     def sparse(self) -> npt.NDArray[np.bool_]:
         """Which units every target cell sums for itself."""
-        return np.array([self.circuit.is_sparse(p) for p in self.projections], dtype=bool)
+        return np.array([self.circuit.is_sparse(p) for p in self.wiring.projections], dtype=bool)
 
     @cached_property
     def targets(self) -> list[npt.NDArray[np.intp]]:
@@ -111,7 +101,7 @@ class _Places:
     @cached_property
     def variation(self) -> npt.NDArray[np.int64]:
         """In what the cells of each block differ."""
-        heterogeneity = [row.spiking and row.heterogeneity for row in self.rows]
+        heterogeneity = [row.spiking and row.heterogeneity for row in self.wiring.rows]
         variation = np.where(heterogeneity, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
         for q in np.flatnonzero(self.sparse):
             variation[self.targets[q]] = kernel.OWN_INPUTS
@@ -119,7 +109,7 @@ class _Places:
 
     @cached_property
     def cells(self) -> npt.NDArray[np.int64]:
-        return np.array([row.neurons if row.spiking else 0 for row in self.rows])
+        return np.array([row.neurons if row.spiking else 0 for row in self.wiring.rows])
 
     @cached_property
     def filled(self) -> npt.NDArray[np.int64]:
@@ -130,11 +120,6 @@ class _Places:
     def start(self) -> npt.NDArray[np.int64]:
         """Each block's first cell."""
         return np.concatenate([[0], np.cumsum(self.filled)[:-1]]).astype(np.int64)
-
-    def factors(self, block: int) -> Array:
-        """Return the factors of a block's cells' constants."""
-        name = self.rows[block].name
-        return cell_factors(self.circuit, name, int(self.wiring.channel[block]))
 
 
 def _window(scheme: Scheme) -> tuple[int, int]:
@@ -171,16 +156,16 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
     own_from = np.searchsorted(own_inputs["target"], np.arange(wiring.blocks + 1))
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
-    pairs = zip(places.entries, places.rows, strict=True)
+    pairs = zip(places.entries, wiring.rows, strict=True)
     own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
     of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
     return filled(
         records.BLOCK,
         wiring.blocks,
         kind=[made.kind for made in places.entries],
-        variables=[len(row.cell.state) for row in places.rows],
-        nats=[row.cell.hears == "nats" for row in places.rows],
-        law=[_law(row.transfer) for row in places.rows],
+        variables=[len(row.cell.state) for row in wiring.rows],
+        nats=[row.cell.hears == "nats" for row in wiring.rows],
+        law=[_law(row.transfer) for row in wiring.rows],
         drive=drives,
         input=input_from[:-1],
         inputs=input_from[1:],
@@ -211,7 +196,7 @@ def _units(places: _Places, source_from: Any) -> Any:
     return filled(
         records.UNIT,
         places.wiring.units,
-        law=[_law(p.transfer) for p in places.projections],
+        law=[_law(p.transfer) for p in places.wiring.projections],
         delay=places.scheme.unit_delay,
         source=source_from[:-1],
         sources=source_from[1:],
@@ -237,11 +222,8 @@ def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
 
 def _law(name: str) -> int:
     if name not in kernel.TRANSFERS:
-        raise InputError(
-            f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}, not {name!r}: "
-            "use brian2 or plain",
-            "transfer",
-        )
+        said = f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}"
+        raise InputError(f"{said}, not {name!r}: use brian2 or plain", "transfer")
     return kernel.TRANSFERS[name]
 
 
@@ -252,18 +234,16 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     constants = np.zeros((5, int(places.filled.sum())), np.float32)
     for b in np.flatnonzero(places.variation):
         here = slice(places.start[b], places.start[b] + places.cells[b])
-        cell, dt_ms = places.rows[b].cell, places.scheme.dt_ms
-        constants[:, here] = places.entries[b].varied(cell, places.factors(b), dt_ms)
+        row, channel = places.wiring.rows[b], int(places.wiring.channel[b])
+        factors = cell_factors(places.circuit, row.name, channel)
+        constants[:, here] = places.entries[b].varied(row.cell, factors, places.scheme.dt_ms)
     return constants
 
 
 def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     """Return the constants of the cells of types without loops of their own."""
-    found = {}
-    for b in [b for b, made in enumerate(places.entries) if made is GENERAL]:
-        factors = places.factors(b) if places.rows[b].heterogeneity else ALL_ALIKE
-        constants = tick_constants(places.rows[b].cell, factors, places.scheme.dt_ms)
-        found[b] = list(constants.values())
+    general = [b for b, made in enumerate(places.entries) if made is GENERAL]
+    found = {b: list(places.scheme.constants(b).values()) for b in general}
     own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)
     for b, values in found.items():
         for k, value in enumerate(values):
@@ -284,9 +264,8 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
         sources = np.flatnonzero(wiring.deliver[q])
         gains = wiring.deliver[q, sources]
         if len(sources) and not np.allclose(gains, gains[0]):
-            raise InputError(
-                f"{p.name}: sparse connections need one weight for all channels", "probability"
-            )
+            said = f"{p.name}: sparse connections need one weight for all channels"
+            raise InputError(said, "probability")
         needs[sources] = True
         for b in places.targets[q]:
             first, degree = len(own_sources), 1

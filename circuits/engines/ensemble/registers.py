@@ -8,6 +8,7 @@ as theirs. A register is wider than those of a machine: its parts do not wait fo
 
 from __future__ import annotations
 
+import functools
 import operator
 
 from llvmlite import ir
@@ -66,14 +67,49 @@ def _pointer(context, builder, kind, array, place, target):
     return builder.bitcast(builder.gep(data, [place]), target.as_pointer())
 
 
-@intrinsic
-def spread(typing, value):
+def instruction(result, *kinds):
+    """Return the decorator that makes compiled code of a function of a builder and LLVM values.
+
+    Parameters
+    ----------
+    result, *kinds : types.Type
+        Of what it returns, and of its arguments after the builder.
+    """
+
+    def made(emit):
+        @intrinsic
+        @functools.wraps(emit)
+        def typed(typing, *given):
+            return result(*kinds), lambda _, builder, __, values: emit(builder, *values)
+
+        return typed
+
+    return made
+
+
+def lowbias32(builder, x, low, each):
+    """Return the words of ``noise.words``; ``each`` makes a constant as wide as x."""
+    x = builder.xor(x, builder.lshr(x, each(16)))
+    x = builder.add(builder.mul(x, each(noise.FIRST)), low)
+    x = builder.xor(x, builder.lshr(x, each(15)))
+    x = builder.mul(x, each(noise.SECOND))
+    return builder.xor(x, builder.lshr(x, each(15)))
+
+
+def high_half(builder, key):
+    """Return the upper 32 bits of a key."""
+    return builder.trunc(builder.lshr(key, ir.Constant(key.type, 32)), _I32)
+
+
+def bits_before(builder, byte):
+    """Return the number of bits below a byte of a word."""
+    return builder.shl(builder.trunc(byte, _I32), ir.Constant(_I32, 3))
+
+
+@instruction(FLOATS, types.float32)
+def spread(builder, value):
     """Return a register of one number."""
-
-    def build(context, builder, signature, arguments):
-        return _spread(builder, arguments[0])
-
-    return FLOATS(types.float32), build
+    return _spread(builder, value)
 
 
 @intrinsic
@@ -128,89 +164,55 @@ def marked(typing, marks, place, t):
     return TRUTHS(marks, types.uint64, types.int64), build
 
 
-@intrinsic
-def byte_counts(typing, index, key):
+@instruction(WORDS, types.uint64, types.uint64)
+def byte_counts(builder, index, key):
     """Return ``noise.byte_counts`` of the words of the cells from an index on, from a tick key."""
-
-    def build(context, builder, signature, arguments):
-        index, key = arguments
-        high = builder.trunc(builder.lshr(key, ir.Constant(key.type, 32)), _I32)
-        low = _spread(builder, builder.trunc(key, _I32))
-        first = builder.mul(builder.trunc(index, _I32), ir.Constant(_I32, noise.GOLDEN_32))
-        steps = [k * noise.GOLDEN_32 % 2**32 for k in range(WIDTH)]
-        x = builder.add(_spread(builder, builder.add(first, high)), ir.Constant(low.type, steps))
-        x = builder.xor(x, builder.lshr(x, _each(16)))
-        x = builder.add(builder.mul(x, _each(noise.FIRST)), low)
-        x = builder.xor(x, builder.lshr(x, _each(15)))
-        x = builder.mul(x, _each(noise.SECOND))
-        x = builder.xor(x, builder.lshr(x, _each(15)))
-        octets = builder.bitcast(x, ir.VectorType(ir.IntType(8), 4 * WIDTH))
-        return builder.bitcast(_named(builder, f"llvm.ctpop.v{4 * WIDTH}i8", octets), x.type)
-
-    return WORDS(types.uint64, types.uint64), build
+    high, low = high_half(builder, key), _spread(builder, builder.trunc(key, _I32))
+    first = builder.mul(builder.trunc(index, _I32), ir.Constant(_I32, noise.GOLDEN_32))
+    steps = [k * noise.GOLDEN_32 % 2**32 for k in range(WIDTH)]
+    begin = _spread(builder, builder.add(first, high))
+    x = lowbias32(builder, builder.add(begin, ir.Constant(low.type, steps)), low, _each)
+    octets = builder.bitcast(x, ir.VectorType(ir.IntType(8), 4 * WIDTH))
+    return builder.bitcast(_named(builder, f"llvm.ctpop.v{4 * WIDTH}i8", octets), x.type)
 
 
-@intrinsic
-def later(typing, counts, byte):
+@instruction(WORDS, WORDS, types.int64)
+def later(builder, counts, byte):
     """Return counts with those of a byte brought down to the lowest."""
-
-    def build(context, builder, signature, arguments):
-        counts, byte = arguments
-        shift = builder.shl(builder.trunc(byte, _I32), ir.Constant(_I32, 3))
-        return builder.lshr(counts, _spread(builder, shift))
-
-    return WORDS(WORDS, types.int64), build
+    return builder.lshr(counts, _spread(builder, bits_before(builder, byte)))
 
 
-@intrinsic
-def ones_in(typing, counts, byte):
+@instruction(FLOATS, WORDS, types.int64)
+def ones_in(builder, counts, byte):
     """Return the counts of a byte times ``256**byte``: nothing is shifted."""
-
-    def build(context, builder, signature, arguments):
-        counts, byte = arguments
-        shift = builder.shl(builder.trunc(byte, _I32), ir.Constant(_I32, 3))
-        here = builder.shl(ir.Constant(_I32, 15), shift)
-        return builder.sitofp(builder.and_(counts, _spread(builder, here)), _vector(FLOATS.element))
-
-    return FLOATS(WORDS, types.int64), build
+    here = builder.shl(ir.Constant(_I32, 15), bits_before(builder, byte))
+    return builder.sitofp(builder.and_(counts, _spread(builder, here)), _vector(FLOATS.element))
 
 
-@intrinsic
-def multiply_add(typing, a, b, c):
+@instruction(FLOATS, FLOATS, FLOATS, FLOATS)
+def multiply_add(builder, a, b, c):
     """Return ``a b + c``, rounded once."""
-
-    def build(context, builder, signature, arguments):
-        return _named(builder, f"llvm.fma.v{WIDTH}f32", *arguments)
-
-    return FLOATS(FLOATS, FLOATS, FLOATS), build
+    return _named(builder, f"llvm.fma.v{WIDTH}f32", a, b, c)
 
 
-@intrinsic
-def root(typing, x):
+@instruction(FLOATS, FLOATS)
+def root(builder, x):
     """Return the square root."""
-
-    def build(context, builder, signature, arguments):
-        return _named(builder, f"llvm.sqrt.v{WIDTH}f32", *arguments)
-
-    return FLOATS(FLOATS), build
+    return _named(builder, f"llvm.sqrt.v{WIDTH}f32", x)
 
 
-@intrinsic
-def where(typing, truths, yes, no):
+@instruction(FLOATS, TRUTHS, FLOATS, FLOATS)
+def where(builder, truths, yes, no):
     """Return yes where it is true, no elsewhere."""
-
-    def build(context, builder, signature, arguments):
-        return builder.select(*arguments)
-
-    return FLOATS(TRUTHS, FLOATS, FLOATS), build
+    return builder.select(truths, yes, no)
 
 
 def _operator(symbol, result, build):
     """Let two registers be combined by an operator."""
 
-    @intrinsic
-    def combined(typing, a, b):
-        return result(FLOATS, FLOATS), lambda _, builder, __, given: build(builder, *given)
+    @instruction(result, FLOATS, FLOATS)
+    def combined(builder, a, b):
+        return build(builder, a, b)
 
     @overload(symbol)
     def of_registers(a, b):

@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 from tqdm import tqdm
 
-from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
+from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
-from circuits.dynamics.wiring import Wiring
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.ensemble.records import Plan
@@ -35,6 +33,7 @@ if TYPE_CHECKING:
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
+"""For how many spikes of a trial there is room at first."""
 
 
 def run(
@@ -59,26 +58,19 @@ def run(
     clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
     names = circuit.spiking(engine.spikes)
-    written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])
+    written = np.array([row.name in names for row in wiring.rows])
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
-    out = np.empty((trials, clock.samples, circuit.channels))
-    shape = (trials, clock.samples, wiring.blocks) if engine.rates else (trials, clock.samples, 0)
-    kept = np.empty(shape, dtype=np.float32)
+    out, kept = engine.outputs(trials, clock.samples, wiring)
     p = plan(wiring, clock, kept=written)
     found = _trials(p, (drive, streams, out, kept), engine)
-    about = {"seed": int(seed), "first_trial": first_trial}
-    return Activity(
-        circuit=circuit,
-        time_ms=clock.time_ms,
-        rates_hz={
-            row.name: kept[..., wiring.blocks_of(row.name)]
-            for row in circuit.populations
-            if engine.rates
-        },
-        output_nats=out,
+    return Activity.from_blocks(
+        wiring,
+        kept if engine.rates else None,
+        clock.time_ms,
         engine=engine.id,
-        spikes=_spike_tables(wiring, names, found, clock) if names else None,
-        about=about | {"dt_ms": engine.dt_ms, "settle_ms": engine.settle_ms},
+        output_nats=out,
+        spikes=spike_tables(wiring, names, found, engine.dt_ms),
+        about=clock.about(seed, first_trial),
     )
 
 
@@ -126,15 +118,15 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
         Threads, and the OUT below which a trial is over.
     """
     trials = len(arrays[0])
-    level = -np.inf if engine.drop_below is None else float(engine.drop_below)
     found = [np.empty((0, 3), np.int32)] * trials
 
     def task(first: int) -> int:
-        room, work = np.empty((_capacity(p), 3), np.int32), workspace(p)
+        capacity = FIRST_CAPACITY if p.blocks["kept"].any() else 0
+        room, work = np.empty((capacity, 3), np.int32), workspace(p)
         last = min(first + TRIALS_A_TASK, trials)
         for t in range(first, last):
             drive, stream, out, kept = (array[t] for array in arrays)
-            given = (p, work, drive, stream, level, out, kept)
+            given = (p, work, drive, stream, engine.level_nats, out, kept)
             while (count := kernel.trial(*given, room)) > len(room):
                 room = np.empty((2 * count, 3), np.int32)
             found[t] = room[:count].copy()
@@ -147,22 +139,3 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
         for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
             bar.update(done)
     return found
-
-
-def _capacity(p: Plan) -> int:
-    """Return for how many spikes there is room at first."""
-    return FIRST_CAPACITY if p.blocks["kept"].any() else 0
-
-
-def _spike_tables(
-    wiring: Wiring, names: tuple[str, ...], found: list[Any], clock: Clock
-) -> dict[str, pd.DataFrame]:
-    trial = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
-    block, neuron, tick = np.concatenate(found).T if found else np.zeros((3, 0), np.int32)
-    tables = {}
-    for name in names:
-        here = np.isin(block, wiring.blocks_of(name))
-        tables[name] = spike_table(
-            trial[here], wiring.channel[block[here]], neuron[here], tick[here], clock.dt_ms
-        )
-    return tables

@@ -158,9 +158,8 @@ def looked_up(name: str) -> tuple[float, float, Array]:
     values, middles = law(grid), law((grid[1:] + grid[:-1]) / 2)
     off = np.abs((values[1:] + values[:-1]) / 2 - middles).max()
     if not off <= BENT * np.abs(values).max():
-        raise ValueError(
-            f"the population engine looks {name!r} up between points, and it bends too much there"
-        )
+        said = f"the population engine looks {name!r} up between points"
+        raise ValueError(f"{said}, and it bends too much there")
     return *ends, values
 
 

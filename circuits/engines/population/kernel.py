@@ -17,11 +17,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
+from circuits.engines.ensemble.registers import instruction
 
 LANES = 64
 WHOLE = -LANES
@@ -29,15 +29,10 @@ WINDOW = 4
 """Most ticks that a block is taken through at a time: those of one key of noise."""
 REFRESH = 16
 """Ticks after which the coefficients of a block's filters follow its state."""
-LOOKED_UP, LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = range(7)
-TRANSFERS = {
-    "linear": LINEAR,
-    "rectified": RECTIFIED,
-    "saturating": SATURATING,
-    "ramp": RAMP,
-    "exp": EXP,
-    "s_minus_log_s": S_MINUS_LOG_S,
-}
+LOOKED_UP = 0
+_NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
+TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
+LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
 """Transfers with a loop of their own; any other law is looked up."""
 HEARD, ACTIVE, NOISE = range(3)
 """Rows of what a block works on: its input, what it makes of it, and the noise of its cells."""
@@ -53,14 +48,10 @@ MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
 SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
 
 
-@intrinsic
-def ones32(typing, word):
+@instruction(types.float32, types.uint32)
+def ones32(builder, word):
     """Return the number of ones in a word, as float32."""
-
-    def build(context, builder, signature, arguments):
-        return builder.uitofp(builder.ctpop(arguments[0]), ir.FloatType())
-
-    return types.float32(types.uint32), build
+    return builder.uitofp(builder.ctpop(word), ir.FloatType())
 
 
 @numba.njit(inline="always")

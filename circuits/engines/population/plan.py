@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from functools import cached_property
 from math import lcm
 from typing import TYPE_CHECKING, Any
 
@@ -41,13 +40,7 @@ FEW_CELLS = (
     f"the population engine takes noise for Gaussian, and that of fewer than {FEW} cells is not: "
     "hold what follows to spikes"
 )
-NO_ANSWERS: dict[str, float] = {
-    "table": -1,
-    "lags": 0,
-    "state_lowest": 0,
-    "state_per": 0,
-    "noise": 0,
-}
+NO_ANSWERS = {"table": -1.0} | dict.fromkeys(("lags", "state_lowest", "state_per", "noise"), 0.0)
 """Fields of the record of a block whose cells answer nothing."""
 TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 """Ticks that are tried, ms, the longest first."""
@@ -105,7 +98,7 @@ def _together(tables: dict[Any, Array], least: int) -> npt.NDArray[np.float32]:
 
 def tick_ms(wiring: Wiring, *times_ms: float) -> float:
     """Return the longest tick that all delays and these times are multiples of, or the shortest."""
-    delays = [wiring.projection(q).delay_ms for q in range(wiring.units)]
+    delays = [p.delay_ms for p in wiring.projections]
     for dt in TICKS_MS:
         whole = np.array([*delays, *times_ms]) / dt
         if np.abs(whole - np.round(whole)).max() < 1e-6:
@@ -117,11 +110,9 @@ def _check(wiring: Wiring) -> None:
     """Raise ValueError where cells of a channel hear different cells: that is not known here."""
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            raise InputError(
-                "the population engine takes all cells of a channel to hear the same, and "
-                f"{p.name} connects {p.probability:.0%}: use ensemble",
-                "probability",
-            )
+            said = "the population engine takes all cells of a channel to hear the same"
+            connects = f"{p.name} connects {p.probability:.0%}: use ensemble"
+            raise InputError(f"{said}, and {connects}", "probability")
 
 
 class _Tables:
@@ -132,10 +123,6 @@ class _Tables:
         self.laws: dict[Any, Array] = {}
         self.rows: dict[Any, Array] = {}
         self.rough: dict[str, None] = {}
-
-    @cached_property
-    def blocks(self) -> list[Population]:
-        return [self.wiring.row(b) for b in range(self.wiring.blocks)]
 
     def block(self, row: Population) -> dict[str, float]:
         """Return the fields of a block's record that its law and its cells' answers set."""
@@ -203,12 +190,10 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     wiring, circuit = scheme.wiring, scheme.wiring.circuit
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
-    of_rows = [tables.block(row) for row in tables.blocks]
+    of_rows = [tables.block(row) for row in wiring.rows]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
     own = tables.engine.by_cells
-    tau_ms = np.array(
-        [row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in tables.blocks]
-    )
+    tau_ms = np.array([row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in wiring.rows])
     _, rest_x, rest_hz = scheme.start
     return filled(
         records.BLOCK,
@@ -227,7 +212,7 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
 
 def _units(scheme: Scheme, tables: _Tables, courses: Timed, source_from: Any) -> Any:
     wiring = scheme.wiring
-    paths = [wiring.projection(q) for q in range(wiring.units)]
+    paths = wiring.projections
     of_paths = [tables.transfer(p.transfer) for p in paths]
     rest = scheme.start[0]
     active = zip(paths, rest + wiring.constant, strict=True)

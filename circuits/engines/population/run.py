@@ -84,25 +84,19 @@ def run(
         _warn_of_ringing(circuit)
     names = wiring.names if noise else []
     streams = noises.stream_keys(seed or 0, first_trial + np.arange(len(drive)), names)
-    out = np.empty((len(drive), clock.samples, circuit.channels))
-    shape = (len(drive), clock.samples, wiring.blocks if engine.rates else 0)
-    kept = np.empty(shape, dtype=np.float32)
+    out, kept = engine.outputs(len(drive), clock.samples, wiring)
     late = _trials(p, (drive, streams if noise else streams[:0], out, kept), engine)
     if late:
         when_ms = late * engine.sample_ms
         raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
     about: dict[str, Any] = {"dt_ms": dt, "settle_ms": engine.settle_ms}
     about |= {"laws": engine.laws, "noise": noise}
-    return Activity(
-        circuit=circuit,
-        time_ms=clock.time_ms,
-        rates_hz={
-            row.name: kept[..., wiring.blocks_of(row.name)]
-            for row in circuit.populations
-            if engine.rates
-        },
-        output_nats=out,
+    return Activity.from_blocks(
+        wiring,
+        kept if engine.rates else None,
+        clock.time_ms,
         engine=engine.id,
+        output_nats=out,
         about=about | ({"seed": int(seed or 0), "first_trial": first_trial} if noise else {}),
     )
 
@@ -152,14 +146,13 @@ def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
     engine : PopulationsEngine
         Threads, and the OUT below which a trial is over.
     """
-    level = -np.inf if engine.drop_below is None else float(engine.drop_below)
     workers = int(engine.workers)
     edges = np.linspace(0, len(arrays[0]), workers + 1).astype(int)
 
     def task(k: int) -> int:
         drive, streams, out, kept = (array[edges[k] : edges[k + 1]] for array in arrays)
         work = workspace(p, kept=bool(kept.shape[2]))
-        return int(kernel.trials(p, work, drive, streams, level, out, kept))
+        return int(kernel.trials(p, work, drive, streams, engine.level_nats, out, kept))
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         ended = [sample for sample in pool.map(task, range(workers)) if sample]

@@ -62,10 +62,10 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
     class Stateless(Cell):
         pass
 
-    one_sentence(lambda: register(int), "subclass of circuits.cells.Cell")
+    one_sentence(lambda: register(int), "subclass of Cell")
     one_sentence(lambda: register(Plain), "frozen=True")
     one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
-    one_sentence(lambda: register(Stateless), "Stateless.state must be a tuple")
+    one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
     twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
     one_sentence(lambda: register(twin), "there is a cell type Lif already")
 
@@ -119,7 +119,7 @@ def swapped(heard, ones, phi, factor, noise_step):
         ({"constants": lambda *_: {"noise_step": 1.0, "factor": ONE}}, "single prec"),
         ({"constants": lambda *_: {"noise_step": ONE * np.nan, "factor": ONE}}, "must be finite"),
         ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin must return phi"),
-        ({"tick": staticmethod(short)}, "tick must return whether it fires and phi; it returns 1"),
+        ({"tick": staticmethod(short)}, "tick must return whether it fires, phi; it returns 1"),
         ({"tick": staticmethod(swapped)}, "tick must take"),
     ],
     ids=["too few", "too many", "double", "nan", "begin", "tick", "order"],
@@ -178,7 +178,7 @@ def test_a_unit_that_does_not_spike_hears_a_rate_and_its_floor_is_none_or_zero()
         spikes = False
         hears = "nats"
 
-    one_sentence(lambda: register(Unit), "Unit.hears must be hz")
+    one_sentence(lambda: register(Unit), "Unit: hears must be hz")
 
     @register
     @dataclass(frozen=True)

@@ -205,7 +205,7 @@ WRONG = [
     ('"Lif", tau_ms = 10', '"Lief", tau_ms = 10', LIF, "no cell type 'Lief'; there are AdEx"),
     ("Lif_GPe   = {", "Lif_GPe   = { speed = 1,", LIF, "no constant of a Lif cell 'speed'; there"),
     ('"Lif", tau_ms = 10,', '"Lif",', LIF, "a Lif cell needs tau_ms"),
-    ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "tau_ms of a Lif cell must be > 0"),
+    ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "the Lif cell: tau_ms must be > 0"),
     ("range_nats = [1,", "range_nats = [nan,", line_of("range_nats"), "numbers that rise, got"),
     ("channels = 2", "channels = 1", 5, "channels must be a whole number >= 2, got 1"),
     ("channels = 2", 'channels = "two"', 5, "channels must be a whole number, got 'two'"),
