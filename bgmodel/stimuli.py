@@ -31,7 +31,7 @@ OF_TASK = {
     "edge-turn": ("channels", "step_deg", "fold", "taps"),
     "edge-direction": ("channels", "step_deg", "fold", "taps"),
 }
-"""Options that a task makes use of, beside those of every task."""
+"""Options that a task uses, in addition to those of every task."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Stimuli:
     orientations has a grating, by how many steps was an edge turned, which of N directions has
     it."""
     channels: int = 2
-    """Alternatives: of a tactile question, 2..8."""
+    """Alternatives; 2..8 for a tactile question."""
     d_prime: float = 0.5
     """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
     their difference."""

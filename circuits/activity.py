@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -15,7 +14,7 @@ import pandas as pd
 from circuits.arrays import Array
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import InputError, RangeWarning, require, user_level
+from circuits.errors import InputError, RangeWarning, require
 from circuits.plots import rates
 
 if TYPE_CHECKING:
@@ -320,19 +319,32 @@ def total_nats(circuit: CircuitTable, drive: Array) -> Array:
 
 def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
     """Warn once if ``S``, or without nats the input, leaves the range that the circuit states."""
+    if said := beyond_range(circuit, drive):
+        RangeWarning.warn(said)
+
+
+def beyond_range(circuit: CircuitTable, drive: Array) -> str:
+    """Return what there is to say of a drive that leaves the circuit's range; nothing if it stays.
+
+    Parameters
+    ----------
+    circuit : CircuitTable
+        The table.
+    drive : array (trials, steps, channels)
+        In its unit.
+    """
     in_nats = circuit.unit == NATS
     found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
     low, high = circuit.range_nats
-    if found.min() < low or found.max() > high:
-        where = ", where S = ln sum exp of the inputs" if in_nats else ""
-        common, gain = "", " or a lower gain"
-        if not circuit.centred:
-            common = ": outside that range inputs common to all channels do not cancel"
-            gain = ", a lower gain, or evidence with its baseline subtracted"
-        warnings.warn(
-            f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
-            f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{where}{common}; "
-            f"give weaker evidence{gain}",
-            RangeWarning,
-            stacklevel=user_level(),
-        )
+    if found.min() >= low and found.max() <= high:
+        return ""
+    where = ", where S = ln sum exp of the inputs" if in_nats else ""
+    common, gain = "", " or a lower gain"
+    if not circuit.centred:
+        common = ": outside that range inputs common to all channels do not cancel"
+        gain = ", a lower gain, or evidence with its baseline subtracted"
+    return (
+        f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
+        f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{where}{common}; "
+        f"give weaker evidence{gain}"
+    )

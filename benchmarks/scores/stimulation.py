@@ -26,7 +26,7 @@ from circuits.anatomy import DEFAULT
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
 PATIENT_TRIALS, COARSE_PATIENT_TRIALS = 2000, 6
-"""Trials that a fitted circuit is simulated with, at each drift: patients have few of their own."""
+"""Trials that a fitted circuit is simulated with, at each drift: a patient has few."""
 LONGEST_S = 5.0
 """Length of a simulated trial, s: longer than any response of a patient."""
 STIMULATED = ["conflict", "stimulation"]

@@ -10,7 +10,6 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import Shows, Writes, check_ending, check_whole, options_of, say
-from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
@@ -68,18 +67,13 @@ class Decide(Shows):
         trials = self._trials()
         evidence = trials.evidence
         test, threshold, model = self._test(evidence.hypotheses)
-        trace = test.run(evidence)
-        decision = first_crossing(trace, threshold, forced=self.forced)
+        decision = test.decide(evidence, threshold, forced=self.forced)
         own = self.task.evidence is not None
         seed = None if own else self.seed
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
         if own:
             self.note(trials.summary())
-        if own or self.task.taps is not None:
-            from bgmodel.deciding.calibration import warn_of_decisions
-
-            warn_of_decisions(evidence, decision)
         self._show(table, known=evidence.truth is not None)
 
     def _show(self, table: pd.DataFrame, known: bool) -> None:

@@ -26,6 +26,18 @@ if TYPE_CHECKING:
     from bgmodel.tactile.taps import Taps
 
 
+@dataclass(frozen=True, kw_only=True)
+class Asks:
+    """Numbers of a question about taps, for commands that name its task."""
+
+    channels: int = 2
+    """Alternatives, 2..8."""
+    period_mm: float = 2.0
+    """Period of the grating, mm."""
+    step_deg: float = 5.0
+    """Degrees between alternatives of a question on edges."""
+
+
 @dataclass(frozen=True)
 class Simulate(Writes):
     """Tap gratings with the simulated TacTip.

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import Shows, check_whole, options_of, say
-from bgmodel.commands.taps import Decode, Simulate, Train
+from bgmodel.commands.taps import Asks, Decode, Simulate, Train
 from bgmodel.support import files
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.task import TASKS
@@ -24,11 +24,11 @@ STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 
 
 @dataclass(frozen=True)
-class Touch(Shows):
+class Touch(Asks, Shows):
     """From a sensor's taps to decisions: simulate or read, train, decode, decide, one page.
 
     The sensor is the simulated one on gratings, or one whose recordings you name. What is finished
-    stays in the folder: the same command goes on where it was stopped.
+    stays in the folder, and the same command resumes where it stopped.
 
     Examples: bgmodel touch;
     bgmodel touch mine --training my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
@@ -44,12 +44,6 @@ class Touch(Shows):
     """Scale of recordings, mm."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] | None = None
     """What is asked; same-different of gratings, edge-turn of an edge if left out."""
-    channels: int = 2
-    """Alternatives, 2..8."""
-    period_mm: float = 2.0
-    """Period of the grating, mm."""
-    step_deg: float = 5.0
-    """Degrees between alternatives of a question on edges."""
     taps: int = 1000
     """Simulated taps of each grating that the decoder is trained on."""
     held_out_taps: int = 1200
@@ -76,7 +70,7 @@ class Touch(Shows):
         task = self._task
         found = story(
             read_decoded(decoded),
-            lambda value: TASKS[task](self.channels, value, value),
+            lambda stimulus: TASKS[task](self.channels, stimulus, stimulus),  # mm, or degrees
             PERIODS_MM if self._grating else STEPS_DEG,
             self.period_mm if self._grating else self.step_deg,
             "period of the grating (mm)" if self._grating else "step between alternatives (deg)",

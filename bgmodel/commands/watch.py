@@ -12,6 +12,7 @@ import numpy as np
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending, options_of, say
+from bgmodel.commands.taps import Asks
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
@@ -27,7 +28,7 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 @dataclass(frozen=True)
-class Watch(Writes):
+class Watch(Asks, Writes):
     """Decide on images of taps as they arrive in a folder, by the circuit or by the test.
 
     Each image is decoded and adds its log-likelihoods to the trial; as soon as OUT crosses the
@@ -50,12 +51,6 @@ class Watch(Writes):
     """Scale of the images, mm."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "edge-direction"
     """What is asked of the taps."""
-    channels: int = 2
-    """Alternatives, 2..8."""
-    period_mm: float = 2.0
-    """Period of the grating, mm."""
-    step_deg: float = 5.0
-    """Degrees between alternatives of a question on edges."""
     first_deg: float = 0.0
     """Direction of the first alternative of edge-direction, degrees."""
     by: Literal["circuit", "test"] = "circuit"
@@ -67,7 +62,7 @@ class Watch(Writes):
     posterior: float = 0.82
     """Posterior at which it decides."""
     step_ms: float = 100.0
-    """Time between readings, ms; a reading that comes later than that is said."""
+    """Time between readings, ms; a warning names readings that come later."""
     t_max: int = 60
     """Most steps of a trial; then the deadline forces a response."""
     idle_s: float = 10.0
@@ -143,42 +138,32 @@ class Watch(Writes):
         from bgmodel.integrators.sprt import Msprt
         from bgmodel.tactile.decoder import Decoder
         from bgmodel.tactile.recordings import Tracker
-        from bgmodel.tactile.source import readings_of
+        from bgmodel.tactile.source import read_decoded, source
+        from bgmodel.tactile.task import TASKS
         from circuits.anatomy import load_circuit
 
         decoder = Decoder.load(self.decoder)
-        stimulus = "edge" if self.task.startswith("edge") else "grating"
-        if decoder.training.network != stimulus:
+        task = TASKS[self.task](self.channels, self.period_mm, self.step_deg)
+        if decoder.training.network != task.stimulus:
             raise InputError(
-                f"task {self.task} needs a decoder of taps of a {stimulus}, got one of "
+                f"task {self.task} needs a decoder of taps of a {task.stimulus}, got one of "
                 f"{decoder.training.network}s",
                 "decoder",
                 self.decoder,
             )
-        known = readings_of(
-            self.task, self.channels, period_mm=self.period_mm, step_deg=self.step_deg,
-            taps=self.taps, fold=0,
-        )  # fmt: skip
+        known = source(read_decoded(self.taps), task)
+        known.warn_if_silent()
         tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)
-        column = {"orientation": "orientation_deg", "same-different": "psi_deg"}.get(
-            self.task, "edge_deg"
-        )
-        pairs = self.task in ("same-different", "edge-turn")
-        waiting: list[float] = []
+        zero_deg = self.first_deg if self.task == "edge-direction" else 0.0
+        angles: list[float] = []
 
         def read(path: Path) -> Array | None:
-            angle = float(decoder.decode(tracker.read(path))[column][0])
-            if not pairs:
-                turned = angle - self.first_deg if self.task == "edge-direction" else angle
-                return known.likelihood(turned)
-            waiting.append(angle)
-            if len(waiting) < 2:
+            angles.append(float(decoder.decode(tracker.read(path))[task.column][0]) - zero_deg)
+            if len(angles) < task.taps:
                 return None
-            turned = waiting[1] - waiting[0]
-            waiting.clear()
-            if self.task == "edge-turn":
-                turned = (turned + 180) % 360 - 180
-            return known.likelihood(turned)
+            reading = task.reading(angles)
+            angles.clear()
+            return known.likelihood(reading)
 
         given: dict[str, Any] = {
             "posterior": self.posterior, "step_ms": self.step_ms, "t_max": self.t_max,
@@ -187,6 +172,9 @@ class Watch(Writes):
             return read, known.names, Msprt().session(len(known.names), **given)
         table = load_circuit(self.circuit, len(known.names))
         model = BasalGanglia(table, self.engine, seed=self.seed)
+        usual = known.draw(200, 10, rng=self.seed, step_ms=self.step_ms)
+        model.check_strength(usual)
+        model.warn_beyond_range(usual)
         return read, known.names, model.session(baseline=known.baseline, **given)
 
 

@@ -39,8 +39,8 @@ MEASURES = {
     "missed": "share that does not decide in time",
     "decided": "number of trials that decide in time",
     "mean_posterior": "mean posterior of what is chosen, at the decision",
-    "drift": "drift by EZ-diffusion, 1/s (noise s = .1 per root second); two alternatives",
-    "boundary_separation": "distance between its bounds, without unit (s = .1)",
+    "drift": "drift by EZ-diffusion, 1/s (noise s = 0.1 per root second); two alternatives",
+    "boundary_separation": "distance between its bounds, without unit (s = 0.1)",
     "non_decision_ms": "its time outside the decision, ms",
 }
 """Every measure, with its unit."""
@@ -184,7 +184,7 @@ def ez_diffusion(
 
     Notes
     -----
-    Wagenmakers, van der Maas & Grasman 2007, equations 5 and 7 to 9, with l = logit P and s = .1:
+    Wagenmakers, van der Maas & Grasman 2007, equations 5 and 7 to 9, with l = logit P and s = 0.1:
     ``v = sign(P - 1/2) s (l (P^2 l - P l + P - 1/2) / VRT)^(1/4)``, ``a = s^2 l / v``,
     ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The start lies half-way
     between the bounds and nothing but the noise varies. Late decisions belong to it: where many

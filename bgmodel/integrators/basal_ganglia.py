@@ -30,7 +30,7 @@ from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
 from bgmodel.support.reprs import Facts
-from circuits.activity import RateMeans, checked_drive, warn_beyond_range
+from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.anatomy import load_circuit as named
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, EngineOrName
@@ -276,11 +276,19 @@ class BasalGanglia(Facts):
         ValueError
             As ``decide``; if the engine takes all readings of a trial at once; if each channel gets
             its own evidence and there is no baseline.
+
+        Warns
+        -----
+        UserWarning
+            Once, if a reading leaves the circuit's range; if noise alone crosses the threshold. How
+            strong evidence is on the mean is not known before its readings: see ``check_strength``.
         """
         level = self.threshold(threshold, posterior)
         self.warn_of_noise(level)
         nothing = np.zeros((1, 1, self.circuit.channels))
         empty = Evidence(nothing, prior=prior, step_ms=step_ms, baseline=baseline)  # type: ignore[arg-type]
+
+        doubts: list[str] = []  # said once a session, not at every reading
 
         def begin(trial: int) -> Reader:
             stream = self.engine.stream(
@@ -289,7 +297,11 @@ class BasalGanglia(Facts):
             stream.add(self.drive(empty)[0, 0])
 
             def read(evidence: Evidence) -> Trace:
-                stream.add(self.drive(evidence)[0, -1])
+                drive = self.drive(evidence)[:, -1:]
+                if not doubts and (said := beyond_range(self.circuit, drive)):
+                    doubts.append(said)
+                    RangeWarning.warn(said)
+                stream.add(drive[0, 0])
                 known, numbers = readout_of(self.circuit), evidence.trial_numbers
                 out = stream.out[None, : stream.samples]
                 return Trace(out, stream.time_ms, 0.0, step_ms, None, numbers, known)

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.deciding.calibration import warn_of_decisions
 from bgmodel.deciding.decision import Decision, Tally, Trace, first_crossing
 from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
@@ -68,8 +69,14 @@ class Decides:
         ------
         ValueError
             As ``first_crossing``.
+
+        Warns
+        -----
+        UserWarning
+            As ``first_crossing``; if posteriors at decisions are not the share of right choices.
         """
         found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
+        warn_of_decisions(evidence, found)
         return replace(found, truth=evidence.truth)
 
     def session(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
@@ -25,6 +25,12 @@ MOST_HYPOTHESES = 8
 class Task(Protocol):
     """A question about taps: its hypotheses, and how decoded taps become readings."""
 
+    stimulus: ClassVar[str]
+    """What must be tapped, a name in ``taps.STIMULI``."""
+    column: ClassVar[str]
+    """What is read of a decoded tap."""
+    taps: ClassVar[int]
+    """Taps that make one reading."""
     range_deg: ClassVar[tuple[float, float]]
     circular: ClassVar[bool]
 
@@ -46,6 +52,10 @@ class Task(Protocol):
         """Turn a pool, or a part of one, into readings, an array per hypothesis, degrees."""
         ...
 
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Turn the decoded angles of ``taps`` taps into one reading, degrees."""
+        ...
+
 
 @dataclass(frozen=True)
 class SameDifferent:
@@ -61,6 +71,9 @@ class SameDifferent:
     b_deg: float = 45.0
     """Yaw of grating B, degrees; Burguete, Griffith & Lepora 2023."""
 
+    stimulus: ClassVar[str] = "grating"
+    column: ClassVar[str] = "psi_deg"
+    taps: ClassVar[int] = 2
     names: ClassVar[tuple[str, ...]] = ("S1", "S2")
     range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
     circular: ClassVar[bool] = False
@@ -77,13 +90,17 @@ class SameDifferent:
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
         """Return the decoded angles of A and of B."""
-        return of_grating(taps, self.period_mm, self.yaws_deg, "psi_deg")
+        return of_grating(taps, self.period_mm, self.yaws_deg, self.column)
 
     def readings(self, pool: Pool) -> list[Array]:
         """Return the differences of all pairs of taps: S1 (AA, never a tap with itself), S2."""
         a, b = pool
         same = a[:, None] - a[None, :]
         return [same[~np.eye(len(a), dtype=bool)], (b[:, None] - a[None, :]).ravel()]
+
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Return the difference of two decoded angles."""
+        return angles_deg[1] - angles_deg[0]
 
 
 @dataclass(frozen=True)
@@ -95,6 +112,9 @@ class Orientations:
     period_mm: float = 2.0
     """Period of the grating, mm."""
 
+    stimulus: ClassVar[str] = "grating"
+    column: ClassVar[str] = "orientation_deg"
+    taps: ClassVar[int] = 1
     range_deg: ClassVar[tuple[float, float]] = (-90.0, 90.0)
     circular: ClassVar[bool] = True
 
@@ -118,11 +138,15 @@ class Orientations:
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
         """Return the decoded orientations, an array per yaw."""
-        return of_grating(taps, self.period_mm, self.yaws_deg, "orientation_deg")
+        return of_grating(taps, self.period_mm, self.yaws_deg, self.column)
 
     def readings(self, pool: Pool) -> list[Array]:
         """Return the decoded orientations as they are."""
         return [np.asarray(part) for part in pool]
+
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Return the decoded orientation as it is."""
+        return angles_deg[0]
 
 
 @dataclass(frozen=True)
@@ -134,6 +158,8 @@ class _Edge:
     step_deg: float = 5.0
     """Degrees between two neighbouring hypotheses, D."""
 
+    stimulus: ClassVar[str] = "edge"
+    column: ClassVar[str] = "edge_deg"
     range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
 
     def __post_init__(self) -> None:
@@ -162,7 +188,7 @@ class _Edge:
         In a random order that depends on nothing but their number: recordings are sorted by yaw,
         and a fold of every sixth tap would then hold no two taps of nearly the same yaw.
         """
-        table = columns(taps, ["yaw_deg", "edge_deg"], "an edge").to_numpy(dtype=np.float64)
+        table = columns(taps, ["yaw_deg", self.column], "an edge").to_numpy(dtype=np.float64)
         return [table[stream(0, "order of taps").permutation(len(table))]]
 
 
@@ -173,6 +199,7 @@ class EdgeTurn(_Edge):
     two decoded yaws.
     """
 
+    taps: ClassVar[int] = 2
     circular: ClassVar[bool] = False
 
     def readings(self, pool: Pool) -> list[Array]:
@@ -192,6 +219,10 @@ class EdgeTurn(_Edge):
             found.append(np.asarray(wrapped(turned, 360), dtype=np.float64))
         return found
 
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Return by how much the decoded yaw turned."""
+        return float(wrapped(np.float64(angles_deg[1] - angles_deg[0]), 360))  # type: ignore[arg-type]
+
 
 class EdgeDirection(_Edge):
     """Which of N directions, D degrees apart, an edge has.
@@ -201,12 +232,17 @@ class EdgeDirection(_Edge):
     assumes that the sensor reads all directions alike.
     """
 
+    taps: ClassVar[int] = 1
     circular: ClassVar[bool] = True
 
     def readings(self, pool: Pool) -> list[Array]:
         """Return the decoded directions of all taps, as if each had the direction asked."""
         true, read = pool[0].T
         return [np.asarray(wrapped(read - true + angle, 360)) for angle in self.angles_deg]
+
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Return the decoded yaw, where the first direction is 0 degrees."""
+        return angles_deg[0]
 
 
 def of_grating(

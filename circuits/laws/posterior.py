@@ -24,12 +24,12 @@ def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[flo
     circuit : CircuitTable
         The table, its drive centred and cut as it states.
     competitors : int, optional
-        So many competitors are level, all others far behind; all are level if left out.
+        Number of competitors that are level, the others being far behind; all if left out.
 
     Raises
     ------
     ValueError
-        If the circuit has no fixed point, does not work in nats, or has not so many competitors.
+        If the circuit has no fixed point, does not work in nats, or has fewer competitors.
     """
     circuit.check_nats("OUT as -ln P")
     count = circuit.channels - 1 if competitors is None else competitors

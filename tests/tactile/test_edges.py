@@ -10,7 +10,7 @@ from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.source import folds, source
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.task import EdgeDirection, EdgeTurn
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientations, SameDifferent
 from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 
@@ -137,3 +137,17 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
     monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
     monkeypatch.setattr("bgmodel.tactile.edges.train", train)
     assert decoded_edges(5, tmp_path).to_numpy().tolist() == [[30, 33], [-40, -37], [50, 53]]
+
+
+def test_a_reading_of_single_taps_is_that_of_a_table_of_them():
+    """Two taps of an edge 5 degrees apart, decoded at 178 and -177; gratings at 3 and 10."""
+    edge = np.array([[0.0, 178.0], [5.0, -177.0]])
+    assert EdgeTurn(2, 5.0).readings([edge])[1].tolist() == [5.0]
+    assert EdgeTurn(2, 5.0).reading([178.0, -177.0]) == 5.0
+    gratings = [np.array([3.0, 4.0]), np.array([10.0])]
+    assert SameDifferent().reading([3.0, 10.0]) == SameDifferent().readings(gratings)[1][0]
+    assert Orientations(2).reading([3.0]) == Orientations(2).readings(gratings)[0][0]
+    as_it_is = EdgeDirection(2, 5.0).readings([np.array([[0.0, 7.0]])])[0]
+    assert EdgeDirection(2, 5.0).reading([7.0]) == as_it_is[0]
+    assert SameDifferent.taps == EdgeTurn.taps == 2
+    assert Orientations.taps == EdgeDirection.taps == 1

@@ -21,7 +21,7 @@ FITTED_HZ = {MSN: (1, 40), STN: (2, 100), GPE: (5, 80), SNR: (2, 60)}
 
 
 def mean_hz(circuit, inputs_hz, seeds=2):
-    """Return mean rates of each channel over .7 s, wirings and seeds: (seeds, channels) by name."""
+    """Return mean rates of each channel over 0.7 s and seeds: (seeds, channels) by name."""
     drive = np.tile((np.array(inputs_hz) - 3) / 40, (3, 10, 1))
     found = []
     for seed in range(seeds):

@@ -64,7 +64,7 @@ def test_out_is_minus_ln_p_of_the_leader_for_any_competitors_and_any_common_inpu
 def test_two_competitors_apart_and_the_others_out_of_the_running_are_read_as_the_table_says(
     channels,
 ):
-    """Silent competitors add (N - 2) / N exp(-rest) to the sum: .055 nats of OUT for N = 4."""
+    """Silent competitors add (N - 2) / N exp(-rest) to the sum: 0.055 nats of OUT for N = 4."""
     bound = (channels - 2) / channels * np.exp(-2.2)
     for low_or_high in off_nats(anatomy.macaque(channels), 1):
         assert low_or_high == pytest.approx(bound, abs=0.01)
