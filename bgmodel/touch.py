@@ -6,16 +6,18 @@ import base64
 import html
 import io
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
+from scipy.special import softmax
+from scipy.stats import circstd
 
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
-from bgmodel.deciding.decision import Decision, Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER
@@ -24,7 +26,7 @@ from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from bgmodel.tactile.source import Folds, folds
+from bgmodel.tactile.source import Folds, Source, folds
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
 
@@ -39,6 +41,11 @@ ACCURACIES = (0.8, 0.85, 0.9, 0.95)
 XI, START_DELTA, RUNS = 50.0, 0.5, 5
 """Cost of an error in readings, the gap at the start, and repeats of the learner."""
 T_MAX = 40
+STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+"""Steps of the psychometric curve of an edge."""
+PARTS = ("psychometric", "curves", "table", "learning", "courses", "decided")
+"""Tables of a story."""
+LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
 
 @dataclass(frozen=True)
@@ -50,8 +57,10 @@ class Story:
     axis : str
         What changes from stimulus to stimulus, with its unit.
     psychometric : DataFrame
-        By stimulus: accuracy of one reading (mean, low and high over folds of taps), shrink (the
-        factor on its log-likelihoods that predicts other taps best; 0 says nothing).
+        By stimulus: accuracy of one reading (mean, low and high over folds of taps); claimed, the
+        mean posterior of the likeliest hypothesis, which is the accuracy if likelihoods are
+        calibrated; spread_deg, the standard deviation of readings of one hypothesis; shrink, the
+        factor on log-likelihoods that predicts other taps best, 0 if a reading says nothing.
     curves : DataFrame
         Speed against accuracy of test and circuit: model, accuracy, mean_ms.
     table : DataFrame
@@ -60,8 +69,10 @@ class Story:
         Course of the gap: run, episode, mean_delta.
     numbers : dict
         Measures by name.
-    traces, decisions : dict
-        OUT, nats, and decision of "test" and "circuit in spikes" on one trial.
+    courses : DataFrame
+        OUT of "test" and "circuit in spikes" on one trial: who, channel, time_ms, out_nats.
+    decided : DataFrame
+        What they decided on it: who, choice, time_ms.
     step_ms : float
         Time between readings, ms.
     remarks : tuple of str
@@ -74,29 +85,45 @@ class Story:
     table: pd.DataFrame
     learning: pd.DataFrame
     numbers: dict[str, float]
-    traces: dict[str, Trace]
-    decisions: dict[str, Decision]
+    courses: pd.DataFrame
+    decided: pd.DataFrame
     step_ms: float
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """Return the numbers as a table: measure and value."""
         return pd.DataFrame(self.numbers.items(), columns=["measure", "value"])
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return all of it as one table, whose column ``part`` names what a row belongs to."""
+        parts = {name: getattr(self, name) for name in PARTS} | {"numbers": self.summary()}
+        every = [rows.assign(part=name) for name, rows in parts.items() if len(rows)]
+        return cast("pd.DataFrame", pd.concat(every))
+
+    @classmethod
+    def from_dataframe(cls, rows: pd.DataFrame, axis: str, step_ms: float) -> Story:
+        """Return a story from its table, with what its stimuli are and the time of a reading."""
+        given = {name: rows[rows["part"] == name].dropna(axis=1, how="all") for name in PARTS}
+        numbers = rows[rows["part"] == "numbers"]
+        values = dict(zip(numbers["measure"], numbers["value"], strict=True))
+        return cls(axis, numbers=values, step_ms=step_ms, **given)  # type: ignore[arg-type]
 
     def plot(self) -> Figure:
         """Draw it: one reading, speed and accuracy, the learned gap, one decision in spikes."""
         import matplotlib.pyplot as plt
 
         figure, axes = plt.subplots(2, 2, figsize=(8.4, 6.0), layout="constrained")
-        _psychometric(axes[0, 0], self)
-        _speed(axes[0, 1], self)
-        _learning(axes[1, 0], self)
-        _decision(axes[1, 1], self)
-        for letter, ax in zip("abcd", axes.flat, strict=True):
-            ax.set_title(f"{letter}  {ax.get_title()}", loc="left", fontsize=9)
-            ax.set_title("")
-            ax.spines[["top", "right"]].set_visible(False)
+        self.draw(axes.flat)
         return figure
+
+    def draw(self, axes: Iterable[Axes], letters: Sequence[str] = LETTERS) -> None:
+        """Draw its four panels on given axes; letters begin their titles."""
+        for panel, letter, ax in zip(PANELS, letters, axes, strict=True):
+            panel(ax, self)
+            title = ax.get_title("left") or ax.get_title()
+            ax.set_title("", loc="center")
+            ax.set_title(f"{letter}{title}", loc="left", fontsize=9)
+            ax.spines[["top", "right"]].set_visible(False)
 
 
 def story(
@@ -151,7 +178,7 @@ def story(
         model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), "population", seed=seed)
         found = _compared(model, evidence, readings, workers, seed)
         learning, learned = _learned(readings, learner or Learner(), seed)
-        traces, decisions = _one_decision(evidence, seed)
+        courses, decided = _one_decision(evidence, seed)
     test = Msprt().decide(evidence, posterior=POSTERIOR)
     numbers: dict[str, float] = {
         "hypotheses": len(task.names),
@@ -162,29 +189,47 @@ def story(
         **learned,
     }
     return Story(
-        axis, curve, found.curves, found.table, learning, numbers, traces, decisions, step_ms,
+        axis, curve, found.curves, found.table, learning, numbers, courses, decided, step_ms,
         tuple(dict.fromkeys(str(one.message) for one in caught)),
     )  # fmt: skip
 
 
 def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float) -> dict[str, float]:
-    """Return how often the likeliest hypothesis of one reading is true, over folds."""
+    """Return what one reading says of a stimulus: see ``Story.psychometric``."""
     sources = folds(taps, task).sources
-    each = [
-        np.mean([_right(part, k) for k, part in enumerate(source.log_likelihood)])
-        for source in sources
-    ]
+    accuracy = [_over_hypotheses(source, _right) for source in sources]
+    claimed = [_over_hypotheses(source, _claimed) for source in sources]
     shrink = np.mean([source.likelihood.shrink for source in sources])
     return {
-        "stimulus": stimulus, "accuracy": float(np.mean(each)), "low": float(np.min(each)),
-        "high": float(np.max(each)), "shrink": float(shrink),
+        "stimulus": stimulus, "accuracy": float(np.mean(accuracy)), "low": min(accuracy),
+        "high": max(accuracy), "claimed": float(np.mean(claimed)),
+        "spread_deg": _spread_deg(taps, task), "shrink": float(shrink),
     }  # fmt: skip
+
+
+def _over_hypotheses(source: Source, measure: Callable[[Array, int], float]) -> float:
+    """Return the mean of a measure of readings over the hypotheses that are true."""
+    each = [measure(readings, truth) for truth, readings in enumerate(source.log_likelihood)]
+    return float(np.mean(each))
 
 
 def _right(log_likelihood: Array, truth: int) -> float:
     """Return the share of readings for which the truth is likeliest; a tie counts in part."""
     best = log_likelihood == log_likelihood.max(axis=1, keepdims=True)
     return float((best[:, truth] / best.sum(axis=1)).mean())
+
+
+def _claimed(log_likelihood: Array, truth: int) -> float:
+    """Return the mean posterior of the likeliest hypothesis."""
+    return float(softmax(log_likelihood, axis=1).max(axis=1).mean())
+
+
+def _spread_deg(taps: pd.DataFrame, task: Task) -> float:
+    """Return the standard deviation of readings of one hypothesis, the mean over hypotheses."""
+    low, high = task.range_deg
+    each = task.readings(task.pool(taps))
+    sds = [circstd(one, high, low) if task.circular else np.std(one) for one in each]
+    return float(np.mean(sds))
 
 
 def _compared(
@@ -226,16 +271,25 @@ def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame
     return table[["run", "episode", "mean_delta"]], numbers
 
 
-def _one_decision(evidence: Evidence, seed: int) -> tuple[dict[str, Trace], dict[str, Decision]]:
+def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return OUT and decision of test and spiking circuit on the first trial of the second fold."""
     table = load_circuit(DEFAULT, evidence.hypotheses)
     one, gain = evidence[1:2], gain_of(table)
     model = BasalGanglia(table, "ensemble", gain, seed)
-    traces = {"test": Msprt(gain).run(one), "circuit in spikes": model.run(one)}
-    level = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
-    return traces, {
-        name: first_crossing(trace, level, forced=False) for name, trace in traces.items()
-    }
+    threshold = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
+    courses, decided = [], []
+    deciders: dict[str, Msprt | BasalGanglia] = {"test": Msprt(gain), "circuit in spikes": model}
+    for who, decider in deciders.items():
+        trace = decider.run(one)
+        out = pd.DataFrame(np.asarray(trace.out_nats[0]), index=pd.Index(trace.time_ms))
+        out = out.rename_axis("time_ms").reset_index()
+        courses.append(
+            out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)
+        )
+        decision = first_crossing(trace, threshold, forced=False)
+        decided.append((who, int(decision.choice[0]), float(decision.time_ms[0])))
+    columns = ["who", "choice", "time_ms"]
+    return pd.concat(courses), pd.DataFrame(decided, columns=columns)
 
 
 def _readable(model: BasalGanglia) -> float:
@@ -252,9 +306,11 @@ def _psychometric(ax: Axes, of: Story) -> None:
 
     rows = of.psychometric
     ends = [rows["accuracy"] - rows["low"], rows["high"] - rows["accuracy"]]
-    ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o")
+    ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o", label="right")
+    ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="claimed")
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
-    ax.set(xlabel=of.axis, title="one reading; bars: range of six folds of taps")
+    ax.set(xlabel=of.axis, title="one reading")
+    ax.legend(frameon=False, fontsize=8, loc="lower right")
 
 
 def _speed(ax: Axes, of: Story) -> None:
@@ -282,23 +338,27 @@ def _learning(ax: Axes, of: Story) -> None:
     every = of.learning[of.learning["episode"] % 50 == 0]
     acquisition(ax, every.pivot(index="run", columns="episode", values="mean_delta"))
     ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="best gap")
-    ax.set_title(f"learned from reward, an error costs {XI:g} readings")
+    ax.set_title("learned from reward")
     ax.legend(frameon=False, fontsize=8)
 
 
 def _decision(ax: Axes, of: Story) -> None:
-    for name, trace in of.traces.items():
-        dashed = "--" if name == "test" else "-"
-        for channel, out in enumerate(np.asarray(trace.out_nats[0]).T):
-            steps = "steps-post" if name == "test" else "default"
-            ax.plot(trace.time_ms / of.step_ms, out, color=f"C{channel}", ls=dashed, lw=1.1,
-                    drawstyle=steps)  # fmt: skip
-        ax.plot([], [], color="0.3", label=name, ls=dashed)
-        ax.axvline(of.decisions[name].time_ms[0] / of.step_ms, color="0.3", lw=0.8, ls=dashed)
-    last = np.nanmax([d.time_ms[0] for d in of.decisions.values()] + [3 * of.step_ms])
-    ax.set(xlim=(0, 1.5 * last / of.step_ms), ylim=(0, 3), xlabel="time (readings)",
-           ylabel="OUT (nats)", title="one decision; vertical lines: when")  # fmt: skip
+    for who, choice, time_ms in of.decided[["who", "choice", "time_ms"]].itertuples(index=False):
+        dashed, steps = ("--", "steps-post") if who == "test" else ("-", "default")
+        rows = of.courses[of.courses["who"] == who]
+        for channel, course in rows.groupby("channel"):
+            ax.plot(course["time_ms"] / of.step_ms, course["out_nats"], color=f"C{channel:g}",
+                    ls=dashed, lw=1.1, drawstyle=steps)  # fmt: skip
+        ax.plot([], [], color="0.3", label=who, ls=dashed)
+        if choice >= 0:
+            ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
+    last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
+    ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="time (readings)",
+           ylabel="OUT (nats)", title="one decision")  # fmt: skip
     ax.legend(frameon=False, fontsize=8)
+
+
+PANELS = (_psychometric, _speed, _learning, _decision)
 
 
 def page(of: Story, title: str, made: str) -> str:
@@ -317,7 +377,10 @@ def page(of: Story, title: str, made: str) -> str:
     of.plot().savefig(picture, format="png", dpi=150)
     encoded = base64.b64encode(picture.getvalue()).decode()
     remarks = "".join(f"<li>{html.escape(text)}</li>" for text in of.remarks)
-    numbers = of.summary().to_html(index=False, float_format=lambda x: f"{x:.4g}", border=0)
+    numbers, curve = (
+        rows.to_html(index=False, float_format=lambda x: f"{x:.4g}", border=0)
+        for rows in (of.summary(), of.psychometric)
+    )
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>
 <meta name="viewport" content="width=device-width">
@@ -327,7 +390,19 @@ img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
 <h1>{html.escape(title)}</h1>
 <p><img alt="One reading, speed and accuracy, the learned gap, and one decision"
 src="data:image/png;base64,{encoded}"></p>
+<p><b>a</b>, how often the likeliest hypothesis of one reading is true, with the range over six
+folds of taps, and how often its posterior claims it. <b>b</b>, accuracy against mean decision
+time. <b>c</b>, the gap between two hypotheses that reward teaches if an error costs {XI:g}
+readings, five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines show when test
+and circuit decide.</p>
 {numbers}
+<h2>One reading</h2>
+<p>By {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range over six
+folds of taps. claimed is the mean posterior of that hypothesis, which is the accuracy if
+likelihoods are calibrated. spread_deg is the standard deviation of readings of one hypothesis.
+Log-likelihoods are multiplied by shrink, which predicts other taps best; 0 means that a reading
+says nothing.</p>
+{curve}
 <h2>Warnings</h2><ul>{remarks or "<li>none</li>"}</ul>
 <p>{html.escape(made)}</p></body></html>
 """

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_table
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
-from bgmodel.touch import page, story
+from bgmodel.touch import Story, page, story
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -48,10 +48,21 @@ def test_test_and_circuit_decide_alike_and_the_circuit_later(found):
     assert found.numbers["agreement"] > 0.9
     assert 20 < found.numbers["extra_ms"] < 100
     assert 0 < found.numbers["optimal_gap_nats"] < 8
-    for name, decision in found.decisions.items():
-        assert decision.choice[0] == decision.choice[0] >= 0, name
-    times = {name: decision.time_ms[0] for name, decision in found.decisions.items()}
-    assert times["test"] < times["circuit in spikes"]
+    decided = found.decided.set_index("who")
+    assert (decided["choice"] >= 0).all()
+    assert decided["time_ms"]["test"] < decided["time_ms"]["circuit in spikes"]
+
+
+def test_readings_claim_what_they_reach_and_spread_as_the_decoder_errs(found):
+    curve = found.psychometric
+    np.testing.assert_allclose(curve["claimed"], curve["accuracy"], atol=0.03)
+    np.testing.assert_allclose(curve["spread_deg"], SD_DEG, rtol=0.05)
+
+
+def test_a_story_comes_back_from_its_table(found):
+    again = Story.from_dataframe(found.to_dataframe(), found.axis, found.step_ms)
+    assert again.numbers == found.numbers
+    pd.testing.assert_frame_equal(again.to_dataframe(), found.to_dataframe(), check_like=True)
 
 
 def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):

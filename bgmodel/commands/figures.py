@@ -75,7 +75,7 @@ class Figures:
     cores: int = 2
     """Jobs at a time; the results do not depend on it."""
     recordings: Path | None = None
-    """Folder of real taps for figure R1; BGMODEL_RECORDINGS if left out."""
+    """Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS if left out."""
     unlock: bool = False
     """Draw nothing, but remove the lock and the unfinished files of a run that was killed."""
 

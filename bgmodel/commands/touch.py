@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,13 +12,14 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import Shows, check_whole, options_of, say
 from bgmodel.commands.taps import Asks, Decode, Simulate, Train
 from bgmodel.support import files
+from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.sensor import Nuisance
+from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.task import TASKS
+from bgmodel.tactile.tips import Tip
 from bgmodel.version import __version__
 from circuits.errors import InputError
-
-STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
-"""Steps of the psychometric curve of an edge."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +56,14 @@ class Touch(Asks, Shows):
     workers: int = 2
     """Processes and threads; the results do not depend on it."""
     seed: int = 0
+    tip: Tip = field(default_factory=Tip)
+    skin: Skin = field(default_factory=Skin)
+    nuisance: Nuisance = field(default_factory=Nuisance)
 
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.tactile.source import read_decoded
-        from bgmodel.touch import page, story
+        from bgmodel.touch import STEPS_DEG, page, story
 
         self._check()
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -102,6 +104,10 @@ class Touch(Asks, Shows):
         return self.task or ("same-different" if self._grating else "edge-turn")
 
     @property
+    def _simulated(self) -> dict[str, Any]:
+        return {"tip": self.tip, "skin": self.skin, "nuisance": self.nuisance}
+
+    @property
     def _sensor(self) -> str:
         return "Simulated TacTip" if self.training is None else f"Recordings {self.training.name}"
 
@@ -126,57 +132,56 @@ class Touch(Asks, Shows):
                 raise InputError(
                     "recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px"
                 )
+            if self._simulated != Touch()._simulated:
+                raise InputError("tip, skin and nuisance are of simulated taps", "tip", self.tip)
         elif self.period_mm not in PERIODS_MM:
             raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
         TASKS[self._task](self.channels, self.period_mm, self.step_deg)
 
     def _decoded(self) -> Path:
         """Return the table of decoded held-out taps; what is there already is not made again."""
-        done = _Done(self.folder)
+        steps = _Steps(self.folder)
         decoder, decoded = self.folder / "decoder.safetensors", self.folder / "decoded.parquet"
         if self.training is not None and self.held_out is not None:
             own: dict[str, Any] = {"edge": True, "mm_per_px": self.mm_per_px}
-            key = [str(self.training.resolve()), self.mm_per_px, self.seed]
-            train = Train(self.training, decoder, force=True, seed=self.seed, **own)
-            done.make(decoder, key, train)
-            key = [*key, str(self.held_out.resolve())]
-            done.make(decoded, key, Decode(decoder, self.held_out, decoded, force=True, **own))
+            steps.make(decoder, Train(self.training, decoder, seed=self.seed, **own))
+            steps.make(decoded, Decode(decoder, self.held_out, decoded, **own))
             return decoded
-        from bgmodel.tactile.decoder import Training
-
         training, held_out = self.folder / "training.npz", self.folder / "held_out.npz"
-        given: dict[str, Any] = {"force": True, "seed": self.seed, "workers": self.workers}
-        key = [self.taps, self.seed]
-        done.make(training, key, Simulate(training, taps=self.taps, **given))
-        key = [*key, self.epochs]
-        fit = Training(epochs=self.epochs)
-        done.make(decoder, key, Train(training, decoder, force=True, training=fit, seed=self.seed))
         yaws = TASKS[self._task](self.channels, self.period_mm, self.step_deg).yaws_deg  # type: ignore[attr-defined]
-        count = self.held_out_taps * len(yaws)
-        key = [*key, count, *yaws]
-        held = Simulate(held_out, taps=count, yaw_deg=yaws, **given)
-        done.make(held_out, key, held)
-        done.make(decoded, key, Decode(decoder, held_out, decoded, force=True))
+        sensor: dict[str, Any] = {**self._simulated, "workers": self.workers, "seed": self.seed}
+        fit = Training(epochs=self.epochs)
+        steps.make(training, Simulate(training, taps=self.taps, **sensor))
+        steps.make(decoder, Train(training, decoder, training=fit, seed=self.seed))
+        each = self.held_out_taps * len(yaws)
+        steps.make(held_out, Simulate(held_out, taps=each, yaw_deg=yaws, **sensor))
+        steps.make(decoded, Decode(decoder, held_out, decoded))
         return decoded
 
 
-class _Done:
-    """Which files of a folder are finished, and from what they were made."""
+class _Steps:
+    """Which files of a folder are finished, and which commands made them."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "steps.json"
-        self.known: dict[str, str] = {}
+        self.known: dict[str, Any] = {}
         if self.path.is_file():
             self.known = json.loads(self.path.read_text(encoding="utf-8"))
 
-    def make(self, path: Path, key: list[Any], make: Callable[[], None]) -> None:
-        """Make a file unless it is there, made from the same."""
-        text = json.dumps([__version__, *key], default=str)
-        digest = hashlib.sha256(text.encode()).hexdigest()
-        if path.is_file() and self.known.get(path.name) == digest:
+    def make(self, path: Path, command: Simulate | Train | Decode) -> None:
+        """Make a file, unless the same command made it from the same files."""
+        folders = [str(v.resolve()) for v in vars(command).values() if _is_folder(v)]
+        seed = getattr(command, "seed", None)
+        step = [__version__, type(command).__name__, options_of(command), folders, seed]
+        step = json.loads(json.dumps(step))
+        if path.is_file() and self.known.get(path.name) == step:
             say(f"{path} is there already")
             return
-        make()
-        self.known[path.name] = digest
+        command()
+        self.known[path.name] = step
         with files.replacing(self.path) as partial:
             partial.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
+
+
+def _is_folder(value: Any) -> bool:
+    return isinstance(value, Path) and value.is_dir()

@@ -19,7 +19,7 @@ from tests.helpers import ROOT
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["fig99"], "figR1, figS1 or files in figures/out, got 'fig99'"),
+        (["fig99"], "figS1, figT1 or files in figures/out, got 'fig99'"),
         (["fig3", "all_of_them", "--fast"], "files in figures/fast, got 'all_of_them'"),
         (["figures/out/fig3.png", "--fast"], "files in figures/fast, got 'figures/out/fig3.png'"),
     ],
