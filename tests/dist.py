@@ -34,10 +34,9 @@ COMMANDS = (
     "data roitman_shadlen_2002",
     "experiment",
     "experiment stn_lesion_partial outcome.csv --engine population --trials 200",
-    "page page.html",
     "sweep sweep.toml",
 )
-"""Every package of data is read by one of them: tables, taps, experiments, the page."""
+"""Every package of data is read by one of them: tables, taps, experiments."""
 SWEEP = """name = "a sweep"
 [task]
 trials = 50
@@ -123,7 +122,7 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
         (work / "sweep.toml").write_text(SWEEP)
         for command in COMMANDS:
             _run([str(own / "bin" / "bgmodel"), *command.split()], work, there)
-        for name in ("demo.png", "outcome.csv", "page.html", "mine.toml"):
+        for name in ("demo.png", "outcome.csv", "mine.toml"):
             if not (work / name).stat().st_size:
                 raise SystemExit(f"{name} is empty")
         names = "import numpy, numba, brian2; print(*map(lambda m: m.__version__, (numpy, numba,"

@@ -210,6 +210,11 @@ def test_options_say_what_they_are():
 GRATING = "period_mm=2 step_deg=5 fold=0"
 LEARNER = "episodes=40000 rate=0.04 half_episodes=1000 baseline_rate=0.01 carried=0 last=500"
 MANY = f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=110 step_ms=50"
+SENSOR = (
+    "pitch_mm=1.2 pin_mm=1.5 radius_mm=20 camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 "
+    "gel_mm=15 gel_shear_mpa=0.01 force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 "
+    "marker_noise_um=9.5 frames=15"
+)
 EXPECTED = "expectancy_nats=0 expectancy_ms=0"
 
 
@@ -231,15 +236,22 @@ def numbers(options):
         ("demo", "seed=1 alternatives=3"),
         (
             "simulate a.npz",
-            "taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 channels=2 pitch_mm=1.2 pin_mm=1.5 "
-            "radius_mm=20 camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 gel_mm=15 "
-            "gel_shear_mpa=0.01 force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 "
-            "marker_noise_um=9.5 frames=15 workers=1 seed=0",
+            f"taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 channels=2 {SENSOR} workers=1 seed=0",
         ),
         (
             "train a.npz b.safetensors",
             "width=0.25 epochs=8 patience=20 batch=64 learning_rate=0.003 dropout=0 l2=0.005 "
             "validation=0.25 seed=0",
+        ),
+        (
+            "touch",
+            "channels=2 period_mm=2 step_deg=5 taps=1000 held_out_taps=1200 epochs=8 trials=1200 "
+            f"step_ms=50 workers=2 seed=0 {SENSOR}",
+        ),
+        (
+            "watch camera a.csv --decoder b --taps c --mm-per-px 1",
+            "channels=2 period_mm=2 step_deg=5 mm_per_px=1 first_deg=0 posterior=0.82 step_ms=100 "
+            "t_max=60 idle_s=10 seed=0",
         ),
         (
             "decide a.csv",

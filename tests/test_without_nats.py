@@ -83,7 +83,6 @@ def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monk
     ("command", "says"),
     [
         (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
-        (("page", "p.html", "--circuit"), "the page's -ln P has no meaning there"),
         (("circuit", "run", "a.csv", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
           "--circuit"), "a posterior has no meaning there; give a threshold"),
         (("circuit", "learn", "a.csv", "--gain", ".1", "--circuit"), "has no meaning there"),

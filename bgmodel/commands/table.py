@@ -14,7 +14,6 @@ from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.fits import FitRun
-from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.commands.touch import Touch
@@ -48,6 +47,5 @@ COMMANDS: dict[str, Any] = {
     "fit": FitRun,
     "experiment": ExperimentRun,
     "sweep": SweepRun,
-    "page": PageWrite,
     "figures": Figures,
 }

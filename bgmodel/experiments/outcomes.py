@@ -286,6 +286,7 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     table : DataFrame
         The measures, as of ``Outcome``.
     """
+    wide = 2 + table["measure"].str.len().max()
     lines = [
         f"{experiment.name} ({experiment.source})" if experiment.source else experiment.name,
         *([f"published: {experiment.published}"] if experiment.published else []),
@@ -294,13 +295,13 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
         *_edits(experiment),
         "",
         "value [95 % interval, by a bootstrap over trials]",
-        f"{'':<16}" + "".join(f"{name:<26}" for name in CONDITIONS),
+        f"{'':<{wide}}" + "".join(f"{name:<26}" for name in CONDITIONS),
     ]
     for measure in table["measure"].unique():
         rows = table[table["measure"] == measure]
         if rows["value"].notna().any():
             cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
-            lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
+            lines.append(f"{measure:<{wide}}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
     said = uncalibrated(experiment, table)
     lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else []), ""]
     lines += _verdicts(experiment, table)
