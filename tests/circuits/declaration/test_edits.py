@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.cli import main, parsed
@@ -98,6 +98,7 @@ def test_every_verb_is_a_method(line, edited):
 
 
 @given(st.permutations(ALL))
+@settings(max_examples=30)
 def test_the_order_in_which_edits_are_written_does_not_matter(lines):
     circuit, in_order = TABLE.edited(*lines), TABLE.edited(*ALL)
     assert {row.name: row for row in circuit.values()} == dict(in_order.items())
