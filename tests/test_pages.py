@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from importlib.util import find_spec
 from itertools import groupby
 
 import pytest
@@ -38,6 +39,13 @@ PARSED = {
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}
 """The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
+
+
+def test_every_module_of_the_api_page_is_there():
+    named = re.findall(r"^   ((?:bgmodel|circuits)[.\w]*)$", (DOCS / "api.md").read_text(), re.M)
+    assert len(named) > 60
+    assert len(set(named)) == len(named)
+    assert [each for each in named if find_spec(each) is None] == []
 
 
 def name(path):
