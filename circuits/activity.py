@@ -295,7 +295,10 @@ def spike_tables(
 
 def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
     """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
-    values = np.asarray(drive, dtype=np.float64)
+    try:
+        values = np.asarray(drive, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError.of("drive", "must be an array of numbers, nats", drive) from None
     if values.ndim != 3 or 0 in values.shape[:2]:
         raise InputError.of("drive", "must be (trials, steps, channels)", values.shape)
     if values.shape[2] != circuit.channels:

@@ -83,6 +83,7 @@ def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
         (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*load_circuit\(\.\.\., 4\)"),
         (np.full((1, 1, 2), np.nan), "drive finite"),
         (np.full((1, 1, 2), -np.inf), "drive finite"),
+        ("abc", "drive numbers"),
     ],
 )
 def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
