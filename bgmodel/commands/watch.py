@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -106,6 +108,7 @@ class Watch(Asks, Writes):
     ) -> Iterator[dict[str, Any]]:
         """Go through the decisions, a row each; the latency of each reading is added, ms."""
         begun: float | None = None
+        readings = 0
         for path in images(self.folder, self.idle_s):
             now = time.monotonic()
             begun = now if begun is None else begun
@@ -119,18 +122,19 @@ class Watch(Asks, Writes):
             due_ms = (len(session.readings) + 1) * self.step_ms
             at_ms = max(1000 * (now - begun) + self.step_ms, due_ms)
             decision = session.add(reading, at_ms=at_ms)
+            readings += 1
             latency.append(1000 * (time.monotonic() - now))
             if decision is None:
                 continue
             choice = int(decision.choice[0])
             found = (
                 session.trial, names[choice] if choice >= 0 else "none",
-                float(decision.time_ms[0]), bool(decision.forced[0]), len(session.readings),
+                float(decision.time_ms[0]), bool(decision.forced[0]), readings,
                 path.name, latency[-1],
             )  # fmt: skip
             yield dict(zip(COLUMNS, found, strict=True))
             session.next()
-            begun = None
+            begun, readings = None, 0
 
     def _begin(self) -> tuple[Callable[[Path], Array | None], tuple[str, ...], Session]:
         """Return what turns an image into a reading, names of alternatives, and the session."""
@@ -194,17 +198,28 @@ def images(folder: Path, idle_s: float) -> Iterator[Path]:
     sizes: dict[str, int] = {}
     last = time.monotonic()
     while time.monotonic() - last < idle_s:
-        new = [p for p in folder.iterdir() if p.name not in seen and p.suffix.lower() in IMAGES]
-        for path in sorted(new, key=lambda p: (p.stat().st_mtime_ns, p.name)):
-            size = path.stat().st_size
-            if not size or sizes.get(path.name) != size:
-                sizes[path.name] = size
-                break
-            seen.add(path.name)
-            sizes.pop(path.name, None)
-            yield path
-            last = time.monotonic()
-        else:
-            time.sleep(POLL_S)
-            continue
-        time.sleep(POLL_S / 4)
+        begun = time.monotonic()
+        new = sorted(_new_images(folder, seen))
+        looked_s = time.monotonic() - begun
+        looked: dict[str, int] = {}
+        whole = True
+        for _, name, size in new:
+            looked[name] = size
+            # Those after one that may not be finished wait too: they come in order.
+            whole = whole and size > 0 and sizes.get(name) == size
+            if whole:
+                seen.add(name)
+                yield folder / name
+                last = time.monotonic()
+        sizes = looked
+        # A folder of many thousand images takes a while to list.
+        time.sleep(max(POLL_S, looked_s))
+
+
+def _new_images(folder: Path, seen: set[str]) -> Iterator[tuple[int, str, int]]:
+    """Go through the images that are not seen yet: time of the last change, name, size."""
+    for name in set(os.listdir(folder)) - seen:
+        with suppress(FileNotFoundError):  # it may be gone again
+            found = os.stat(folder / name)
+            if name.lower().endswith(IMAGES):
+                yield found.st_mtime_ns, name, found.st_size

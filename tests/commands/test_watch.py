@@ -1,5 +1,6 @@
 """The command `watch`: images are decided on as they arrive."""
 
+import os
 import threading
 import time
 
@@ -89,6 +90,20 @@ def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path
         time.sleep(0.02)
     (tmp_path / "empty.png").touch()
     assert [path.name for path in images(tmp_path, 0.3)] == ["b.png", "a.png"]
+
+
+def test_images_that_are_there_already_are_listed_twice_and_not_once_for_each(
+    tmp_path, monkeypatch
+):
+    """A folder with thousands of images takes long to list: a session must not fall behind."""
+    listed = []
+    real = os.listdir
+    monkeypatch.setattr(os, "listdir", lambda path: listed.append(path) or real(path))
+    for number in range(200):
+        (tmp_path / f"{number:03d}.png").write_bytes(b"x")
+    found = images(tmp_path, 0.2)
+    assert [next(found).name for _ in range(200)] == [f"{n:03d}.png" for n in range(200)]
+    assert len(listed) == 2
 
 
 @pytest.mark.parametrize(
