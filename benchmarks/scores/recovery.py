@@ -38,7 +38,8 @@ SCORING_SEED = 70_001
 """Of the data sets, and of the circuit that decides them."""
 DEADLINE_S = 4.0
 GRID = Grid(round(DEADLINE_S / BIN_S))
-SETS, COARSE_SETS = 200, 8
+SETS, COARSE_SETS = {"test": 200, "circuit": 100}, 8
+"""Data sets by each model: those by the circuit take eight times as long to fit."""
 SET_TRIALS = 1500
 STRENGTHS = (0.032, 0.128, 0.512)
 PRIOR = {
@@ -81,7 +82,7 @@ def decided_by_circuit(
     values: Mapping[str, float], grid: Grid, number: int
 ) -> tuple[Array, Integers]:
     """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
-    model = fitted_circuit(NONE, 1, grid.bins * BIN_S)
+    model = fitted_circuit(NONE, DIRECT_TRIALS, grid.bins * BIN_S)
     threshold = np.array([values["threshold_nats"]])
     drifts = values["sensitivity"] * np.array(STRENGTHS)
     seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
@@ -237,8 +238,9 @@ def simulated_for(likelihood: Likelihood, vector: Array, number: int) -> Array:
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through batches of data sets, by the test and by the circuit."""
-    trials, sets = (COARSE_TRIALS, COARSE_SETS) if fast else (TRIALS, SETS)
-    for by in ("test", "circuit"):
+    trials = COARSE_TRIALS if fast else TRIALS
+    for by, most in SETS.items():
+        sets = COARSE_SETS if fast else most
         for first in range(0, sets, BATCH_SETS):
             some = min(BATCH_SETS, sets - first)
             make = partial(recovered, by, first, some, trials)
