@@ -107,14 +107,14 @@ class Simulate(Writes):
 class Train(Writes):
     """Train a decoder on simulated taps, or on a folder of recordings.
 
-    Examples: bgmodel train taps.npz decoder.safetensors --training.epochs 4 --seed 1;
+    Examples: bgmodel train taps.npz decoder.onnx --training.epochs 4 --seed 1;
     bgmodel train my_recordings edge.safetensors --edge --mm-per-px 0.33
     """
 
     taps: Positional[Path]
     """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
-    """Where the decoder goes, .safetensors."""
+    """Where the decoder goes, .safetensors or .onnx; decoding from .onnx does not need PyTorch."""
     edge: bool = False
     """The taps are of an edge: read its direction (-180..180) instead of a grating's orientation,
     with the settings found for edges in place of the training options."""
@@ -123,18 +123,26 @@ class Train(Writes):
     pins: int | None = None
     """Pins of the sensor of recordings; said beside those that were found."""
     training: Training = field(default_factory=Training)
+    device: Literal["cpu", "cuda", "mps"] = "cpu"
+    """Where the network is trained; only on the cpu does a seed give the same weights again."""
     seed: int = 0
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.decoder import EDGE, train
+        from bgmodel.tactile.decoder import EDGE, ENDINGS, check_device, train
+        from bgmodel.tactile.onnx_file import import_onnx
 
-        check_ending("output", self.output, ".safetensors")
+        check_ending("output", self.output, *ENDINGS)
+        check_device(self.device)
+        if self.output.suffix == ".onnx":
+            import_onnx()
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins)
         say(f"training on {len(taps)} taps, {training.epochs} epochs at most")
-        behind: dict[str, Any] = {"taps": about, "command": options_of(self, training=training)}
-        decoder = train(taps, seed=self.seed, training=training, about=behind)
+        idle = ["device"] if self.device == "cpu" else []
+        options = options_of(self, idle=idle, training=training)
+        behind: dict[str, Any] = {"taps": about, "command": options}
+        decoder = train(taps, seed=self.seed, training=training, about=behind, device=self.device)
         decoder.save(self.output)
         best = min(row["mae_deg"] for row in decoder.history)
         print(f"validation error {best:.1f} degrees -> {self.output}")

@@ -13,6 +13,7 @@ import numpy as np
 from bgmodel.support.arrays import Integers, Reals, Truths
 from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
+from bgmodel.tactile.onnx_file import OnnxNetwork, onnx_bytes
 from bgmodel.tactile.taps import Taps
 from circuits.errors import InputError, require
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     import torch
 
 BATCH = 4096
+ENDINGS = (".safetensors", ".onnx")
+"""Endings of a decoder's file; an .onnx file is read without PyTorch."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,8 @@ class Decoder:
 
     Parameters
     ----------
-    network : torch.nn.Module
-        Made by ``NETWORKS[training.network]``.
+    network : torch.nn.Module or OnnxNetwork
+        Made by ``NETWORKS[training.network]``, or read from an .onnx file.
     training : Training
         How it was trained.
     rest_mm : array (pins, 2)
@@ -131,47 +134,64 @@ class Decoder:
         return kind.read(_outputs(self.network, _checked_inputs(kind.inputs(taps))))
 
     def save(self, path: str | Path) -> Path:
-        """Store weights and all that is needed to use them again, whole or not at all."""
-        from safetensors.numpy import save
+        """Store the network and all that is needed to use it again, whole or not at all.
 
-        path = Path(path)
-        check_writable(path.parent)
-        arrays = {f"net.{name}": v.numpy() for name, v in self.network.state_dict().items()}
-        arrays["rest_mm"] = np.ascontiguousarray(self.rest_mm)
-        arrays["trained_on"] = self.trained_on
-        header = {"training": asdict(self.training), "history": self.history, "about": self.about}
-        with replacing(path) as partial:
-            partial.write_bytes(save(arrays, {"bgmodel": json.dumps(header, sort_keys=True)}))
-        return path
-
-    @classmethod
-    def load(cls, path: str | Path) -> Decoder:
-        """Read a stored decoder; nothing in the file is ever run.
+        Parameters
+        ----------
+        path : path
+            Its ending chooses the format, .safetensors or .onnx.
 
         Raises
         ------
         ValueError
-            If the file is absent, not a decoder, cut short, or of other parameters.
+            If the ending is another, the folder can't be written, or the decoder was read from an
+            .onnx file.
         """
-        import_torch()
-        from safetensors import SafetensorError, safe_open
+        path = Path(path)
+        _check_ending(path)
+        check_writable(path.parent)
+        if isinstance(self.network, OnnxNetwork):
+            raise InputError(
+                "a decoder read from an .onnx file can't be saved again: copy the file", "path"
+            )
+        header = {"training": asdict(self.training), "history": self.history, "about": self.about}
+        store = self._as_onnx if path.suffix == ".onnx" else self._as_safetensors
+        with replacing(path) as partial:
+            partial.write_bytes(store(header))
+        return path
 
+    def _as_safetensors(self, header: dict[str, Any]) -> bytes:
+        from safetensors.numpy import save
+
+        arrays = {f"net.{name}": v.numpy() for name, v in self.network.state_dict().items()}
+        arrays["rest_mm"] = np.ascontiguousarray(self.rest_mm)
+        arrays["trained_on"] = self.trained_on
+        return bytes(save(arrays, {"bgmodel": json.dumps(header, sort_keys=True)}))
+
+    def _as_onnx(self, header: dict[str, Any]) -> bytes:
+        arrays = {"rest_mm": self.rest_mm.tolist(), "trained_on": self.trained_on.tolist()}
+        shape = NETWORKS[self.training.network].shape(len(self.rest_mm))
+        return onnx_bytes(self.network, shape, {**header, **arrays})
+
+    @classmethod
+    def load(cls, path: str | Path) -> Decoder:
+        """Read a stored decoder; neither format holds code.
+
+        Raises
+        ------
+        ValueError
+            If the file is absent, not a decoder, cut short, or of other parameters, or its ending
+            is neither .safetensors nor .onnx.
+        """
         path = Path(path)
         if not path.is_file():
             raise InputError(f"there is no decoder {str(path)!r}", "path", path)
+        _check_ending(path)
         try:
-            with safe_open(path, framework="pt") as stored:
-                header = json.loads((stored.metadata() or {})["bgmodel"])
-                tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
-            training = Training(**header["training"])
-            rest_mm = tensors.pop("rest_mm").numpy()
-            trained_on = tensors.pop("trained_on").numpy()
-            network = _built(training, rest_mm)
-            network.load_state_dict({name[4:]: value for name, value in tensors.items()})
-            history, about = header["history"], header["about"]
-            return cls(network.eval(), training, rest_mm, history, about, trained_on)
-        except (SafetensorError, KeyError, TypeError, RuntimeError, ValueError) as error:
-            reason = str(error).splitlines()[0]
+            return cls(*(_from_onnx if path.suffix == ".onnx" else _from_safetensors)(path))
+        except (KeyError, TypeError, RuntimeError, ValueError) as error:
+            missing = isinstance(error, KeyError)
+            reason = f"it has no {error}" if missing else str(error).splitlines()[0]
             raise InputError(
                 f"{str(path)!r} does not hold a decoder of this program: {reason}", "path"
             ) from error
@@ -183,6 +203,7 @@ def train(
     seed: int,
     training: Training | None = None,
     about: dict[str, Any] | None = None,
+    device: str = "cpu",
 ) -> Decoder:
     """Train a decoder on one thread, so that a seed gives the same weights again.
 
@@ -196,13 +217,16 @@ def train(
         Options.
     about : dict
         Provenance of the taps, stored with the weights.
+    device : str
+        cpu, cuda or mps; only on the CPU does a seed give the same weights again.
 
     Raises
     ------
     ValueError
-        If the network is for another stimulus, yaws are out of range, inputs not finite, or taps
-        too few to split.
+        If the network is for another stimulus, yaws are out of range, inputs not finite, taps too
+        few to split, or PyTorch does not find the device.
     """
+    check_device(device)
     training = training or Training()
     _check_stimulus(taps, training)
     kind = NETWORKS[training.network]
@@ -226,7 +250,7 @@ def train(
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    network = _built(training, taps.rest_mm)
+    network = _built(training, taps.rest_mm).to(device)
     try:
         history = _fit(network, training, inputs[fitted], yaw[fitted], inputs[kept], yaw[kept])
     except KeyboardInterrupt:
@@ -234,7 +258,55 @@ def train(
     finally:
         torch.set_num_threads(threads)
     about = {**provenance(seed), **(about or {})}
-    return Decoder(network, training, taps.rest_mm, history, about, taps.numbers())
+    return Decoder(network.cpu(), training, taps.rest_mm, history, about, taps.numbers())
+
+
+def check_device(device: str) -> None:
+    """Raise ValueError if PyTorch can't train on a device here."""
+    if device == "cpu":
+        return
+    torch = import_torch()
+    found = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    names = ["cpu", *(name for name, there in found.items() if there)]
+    must = f"must be one that PyTorch finds here ({', '.join(names)})"
+    require(device in names, "device", must, device)
+
+
+def _check_ending(path: Path) -> None:
+    require(path.suffix in ENDINGS, "path", f"must end in {' or '.join(ENDINGS)}", str(path))
+
+
+def _from_safetensors(path: Path) -> tuple[Any, ...]:
+    """Read the fields of a decoder."""
+    import_torch()
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="pt") as stored:
+            header = json.loads((stored.metadata() or {})["bgmodel"])
+            tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise ValueError(str(error)) from error
+    training = Training(**header["training"])
+    rest_mm = tensors.pop("rest_mm").numpy()
+    trained_on = tensors.pop("trained_on").numpy()
+    network = _built(training, rest_mm)
+    network.load_state_dict({name[4:]: value for name, value in tensors.items()})
+    return network.eval(), training, rest_mm, header["history"], header["about"], trained_on
+
+
+def _from_onnx(path: Path) -> tuple[Any, ...]:
+    """Read the fields of a decoder without PyTorch."""
+    network = OnnxNetwork(path.read_bytes())
+    header = network.header
+    training = Training(**header["training"])
+    rest_mm = np.array(header["rest_mm"], dtype=np.float64)
+    trained_on = np.array(header["trained_on"], dtype=np.int64)
+    kind = NETWORKS[training.network]
+    expected = [list(kind.shape(len(rest_mm))), [len(kind.weights)]]
+    if network.shapes != expected:
+        raise ValueError(f"its network must have the shapes {expected}, got {network.shapes}")
+    return network, training, rest_mm, header["history"], header["about"], trained_on
 
 
 def _check_stimulus(taps: Taps, training: Training) -> None:
@@ -246,8 +318,8 @@ def _check_stimulus(taps: Taps, training: Training) -> None:
 
 
 def _built(training: Training, rest_mm: Reals) -> Any:
-    shape = (2 * len(rest_mm),)
-    return NETWORKS[training.network].build(shape, training.width, training.dropout)
+    kind = NETWORKS[training.network]
+    return kind.build(kind.shape(len(rest_mm)), training.width, training.dropout)
 
 
 def _checked_inputs(inputs: Reals) -> Reals:
@@ -257,14 +329,22 @@ def _checked_inputs(inputs: Reals) -> Reals:
 
 
 def _outputs(network: Any, inputs: Reals) -> Reals:
-    torch = import_torch()
-    network.eval()
-    with torch.no_grad():
-        parts = [
-            network(torch.from_numpy(inputs[i : i + BATCH])).numpy()
-            for i in range(0, len(inputs), BATCH)
-        ]
+    """Return the outputs (taps, outputs) of a network of PyTorch or of an ONNX file."""
+    compute = OnnxNetwork.outputs if isinstance(network, OnnxNetwork) else _torch_outputs
+    parts = [compute(network, inputs[i : i + BATCH]) for i in range(0, len(inputs), BATCH)]
     return np.concatenate(parts)
+
+
+def _torch_outputs(network: Any, inputs: Reals) -> Reals:
+    network.eval()
+    with import_torch().no_grad():
+        return np.asarray(network(_tensor(network, inputs)).cpu())
+
+
+def _tensor(network: Any, values: Reals) -> torch.Tensor:
+    """Return values in single precision on the device of a network."""
+    single = np.ascontiguousarray(values, dtype=np.float32)
+    return import_torch().from_numpy(single).to(next(network.parameters()).device)
 
 
 def _fit(
@@ -277,8 +357,7 @@ def _fit(
     kind = NETWORKS[training.network]
     set_scale(network, inputs)
     inputs, yaw = kind.augmented(inputs, yaw)
-    x = torch.from_numpy(np.ascontiguousarray(inputs))
-    y = torch.from_numpy(kind.targets(yaw).astype(np.float32))
+    x, y = _tensor(network, inputs), _tensor(network, kind.targets(yaw))
     steps = -(-len(x) // training.batch) * training.epochs
     optimiser = torch.optim.AdamW(network.parameters(), training.learning_rate)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -312,7 +391,7 @@ def _epoch(
 ) -> float:
     """Pass once over the taps; return the mean loss."""
     torch = import_torch()
-    weights = torch.tensor(kind.weights)
+    weights = torch.tensor(kind.weights, device=y.device)
     dense = [m for m in network if isinstance(m, torch.nn.Linear)][:-1]
     network.train()
     total = 0.0

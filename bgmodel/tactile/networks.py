@@ -39,6 +39,11 @@ class GratingNetwork:
         return taps.maps()
 
     @staticmethod
+    def shape(pins: int) -> tuple[int, ...]:
+        """Return the shape of the input for one tap, which any number of pins gives."""
+        return (1, 19, 19)
+
+    @staticmethod
     def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:
         """Return the source's layers scaled by ``width``; ``dropout`` scales its .4, .2, .2."""
         nn = import_torch().nn
@@ -106,6 +111,11 @@ class EdgeNetwork:
     def inputs(taps: Taps) -> Reals:
         """Return displacements (taps, 2 pins), mm."""
         return taps.displacement_mm.reshape(len(taps), -1)
+
+    @staticmethod
+    def shape(pins: int) -> tuple[int, ...]:
+        """Return the shape of the input for one tap."""
+        return (2 * pins,)
 
     @staticmethod
     def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:

@@ -24,8 +24,9 @@ def sensor(tmp_path_factory):
     folder, shown = tmp_path_factory.mktemp("sensor"), hexagon()
     images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 179, 360)]
     taps = read_taps(write(folder / "taps", images, "dev-data"), mm_per_px=MM_PER_PX)
-    decoder = folder / "edge.safetensors"
-    train(taps, seed=1, training=EDGE).save(decoder)
+    decoder, trained = folder / "edge.safetensors", train(taps, seed=1, training=EDGE)
+    trained.save(decoder)
+    trained.save(decoder.with_suffix(".onnx"))
     rng = np.random.default_rng(2)
     true = np.linspace(-180, 180, 600, endpoint=False)
     decoded = folder / "decoded.csv"
@@ -57,11 +58,17 @@ def test_one_image_is_read_as_a_folder_of_them_is(sensor):
         np.testing.assert_array_equal(one.displacement_mm[0], taps.displacement_mm[k])
 
 
-@pytest.mark.parametrize("who", [("--by", "test"), ("--engine", "population")])
+@pytest.mark.parametrize(
+    ("who", "ending"),
+    [(("--by", "test"), ".onnx"), (("--engine", "population"), ".safetensors")],
+)
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_images_are_decided_on_as_they_arrive(who, sensor, tmp_path, capsys):
+def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, capsys, monkeypatch):
     """Ten images of a direction, then ten of the other: each decision is on one of them."""
     _, decoder, decoded, taps = sensor
+    decoder = decoder.with_suffix(ending)
+    if ending == ".onnx":  # PyTorch is not asked for
+        monkeypatch.setattr("bgmodel.tactile.decoder.import_torch", None)
     camera = tmp_path / "camera"
     camera.mkdir()
     yaw = taps.labels["yaw_deg"].to_numpy()

@@ -28,10 +28,10 @@ COMMANDS = {
     "simulate here/out.npz --taps 1..11 --periods-mm «0 5|0|5» «|--yaw-deg -90.0..90» "
     f"{SEED}": """--taps 0, --taps 1e12, --taps a, --seed -1, --workers 0, --periods-mm -1,
         --tip.layout star, --tip.pitch-mm 0, --yaw-deg x, --periods-mm 0.013""",
-    "train taps.npz here/out.safetensors --training.width 0.1 --training.epochs 1 "
+    "train taps.npz here/out«.safetensors|.onnx» --training.width 0.1 --training.epochs 1 "
     f"--training.batch 4..11 {SEED}": """--training.epochs 0, --training.batch 4000,
         --training.width 0, --edge, --seed x, --training.validation 1, --training.dropout 9,
-        --training.learning-rate nan, --training.network forest""",
+        --training.learning-rate nan, --training.network forest, --device abacus""",
     f"decode decoder.safetensors taps.npz {OUT}": """--edge, --mm-per-px x,
         --no-such, more.csv""",
     "circuit show «bogacz_gurney|appendix_b|linear_gpe|macaque|spiking_msprt|gpr|humphries|"

@@ -3,30 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from bgmodel.support.seeds import stream
-from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, train
-from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
+from bgmodel.commands.taps import Train
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, check_device, train
+from bgmodel.tactile.networks import NETWORKS, EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
+from tests.tactile.striped import QUICK, pushed_taps, striped_taps
 
-QUICK = Training(width=0.1, epochs=3, validation=0.2)
 ABOUT = {"taps": "striped"}
-
-
-def striped_taps(count=400, seed=1, layout="square", limit=90):
-    """Taps whose displacements are plain stripes across the yaw: easy to read, quick to make."""
-    rng = stream(seed, "striped")
-    rest = Tip(layout=layout).rest_mm()
-    yaw = rng.uniform(-limit, limit, count)
-    across = np.cos(np.radians(yaw))[:, None] * rest[:, 0]
-    across = across + np.sin(np.radians(yaw))[:, None] * rest[:, 1]
-    size = 1 + np.sin(2 * np.pi * across / 6 + rng.uniform(0, 7, count)[:, None])
-    moved = np.stack([size, 0 * size], axis=-1) + rng.normal(0, 0.1, (count, len(rest), 2))
-    return Taps(moved.astype(np.float32), rest, pd.DataFrame({"yaw_deg": yaw}))
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +30,42 @@ def test_a_decoder_reads_the_angle_of_unseen_taps(decoder):
 
 
 def test_the_same_seed_gives_the_same_weights(decoder, tmp_path):
-    again = train(striped_taps(1200), seed=3, training=QUICK, about=ABOUT)
+    again = train(striped_taps(1200), seed=3, training=QUICK, about=ABOUT, device="cpu")
     first, second = decoder.save(tmp_path / "a.safetensors"), again.save(tmp_path / "b.safetensors")
     assert first.read_bytes() == second.read_bytes()
     other = train(striped_taps(1200), seed=4, training=QUICK).save(tmp_path / "c.safetensors")
     assert first.read_bytes() != other.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["grating", "edge"])
+def test_training_stays_on_the_device_of_the_network(name, monkeypatch):
+    """The device "meta" computes no values and refuses operands on other devices."""
+    import torch
+
+    kind = NETWORKS[name]
+    zeros = np.zeros((8, len(kind.weights)))
+    monkeypatch.setattr(torch.Tensor, "item", lambda self: 1.0)
+    monkeypatch.setattr("bgmodel.tactile.decoder._outputs", lambda *_: zeros)
+    network = kind.build(kind.shape(5), 0.1, 1.0).to("meta")
+    inputs, yaw = np.zeros((8, *kind.shape(5)), dtype=np.float32), np.zeros(8)
+    _fit(network, replace(QUICK, network=name, batch=4), inputs, yaw, inputs, yaw)
+    assert {str(value.device) for value in network.state_dict().values()} == {"meta"}
+
+
+@pytest.mark.parametrize("device", ["cuda", "mps", "abacus"])
+def test_a_device_that_pytorch_does_not_find_is_refused(device, monkeypatch, tmp_path):
+    """Before taps are read."""
+    import torch
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    with refused(r"device must be one that PyTorch finds here \(cpu\)"):
+        train(striped_taps(), seed=3, training=QUICK, device=device)
+    with refused("device"):
+        Train(tmp_path / "absent.npz", tmp_path / "d.onnx", device=device)()
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    if device == "cuda":
+        check_device(device)
 
 
 def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):
@@ -62,16 +79,8 @@ def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):
 
 
 def test_edges_are_read_in_all_directions():
-    def pushed(count, seed):
-        """Displacements towards the side that the edge is on."""
-        taps = striped_taps(count, seed, "circular", 180)
-        yaw = np.radians(taps.labels["yaw_deg"].to_numpy())
-        side = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None]
-        noise = stream(seed, "noise").normal(0, 1.0, taps.displacement_mm.shape)
-        return Taps((side + noise).astype(np.float32), taps.rest_mm, taps.labels, "edge")
-
-    edge = train(pushed(1500, 1), seed=1, training=EDGE)
-    fresh = pushed(300, 2)
+    edge = train(pushed_taps(1500, 1), seed=1, training=EDGE)
+    fresh = pushed_taps(300, 2)
     error = wrapped(edge.decode(fresh)["edge_deg"] - fresh.labels["yaw_deg"].to_numpy(), 360)
     assert error.std() < 15
 
@@ -219,6 +228,10 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
             Decoder.load(path)
     with refused("path there is no decoder"):
         Decoder.load(tmp_path / "absent.safetensors")
+    other = path.rename(tmp_path / "decoder.pt")
+    for use in (decoder.save, Decoder.load):
+        with refused("path must end in .safetensors or .onnx"):
+            use(other)
 
 
 @pytest.mark.parametrize(

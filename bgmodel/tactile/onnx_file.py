@@ -1,0 +1,99 @@
+"""A decoder's network in an ONNX file, which onnxruntime computes without PyTorch."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import json
+import warnings
+from typing import Any
+
+import numpy as np
+
+from bgmodel.support.arrays import Singles
+from bgmodel.tactile.networks import import_torch
+
+KEY = "bgmodel"
+"""Name, in the file, of the JSON text that describes the network."""
+INPUTS, OUTPUTS = "inputs", "outputs"
+OPSET = 17
+
+
+def import_onnx(package: str = "onnx", extra: str = "tactile") -> Any:
+    """Return a package that ONNX files need, or raise the ImportError that says how to get it."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        needed = f'a decoder in .onnx needs {package}: pip install ".[{extra}]"'
+        raise ImportError(needed) from error
+
+
+def onnx_bytes(network: Any, shape: tuple[int, ...], header: dict[str, Any]) -> bytes:
+    """Return the content of an ONNX file.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        On the CPU.
+    shape : tuple of int
+        Shape of its input for one tap.
+    header : dict
+        Description of the network, stored as JSON.
+    """
+    torch, onnx = import_torch(), import_onnx()
+    stream = io.BytesIO()
+    with warnings.catch_warnings():
+        # PyTorch recommends its newer exporter, which also needs onnxscript.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.onnx.export(
+            network.eval(),
+            (torch.zeros(1, *shape),),
+            stream,
+            dynamo=False,
+            opset_version=OPSET,
+            input_names=[INPUTS],
+            output_names=[OUTPUTS],
+            dynamic_axes={INPUTS: {0: "taps"}, OUTPUTS: {0: "taps"}},
+        )
+    model = onnx.load_from_string(stream.getvalue())
+    onnx.helper.set_model_props(model, {KEY: json.dumps(header, sort_keys=True)})
+    return bytes(model.SerializeToString(deterministic=True))
+
+
+class OnnxNetwork:
+    """A network computed by onnxruntime on one thread.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of an ONNX file, as from ``onnx_bytes``.
+
+    Attributes
+    ----------
+    header : dict
+        Description of the network.
+    shapes : list of list of int
+        Shapes of the input and of the outputs for one tap.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the content is not an ONNX file, or has no header.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        runtime = import_onnx("onnxruntime", "onnx")
+        options, providers = runtime.SessionOptions(), ["CPUExecutionProvider"]
+        options.intra_op_num_threads = 1
+        try:
+            self._session = runtime.InferenceSession(content, options, providers=providers)
+        except Exception as error:  # the only class that onnxruntime's errors share
+            raise ValueError(str(error)) from error
+        self.header = json.loads(self._session.get_modelmeta().custom_metadata_map[KEY])
+        ends = (*self._session.get_inputs(), *self._session.get_outputs())
+        self.shapes = [end.shape[1:] for end in ends]
+
+    def outputs(self, inputs: Singles) -> Singles:
+        """Return the outputs (taps, outputs) of inputs (taps, ...)."""
+        (found,) = self._session.run([OUTPUTS], {INPUTS: inputs})
+        return np.asarray(found)

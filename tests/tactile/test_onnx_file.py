@@ -1,0 +1,129 @@
+"""A decoder in an ONNX file reads as its network of PyTorch does, without PyTorch."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.support.files import read_table
+from bgmodel.tactile.decoder import EDGE, Decoder, train
+from tests.helpers import ROOT, refused, run
+from tests.tactile.striped import QUICK, pushed_taps, striped_taps
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+MAKERS = {"grating": striped_taps, "edge": pushed_taps}
+OPTIONS = {"grating": QUICK, "edge": replace(EDGE, epochs=3, batch=64)}
+WITHOUT = """
+import sys
+
+class Absent:
+    def find_spec(name, *given):
+        if name in ("torch", "safetensors", "onnx"):
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent)
+from bgmodel.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""The command line where what trains networks is not installed."""
+
+
+@pytest.fixture(scope="module", params=["grating", "edge"])
+def decoder(request):
+    taps = MAKERS[request.param](600, 1)
+    return train(taps, seed=3, training=OPTIONS[request.param], about={"taps": request.param})
+
+
+@pytest.fixture
+def stored(decoder, tmp_path):
+    return decoder.save(tmp_path / "d.onnx")
+
+
+def test_both_kinds_of_file_give_the_same_readings(decoder, stored):
+    """Within a thousandth of a degree, what single precision leaves; by batches too."""
+    fresh = MAKERS[decoder.training.network](200, 2)
+    back, readings = Decoder.load(stored), decoder.decode(fresh)
+    for name, values in back.decode(fresh).items():
+        np.testing.assert_allclose(values, readings[name], rtol=0, atol=1e-3)
+    one = back.decode(fresh.select([7]))
+    for name, values in readings.items():
+        np.testing.assert_allclose(one[name], values[[7]], rtol=0, atol=1e-3)
+
+
+def test_an_onnx_file_holds_the_whole_decoder(decoder, stored, tmp_path):
+    back = Decoder.load(stored)
+    np.testing.assert_array_equal(back.rest_mm, decoder.rest_mm)
+    np.testing.assert_array_equal(back.trained_on, decoder.trained_on)
+    assert back.trained_on.dtype == decoder.trained_on.dtype
+    for name in ("training", "history", "about"):
+        assert getattr(back, name) == getattr(decoder, name)
+    assert back.knows(MAKERS[decoder.training.network](600, 1)).all()
+    assert decoder.save(tmp_path / "again.onnx").read_bytes() == stored.read_bytes()
+    with refused("path copy the file"):
+        back.save(tmp_path / "copy.onnx")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again.onnx", "d.onnx"]
+
+
+def test_bad_files_get_one_clear_sentence(decoder, stored, tmp_path):
+    model = onnx.load(stored)
+    header = json.loads(model.metadata_props[0].value)
+    one_pin_less = {**header, "rest_mm": header["rest_mm"][1:]}
+    other = "edge" if decoder.training.network == "grating" else "grating"
+    of_other = {**header, "training": {**header["training"], "network": other}}
+
+    def with_header(header):
+        onnx.helper.set_model_props(model, header and {"bgmodel": json.dumps(header)})
+        return model.SerializeToString()
+
+    whole = stored.read_bytes()
+    foreign = ROOT / "bgmodel" / "data" / "macaque_likelihood.onnx"
+    bad = {
+        whole[: len(whole) // 2]: "protobuf",
+        b"": "graph",
+        b"not a decoder": "protobuf",
+        foreign.read_bytes(): "it has no 'training'",
+        with_header({}): "it has no 'bgmodel'",
+        with_header(of_other): "shapes",
+    }
+    if decoder.training.network == "edge":
+        bad[with_header(one_pin_less)] = "shapes"
+    for content, reason in bad.items():
+        (tmp_path / "bad.onnx").write_bytes(content)
+        with refused(f"path does not hold a decoder of this program: .*{reason}"):
+            Decoder.load(tmp_path / "bad.onnx")
+    with refused("path there is no decoder"):
+        Decoder.load(tmp_path / "absent.onnx")
+
+
+def test_taps_are_decoded_without_pytorch(tmp_path):
+    """By the commands, with packages of training and of .safetensors absent."""
+    taps, decoder, decoded = (tmp_path / name for name in ("t.npz", "d.onnx", "x.csv"))
+    striped_taps(100).save(taps, {})
+    quick = ("--training.width", 0.1, "--training.epochs", 1, "--training.batch", 16)
+    assert run("train", taps, decoder, *quick) == 0
+    assert "device" not in Decoder.load(decoder).about["command"]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, "decode", decoder, taps, decoded], cwd=ROOT
+    )
+    assert done.returncode == 0
+    table = read_table(decoded)
+    assert table["trained_on"].all()
+    readings = Decoder.load(decoder).decode(striped_taps(100))
+    np.testing.assert_allclose(table["psi_deg"], readings["psi_deg"])
+
+
+@pytest.mark.parametrize(("absent", "extra"), [("onnx", "tactile"), ("onnxruntime", "onnx")])
+def test_a_missing_package_is_named_with_its_extra(absent, extra, tmp_path, monkeypatch, refusal):
+    """Before a network is trained."""
+    taps, decoder = tmp_path / "t.npz", tmp_path / "d.onnx"
+    decoder.write_bytes(b"")
+    monkeypatch.setitem(sys.modules, absent, None)
+    train_it = ("train", taps, decoder, "--force")
+    command = train_it if absent == "onnx" else ("decode", decoder, taps, tmp_path / "x.csv")
+    said = refusal(*command)
+    assert said == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'
