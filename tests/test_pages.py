@@ -35,7 +35,7 @@ PARSED = {
     "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",
-    "bgmodel experiment lesion.toml outcome": "the same; the next line runs it by populations",
+    "bgmodel experiment lesion.toml spikes": "spikes take minutes; the line before runs populations",
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}
 """The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
