@@ -36,7 +36,7 @@ PARSED = {
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel experiment mine.toml --engine ensemble": "spikes take minutes; the next line runs it",
     "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",
-    "bgmodel experiment lesion.toml spikes": "spikes take minutes; the line before runs populations",
+    "bgmodel experiment lesion.toml spikes": "spikes take minutes; the line before runs it",
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}
 """The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
