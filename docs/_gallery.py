@@ -1,6 +1,6 @@
 """The gallery of the site: every figure with its question, caption, answer and command.
 
-The page and its pictures are made anew whenever the site is built, and never committed.
+The page and its pictures are generated whenever the site is built, and never committed.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from figures.captions import Caption, captions  # noqa: E402
 from figures.common import FAST, FULL  # noqa: E402
 
 FOLDERS = (("figures/out", FULL, ""), ("figures/fast", FAST, "coarse run"))
-"""Where pictures are looked for, the settings that they were made with and what is said of them."""
+"""Folders searched for pictures, in order: path, settings of the run, and a note for the page."""
 HEAD = """# Gallery
 
-Every figure of the project, with the question it asks and what it answers. `bgmodel figures` draws
-all of them, `bgmodel figures --fast` a coarse version within minutes.
+Every figure of the project, with its question and answer. `bgmodel figures` draws all of them,
+`bgmodel figures --fast` a coarse version within minutes.
 """
 
 
 def write(docs: Path) -> None:
-    """Write ``docs/gallery.md``, and copy the pictures that are drawn into ``docs/_figures``.
+    """Write ``docs/gallery.md``, and copy existing pictures into ``docs/_figures``.
 
-    A picture of the full run goes before one of the coarse run; where there is none, the page says
-    what draws it.
+    Pictures of a full run take precedence over those of a coarse run. If there is no picture, the
+    page shows the command that draws it.
     """
     parts = [HEAD, *(_entry(name, docs / "_figures") for name in captions(FULL))]
     (docs / "gallery.md").write_text("\n".join(parts), encoding="utf-8")
