@@ -156,7 +156,9 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
     edited = circuit.scale("ctx", "D1", 1.1, channel=0)
-    with pytest.raises(ValueError, match=r"^D1 gets another input at rest in each channel"):
+    with pytest.raises(
+        ValueError, match=r"^D1 has one bias but a different resting input in each channel"
+    ):
         edited.compensate(circuit)
     end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
     wiring = wired(circuit)
