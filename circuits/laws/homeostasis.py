@@ -313,6 +313,6 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
     require(same, "reference", must, reference.channels)
     for row in circuit.populations:
         if row.pooled != getattr(reference.get(row.name, row), "pooled", row.pooled):
-            said = f"{row.name} is pooled only in one of circuit and reference"
+            said = f"{row.name} is pooled in only one of circuit and reference"
             raise InputError(said, "reference")
     return reference

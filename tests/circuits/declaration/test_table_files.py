@@ -196,7 +196,7 @@ WRONG = [
     ("21.8,", "2020-01-01,", STN, "must be a number, got datetime.date(2020, 1, 1)"),
     ("21.8,", "", STN, "13 columns, but 12 values"),
     ('["STN",    "Phase', '["GPe",    "Phase', STN + 1, "there is already a row 'GPe'"),
-    ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "a row 'STN->SNr' already"),
+    ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "already a row 'STN->SNr'"),
     ('["STN",    "GPe"', '["STN",    "GPi"', PATH, "STN->GPi: there is no nucleus 'GPi'; there"),
     ('["STN",    "GPe"', '["TRN",    "GPe"', PATH, "TRN->GPe: there is no nucleus 'TRN'; there"),
     ('"GPe",    0.5', '"GPe",    -0.5', PATH, "STN->GPe: STN releases glutamate, so the weight"),

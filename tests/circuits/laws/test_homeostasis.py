@@ -253,7 +253,7 @@ def test_a_pooled_population_must_be_so_in_both():
     apart = circuit.with_population("ctx_inh", pooled=False)
     assert isinstance(apart.population("ctx_inh"), Population)
     assert cell == apart.population("ctx_inh").cell
-    with refused("reference ^ctx_inh is pooled in the circuit or in the reference"):
+    with refused("reference ^ctx_inh is pooled in only one of circuit and reference"):
         apart.compensate(circuit)
 
 
