@@ -161,7 +161,7 @@ class CircuitTable(Network):
     def check_steady(self, what: str) -> None:
         """Raise ValueError if the circuit has courses, for methods without time."""
         if self.courses:
-            steady = "circuit.steady, without them, or circuit.dopamine(level), which stays"
+            steady = "circuit.steady, which has none, or circuit.dopamine(level), which is constant"
             said = f"{self.name} has courses, but {what} has no time: use {steady}"
             raise InputError(said, "courses")
 

@@ -24,7 +24,7 @@ def test_times_are_whole_ticks():
         whole_ticks("delay", 2, 0)
     with refused("step_ms"):
         Clock(1, 0)
-    with refused("sample_ms of 0.25 ms is no multiple"):
+    with refused("sample_ms of 0.25 ms is not a multiple"):
         Clock(1, 1, sample_ms=0.25)
     with refused("settle_ms"):
         Clock(1, 1, settle_ms=-1)
