@@ -1,6 +1,6 @@
-"""Measurements beside the tests: speed, tuning and scores."""
+"""Measurements that complement the tests: speed, tuning and scores."""
 
 from pathlib import Path
 
 OUT = Path(__file__).parent / "out"
-"""Where tables and pictures go."""
+"""Folder for tables and pictures."""

@@ -1,8 +1,8 @@
-"""The shipped sets of choices and times, from the csv files that were published with code.
+"""The built-in data sets of choices and response times, from csv files published with code.
 
 ``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
 palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv and the two licence texts in FOLDER. It writes
-parquet files of one convention of columns, and copies the licences, to ``bgmodel/data``.
+parquet files with consistent columns to ``bgmodel/data``, and copies the licences there.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ CAVANAGH = {
 
 
 def motion(raw: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per trial of a motion task; ValueError unless the signs are as they are said.
+    """Return one row per trial of a motion task; ValueError if the signs are not as documented.
 
     Parameters
     ----------
@@ -81,16 +81,16 @@ def motion(raw: pd.DataFrame) -> pd.DataFrame:
         Columns participant_id, trial, rt (s), choice (0 or 1), signed_coherence, correct (NaN at
         0).
     """
-    # There is a -0 in the files, which is no other strength than 0.
+    # The files contain a -0, which is the same strength as 0.
     coherence = raw["signed_coherence"].astype("float64") + 0.0
     correct = raw["correct"].astype("Int8")
     known = correct.notna()
     if (coherence[known] == 0).any() or (coherence[~known] != 0).any():
         raise ValueError("correct must be empty at a coherence of 0 and nowhere else")
     if not ((raw["choice"] == (coherence > 0)) == (correct == 1))[known].all():
-        raise ValueError("a correct choice must be 1 where the coherence is positive, else 0")
+        raise ValueError("a correct choice must be 1 if the coherence is positive, otherwise 0")
     shares = raw["choice"].groupby(coherence).mean()
-    # The strongest are at 0 and 1 alike.
+    # For the strongest coherences the share saturates at 0 or 1, so steps may be 0.
     if not (np.diff(shares) >= 0).all() or shares.iloc[0] == shares.iloc[-1]:
         raise ValueError("choices of 1 must become more frequent with the signed coherence")
     return pd.DataFrame(
@@ -141,7 +141,7 @@ SETS = {
 
 
 def write_sets(folder: Path, to: Path = DATA) -> None:
-    """Write every set with what is known of it, and the licences beside them."""
+    """Write every data set with its metadata, and the licences in the same folder."""
     for name, (file, table_of, about) in SETS.items():
         raw = pd.read_csv(folder / file, dtype={"participant_id": str})
         made = {"file": file, "sha256": checksum(folder / file)}
@@ -151,7 +151,7 @@ def write_sets(folder: Path, to: Path = DATA) -> None:
 
 
 def main() -> None:
-    """Write the sets from the folder that is named."""
+    """Write the data sets from the given folder."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where the published files lie")
     parser.add_argument("--to", type=Path, default=DATA, help="where the sets go")

@@ -1,10 +1,10 @@
-"""Fits of the circuit by HSSM, through the shipped network, to trials of known parameters.
+"""Fits of the circuit with HSSM, using the built-in network, to trials with known parameters.
 
 ``python -m benchmarks.hssm_check``, in an environment with HSSM (Python 3.12 or newer) and what
-bgmodel needs. The default circuit decides by populations at three strengths of evidence, at
-parameters and on seeds that are used for nothing else; HSSM fits sensitivity (drift per strength),
-threshold and t0 of each data set with the network as its likelihood. The table says whether each
-parameter lies in its own 94 % interval. Minutes for each data set.
+bgmodel needs. Decisions are simulated with the default circuit and the population engine at three
+strengths of evidence, with parameters and seeds used nowhere else; HSSM fits sensitivity (drift per
+strength), threshold and t0 of each data set with the network as its likelihood. The table shows
+whether each parameter is inside its 94 % interval. Takes minutes per data set.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ SETS, COARSE_SETS = 10, 1
 TRIALS = 2000
 STRENGTHS = (0.1, 0.2, 0.4)
 SENSITIVITY, LOG_ODDS, T0_S = (5.0, 25.0), (0.6, 2.4), (0.15, 0.5)
-"""Ranges from which the parameters are drawn evenly."""
+"""Ranges from which the parameters are drawn uniformly."""
 SECONDS, STEP_S = 5.0, 0.01
 DRAWS, TUNE, CHAINS = 400, 400, 2
 INTERVAL = (0.03, 0.97)
-"""Of the posterior: its 94 % interval."""
+"""Quantiles of the posterior that bound its 94 % interval."""
 NAMES = {"v_strength": "sensitivity", "threshold": "threshold", "t0": "t0"}
 
 
@@ -51,7 +51,7 @@ def truth(number: int) -> dict[str, float]:
 
 
 def simulated(number: int, network: LikelihoodNetwork) -> pd.DataFrame:
-    """Return the trials of a data set as HSSM reads them; those that never decide are left out."""
+    """Return the trials of a data set in HSSM's format; undecided trials are left out."""
     point, rng = truth(number), stream(DATA_SEED, "evidence", number)
     strength = rng.choice(STRENGTHS, TRIALS) * rng.choice([-1.0, 1.0], TRIALS)
     drift = point["sensitivity"] * strength[:, None, None] * np.array([1.0, -1.0])
@@ -61,7 +61,7 @@ def simulated(number: int, network: LikelihoodNetwork) -> pd.DataFrame:
     model = BasalGanglia(load_circuit(DEFAULT, 2), "population", seed=DATA_SEED)
     model = model.until(point["threshold"] - ROUNDING_NATS)
     with warnings.catch_warnings():
-        # A random walk leaves any range.
+        # A random walk eventually leaves any range.
         warnings.simplefilter("ignore", RangeWarning)
         done = model.run_drive(drive, 1000 * STEP_S, number * TRIALS)
     trace = Trace(done.output_nats, done.time_ms, step_ms=1000 * STEP_S)
@@ -94,7 +94,7 @@ def posterior(table: pd.DataFrame, network: LikelihoodNetwork, number: int) -> A
 
 
 def fitted(number: int) -> pd.DataFrame:
-    """Return one row per parameter of a data set: truth, interval, and whether it holds it."""
+    """Return one row per parameter of a data set: truth, interval, and whether it is inside."""
     import arviz
 
     network, known = read_network(), truth(number)
@@ -112,7 +112,7 @@ def fitted(number: int) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the data sets, of this network; none where there is no HSSM."""
+    """Yield the data sets for this network; none if HSSM is not installed."""
     if util.find_spec("hssm") is None:
         return
     name = read_network().checksum[:12]

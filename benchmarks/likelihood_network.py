@@ -1,13 +1,13 @@
-"""The shipped network of the circuit's likelihood, trained and scored.
+"""Training and scoring of the built-in network for the circuit's likelihood.
 
 ``python -m benchmarks.likelihood_network`` simulates the default circuit (the population engine, on
-a training seed), trains the network with torch, scores it on a seed that trained nothing, and
-writes it to ``bgmodel/data``: minutes of CPU. ``--table FILE`` instead writes simulated responses,
-one row per trial, as other tools are trained on: parameters, rt and response.
+a training seed), trains the network with torch, scores it on a seed not used for training, and
+writes it to ``bgmodel/data``, which takes minutes of CPU. ``--table FILE`` instead writes simulated
+responses, one row per trial, for training other tools: parameters, rt and response.
 
 The network learns log(density + floor) at drifts and thresholds of a lattice, at times 10 ms apart.
-Which of these a step sees is drawn: mostly as often as trials fall there, else evenly, so that it
-also knows where hardly any do.
+The points of each step are sampled mostly in proportion to the trials there, and otherwise
+uniformly, so that regions with hardly any trials are also learned.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from bgmodel.support.files import read_table, write_table
 
 TRAINING_SEED = 24_501
 TRIALS = 60_000
-"""At each of the seven drifts."""
+"""Trials at each of the seven drifts."""
 T0_SD_S, FLOOR_PER_S = 0.05, 1e-4
 MOST_DRIFT, DRIFTS = 16.0, 33
 T0_S = 0.3
-"""Where the lattice's times begin before t0."""
+"""Start of the lattice's times, before t0."""
 BINS = 500
 WIDTH, LAYERS = 64, 3
 STEPS, BATCH, RATE = 14_000, 4096, 5e-3
 EVENLY = 0.25
-"""Share of a batch that is drawn evenly."""
+"""Share of a batch that is sampled uniformly."""
 HUBER_NATS = 0.05
 ROWS_PER_POINT = 1000
 
@@ -57,7 +57,7 @@ class Lattice:
     Parameters
     ----------
     thresholds_nats : array (thresholds,)
-        Those of the stored crossings, and the middles between them.
+        Thresholds of the stored crossings, and their midpoints.
     drifts : array (drifts,), 1/sqrt(s)
         From 0 on.
     density : array (thresholds, drifts, 2, BINS), 1/s
@@ -74,7 +74,7 @@ class Lattice:
         return Grid(BINS).middles_s - T0_S
 
     def features(self) -> Array:
-        """Return what the network's layers get, (points, 3), in the order of the densities."""
+        """Return the network's inputs, (points, 3), in the order of the densities."""
         signed = np.stack([-self.drifts, self.drifts], axis=1)
         parts = (
             signed[None, :, :, None],
@@ -88,7 +88,7 @@ def lattice(model: CircuitModel) -> Lattice:
     """Return the densities that the network learns."""
     stored, own = model.stored(()), model.thresholds_nats
     thresholds = np.sort(np.concatenate([own, (own[1:] + own[:-1]) / 2]))
-    # Where choices are least certain, densities change most with the drift.
+    # Densities depend most on the drift where choices are least certain.
     drifts, grid = MOST_DRIFT * np.linspace(0, 1, DRIFTS) ** 1.5, Grid(BINS)
     shape = {"t0_s": T0_S, "t0_sd_s": T0_SD_S, "lapse": 0.0}
     everywhere = {name: np.full(DRIFTS, value) for name, value in shape.items()}
@@ -108,14 +108,14 @@ def batches(weights: Array) -> Iterator[Array]:
 
 
 def first_layers(torch: Any) -> Any:
-    """Return a network that has learned nothing, of broad first weights."""
+    """Return an untrained network with broad initial weights."""
     torch.manual_seed(TRAINING_SEED)
     sizes = [3] + [WIDTH] * LAYERS
     parts: list[Any] = []
     for before, after in pairwise(sizes):
         parts += [torch.nn.Linear(before, after), torch.nn.Tanh()]
     with torch.no_grad():
-        # Times matter on a scale of 50 ms, the rest on that of the whole range.
+        # Densities vary with time on a scale of 50 ms, with other inputs on that of their range.
         parts[0].weight.normal_(0.0, 1.5).mul_(torch.tensor([1.0, 1.0, 2.0]))
         parts[0].bias.uniform_(-2.0, 2.0)
     return torch.nn.Sequential(*parts, torch.nn.Linear(WIDTH, 1))
@@ -154,7 +154,7 @@ def trained(points: Lattice) -> tuple[tuple[Array, Array], ...]:
 
 
 def about(model: CircuitModel) -> dict[str, Any]:
-    """Return what is known of the network before it is scored."""
+    """Return the network's metadata before it is scored."""
     low, high = float(model.thresholds_nats[0]), float(model.thresholds_nats[-1])
     known = {"circuit": identity(model.circuit), "engine": model.engine, "trials": 7 * model.trials}
     return {
@@ -184,7 +184,7 @@ def responses(points: Lattice) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Train, score and write the network, or write the table that is asked for."""
+    """Train, score and write the network, or write the requested table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--table", type=Path, help="write simulated responses, a .parquet, alone")
     given = parser.parse_args()

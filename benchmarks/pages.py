@@ -2,7 +2,7 @@
 
 A page is a template, ``docs/NAME.md.j2``, and every number in it comes from a table in
 ``docs/results``, which a score wrote with its parameters, seed, versions and the hash of its
-circuits. What was measured with another circuit than today's says so by itself.
+circuits. Results measured with an older circuit are marked automatically.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 
 DOCS = Path(__file__).parents[1] / "docs"
 RESULTS = DOCS / "results"
-"""Tables that pages read: they are kept with the code."""
+"""Tables read by pages, under version control."""
 ENDING = ".md.j2"
 PLACEHOLDER = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", re.DOTALL)
 NUMBER = re.compile(r"\[[-+\d., ]*\d, [-+\d., ]*\]|\d*\.\d+")
@@ -39,7 +39,7 @@ def page_of(template: Path) -> Path:
 
 
 def written_numbers(text: str) -> list[str]:
-    """Return decimal numbers and intervals that a text states itself, outside placeholders."""
+    """Return decimal numbers and intervals written literally in a text, outside placeholders."""
     return NUMBER.findall(PLACEHOLDER.sub("", text))
 
 
@@ -49,7 +49,7 @@ def rendered(template: Path, results: Path = RESULTS) -> str:
     Raises
     ------
     ValueError
-        If a table is not there, can't be read, or lacks what the template shows.
+        If a table is missing, can't be read, or lacks a value used by the template.
     """
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True
@@ -73,8 +73,8 @@ def rendered(template: Path, results: Path = RESULTS) -> str:
         made = environment.from_string(template.read_text(encoding="utf-8")).render(**given)
     except jinja2.UndefinedError as error:
         raise ValueError(
-            f"{template.name} shows what its tables do not hold ({error.message}): "
-            "`make score` writes them anew"
+            f"{template.name} uses values that its tables do not contain ({error.message}): "
+            "`make score` writes them again"
         ) from error
     return made
 
@@ -90,7 +90,7 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def said(behind: dict[str, Any]) -> str:
-    """Return the origin of a table as text, and whether its circuits are today's."""
+    """Return the origin of a table as text, and whether its circuits are up to date."""
     parameters, seed = behind["parameters"], behind["seed"]
     text = "seeds in their files" if seed is None else f"seed {seed}"
     text += f", version {behind['versions']['bgmodel']}"

@@ -1,4 +1,4 @@
-"""Basal ganglia circuits: each one a readable table, run by interchangeable engines."""
+"""Basal ganglia circuits: each is a readable table that interchangeable engines can run."""
 
 DEFAULT = "macaque"
-"""Name of the circuit that runs where none is named."""
+"""Name of the default circuit."""

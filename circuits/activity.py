@@ -1,4 +1,4 @@
-"""The one result type of all engines."""
+"""The result type shared by all engines."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Activity:
-    """What a circuit did.
+    """The simulated activity of a circuit.
 
     Parameters
     ----------
     circuit : CircuitTable
-        The table that ran.
+        The circuit that was simulated.
     time_ms : array (ticks,)
         Times of the samples, ms from the onset of evidence.
     rates_hz : dict of arrays (trials, ticks, channels)
-        Rate of each population, Hz; spikes are counted from one sample to the next. NaN after a
-        trial was dropped; empty if the engine was told to leave rates out.
+        Rate of each population, Hz; spikes are counted between consecutive samples. NaN after a
+        trial was dropped; empty if the engine did not record rates.
     output_nats : array (trials, ticks, channels)
-        OUT: the read-out's rate, low-passed and decoded. NaN after a trial was dropped.
+        OUT: the read-out's rate, low-pass filtered and decoded. NaN after a trial was dropped.
     engine : str
-        Which engine ran.
+        Name of the engine.
     spikes : dict of DataFrame, optional
-        For each spiking population one row a spike: trial, channel, neuron, time_ms.
+        For each spiking population, one row per spike: trial, channel, neuron, time_ms.
     about : dict
-        Seed, tick and whatever else a file should carry.
+        Seed, tick and other metadata to be stored with the data.
     """
 
     circuit: CircuitTable
@@ -67,7 +67,7 @@ class Activity:
     ) -> Activity:
         """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``.
 
-        Without rates none are kept, and ``output_hz`` or OUT itself is needed.
+        If ``rates`` is None, no rates are stored, and ``output_hz`` or ``output_nats`` is required.
         """
         circuit = wiring.circuit
         by_name = {
@@ -88,7 +88,7 @@ class Activity:
         )
 
     def __repr__(self) -> str:
-        """Return one line: shapes, and the mean of OUT."""
+        """Return a one-line summary: shapes and the mean of OUT."""
         trials, ticks, channels = self.output_nats.shape
         spikes = sum(map(len, self.spikes.values())) if self.spikes else 0
         low, high = (float(np.min(self.time_ms)), float(np.max(self.time_ms)))
@@ -100,7 +100,7 @@ class Activity:
         )
 
     def _repr_html_(self) -> str:
-        """Return the line of ``repr`` and the mean rates, for a notebook."""
+        """Return the ``repr`` and a table of mean rates, for notebooks."""
         means = {
             name: pd.Series(np.nanmean(rates, axis=(0, 1))) for name, rates in self.rates_hz.items()
         }
@@ -116,9 +116,9 @@ class Activity:
         Parameters
         ----------
         trial : int
-            Number of the trial.
+            Index of the trial.
         ax : Axes, one per nucleus, optional
-            Drawn on; a new figure unless given.
+            Axes to draw on; by default a new figure.
 
         Returns
         -------
@@ -128,10 +128,10 @@ class Activity:
         Raises
         ------
         ValueError
-            If no rates were kept, there is no such trial, or the Axes do not fit.
+            If no rates were recorded, the trial does not exist, or the number of Axes is wrong.
         """
         if not self.rates_hz:
-            said = f"the {self.engine} engine kept no rates: ask for them (rates=True)"
+            said = f"the {self.engine} engine recorded no rates: run it again with rates=True"
             raise InputError(said, "rates")
         trials = len(self.output_nats)
         require(trial in range(trials), "trial", f"must lie in 0..{trials - 1}", trial)
@@ -139,13 +139,13 @@ class Activity:
         return rates(self.time_ms, one, ax)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return rates and output with labels: ``.rate_hz.sel(nucleus="STN", channel=0)``.
+        """Return labelled rates and output, as in ``.rate_hz.sel(nucleus="STN", channel=0)``.
 
-        Variables ``rate_hz`` (nucleus, trial, time_ms, channel), Hz, if rates were kept, and
-        ``output`` (trial, time_ms, channel), in the circuit's unit. A nucleus that is pooled has
-        the same rate in every channel.
+        The variables are ``rate_hz`` (nucleus, trial, time_ms, channel), Hz, if rates were
+        recorded, and ``output`` (trial, time_ms, channel), in the circuit's unit. The rate of a
+        pooled nucleus is repeated in every channel.
         """
-        import xarray  # only where labels are asked for
+        import xarray  # optional dependency
 
         channels = np.arange(self.circuit.channels)
         trials = np.arange(len(self.output_nats))
@@ -173,20 +173,20 @@ class Activity:
         Parameters
         ----------
         name : str
-            The population; its channels are averaged first.
+            Name of the population; its channels are averaged first.
         from_ms : float
-            Samples before are left out.
+            Earlier samples are left out.
         segment_ms : float
-            Length of a segment, ms: its inverse is the resolution.
+            Segment length, ms; its inverse is the frequency resolution.
 
         Returns
         -------
         frequency_hz : array (F,)
         power : array (F,)
-            One-sided density, Hz^2 / Hz, mean over trials and segments. Independent Poisson cells
-            have twice their rate over their number.
+            One-sided density, Hz^2 / Hz, averaged over trials and segments. For independent Poisson
+            cells it is twice the rate divided by their number.
         """
-        # Importing scipy.signal takes half a second: only where a spectrum is asked for.
+        # Importing scipy.signal takes half a second, so it is done only here.
         from scipy.signal import welch
 
         late = self.time_ms > from_ms
@@ -196,22 +196,22 @@ class Activity:
         require(
             length <= rates.shape[1],
             "segment_ms",
-            f"must fit into what is left after from_ms, {rates.shape[1] * apart_ms:g} ms",
+            f"must be at most the time recorded after from_ms, {rates.shape[1] * apart_ms:g} ms",
             segment_ms,
         )
         frequency, power = welch(rates, fs=1000 / apart_ms, nperseg=length, axis=1)
         return frequency, power.mean(axis=0)
 
     def spike_table(self) -> pd.DataFrame:
-        """Return all spikes that were kept: population, trial, channel, neuron, time_ms.
+        """Return all recorded spikes, with columns population, trial, channel, neuron, time_ms.
 
         Raises
         ------
         ValueError
-            If none were kept.
+            If no spikes were recorded.
         """
         if not self.spikes:
-            such = 'with an engine of spiking cells, such as engine=Ensemble(spikes=("STN",))'
+            such = 'with a spiking engine, such as engine=Ensemble(spikes=("STN",))'
             said = f"the {self.engine} engine recorded no spikes: name the populations to record"
             raise InputError(f"{said} {such}", "spikes")
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
@@ -219,14 +219,14 @@ class Activity:
         return whole[["population", *(name for name in whole if name != "population")]]
 
     def rate_table(self) -> pd.DataFrame:
-        """Return mean rates as a table: one row a population, channel and time."""
+        """Return mean rates as a table: one row per population, channel and time."""
         means = RateMeans()
         means.add(self)
         return means.table()
 
 
 class RateMeans:
-    """Mean rates of trials that are never in memory all at once."""
+    """Running means of rates over batches of trials, which need not be in memory together."""
 
     def __init__(self) -> None:
         self._sums: dict[str, Array] = {}
@@ -234,7 +234,7 @@ class RateMeans:
         self._time_ms: Array = np.zeros(0)
 
     def add(self, activity: Activity) -> None:
-        """Add trials of the same circuit and clock; what was dropped counts for nothing."""
+        """Add trials of the same circuit and clock; NaNs (dropped trials) are ignored."""
         self._time_ms = activity.time_ms
         for name, values in activity.rates_hz.items():
             summed, counted = np.nansum(values, axis=0), np.isfinite(values).sum(axis=0)
@@ -242,7 +242,7 @@ class RateMeans:
             self._counts[name] = self._counts.get(name, 0) + counted
 
     def table(self) -> pd.DataFrame:
-        """Return the means as a table: one row a population, channel and time."""
+        """Return the means as a table: one row per population, channel and time."""
         parts = []
         for name, total in self._sums.items():
             ticks, channels = total.shape
@@ -260,7 +260,7 @@ class RateMeans:
 def spike_table(
     trial: npt.ArrayLike, channel: npt.ArrayLike, neuron: npt.ArrayLike, tick: Any, dt_ms: float
 ) -> pd.DataFrame:
-    """Return spikes as ``Activity`` keeps them; tick 0 is the first of the evidence."""
+    """Return spikes in the format of ``Activity.spikes``; tick 0 is the first with evidence."""
     time_ms = (np.asarray(tick) + 1) * dt_ms
     names = {"trial": trial, "channel": channel, "neuron": neuron}
     whole = {name: np.asarray(value, dtype=np.int64) for name, value in names.items()}
@@ -270,7 +270,7 @@ def spike_table(
 def spike_tables(
     wiring: Wiring, names: Sequence[str], spikes: Sequence[npt.NDArray[Any]], dt_ms: float
 ) -> dict[str, pd.DataFrame] | None:
-    """Return the spikes of populations as ``Activity`` keeps them; None without populations.
+    """Return spikes in the format of ``Activity.spikes``; None if ``names`` is empty.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def spike_tables(
     names : sequence of str
         The populations.
     spikes : sequence of arrays (spikes, 3)
-        Block, cell and tick of each spike; an array per trial.
+        Block, cell and tick of each spike; one array per trial.
     dt_ms : float
         One tick.
     """
@@ -294,7 +294,7 @@ def spike_tables(
 
 
 def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
-    """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
+    """Return the drive as an array (trials, steps, channels), nats; ValueError if it is invalid."""
     try:
         values = np.asarray(drive, dtype=np.float64)
     except (TypeError, ValueError):
@@ -306,7 +306,7 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
         load = f"load it with {count}, load_circuit(..., {count})"
         raise InputError(f"the drive has {count} hypotheses, {has}: {load}", "drive")
     if not np.isfinite(values).all():
-        said = "drive must be finite: a hypothesis that is ruled out has no finite nats"
+        said = "drive must be finite: a hypothesis that is ruled out would need -inf nats"
         raise InputError(said, "drive")
     return values
 
@@ -321,20 +321,20 @@ def total_nats(circuit: CircuitTable, drive: Array) -> Array:
 
 
 def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
-    """Warn once if ``S``, or without nats the input, leaves the range that the circuit states."""
+    """Warn once if ``S``, or the input of a circuit without nats, leaves the circuit's range."""
     if said := beyond_range(circuit, drive):
         RangeWarning.warn(said)
 
 
 def beyond_range(circuit: CircuitTable, drive: Array) -> str:
-    """Return what there is to say of a drive that leaves the circuit's range; nothing if it stays.
+    """Return a warning for a drive that leaves the circuit's range, or "" if it stays inside.
 
     Parameters
     ----------
     circuit : CircuitTable
-        The table.
+        The circuit.
     drive : array (trials, steps, channels)
-        In its unit.
+        Drive, in the circuit's unit.
     """
     in_nats = circuit.unit == NATS
     found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
@@ -344,7 +344,7 @@ def beyond_range(circuit: CircuitTable, drive: Array) -> str:
     where = ", where S = ln sum exp of the inputs" if in_nats else ""
     common, gain = "", " or a lower gain"
     if not circuit.centred:
-        common = ": outside that range inputs common to all channels do not cancel"
+        common = ": outside that range, input common to all channels does not cancel"
         gain = ", a lower gain, or evidence with its baseline subtracted"
     return (
         f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "

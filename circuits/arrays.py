@@ -1,4 +1,4 @@
-"""Names for the types of arrays, one per kind of number."""
+"""Array type aliases, one per kind of number."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
-"""Places in another array."""
+"""Indices into another array."""
 Integers = npt.NDArray[np.integer]
 Truths = npt.NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""Types of what a person writes into a table: a text is no number, and says so."""
+"""Checks of user input: types and ranges of the values in a table."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from circuits.errors import InputError, require
 
 
 def check_types(row: Any, owner: str) -> None:
-    """Raise ValueError for a field of a dataclass that is of another type than it declares.
+    """Raise ValueError for a field of a dataclass whose value is not of the declared type.
 
     Parameters
     ----------
     row : dataclass
-        Its fields of type float, int, bool, str, of numbers or of None are looked at.
+        Fields of type float, int, bool, str, tuples of numbers, or optional numbers are checked.
     owner : str
-        What the row is called in the message.
+        Name of the row in the message.
     """
     for field in fields(row):
         kind = _KINDS.get(str(field.type)) if field.init else None
@@ -28,26 +28,26 @@ def check_types(row: Any, owner: str) -> None:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a real number; True and False are none."""
+    """Whether a value is a real number; booleans are not."""
     return isinstance(value, Real) and not is_bool(value)
 
 
 def is_whole(value: Any) -> bool:
-    """Whether a value is a whole number, of whatever type."""
+    """Whether a value is a whole number, of any type."""
     return is_number(value) and (isinstance(value, Integral) or float(value).is_integer())
 
 
 def check_range(low: float, high: float, *, owner: str = "", **values: Any) -> None:
-    """Raise ValueError for a value that is no finite number from low to high.
+    """Raise ValueError for a value that is not a finite number from low to high.
 
     Parameters
     ----------
     low, high : float
-        Both are allowed, where they are finite.
+        Inclusive limits; may be infinite.
     owner : str
-        What the values belong to, named first in the message.
+        Owner of the values, named first in the message.
     **values
-        By the names of their fields.
+        Values by field name.
     """
     must = f"must lie in {low:g}..{high:g}"
     if math.isinf(high):
@@ -58,35 +58,35 @@ def check_range(low: float, high: float, *, owner: str = "", **values: Any) -> N
 
 
 def check_finite(*, owner: str = "", **values: Any) -> None:
-    """Raise ValueError for a value, by its field's name, that is no finite number."""
+    """Raise ValueError for a value (by field name) that is not a finite number."""
     check_range(-math.inf, math.inf, owner=owner, **values)
 
 
 def check_positive(*, owner: str = "", **values: Any) -> None:
-    """Raise ValueError for a value, by its field's name, that is no finite number above 0."""
+    """Raise ValueError for a value (by field name) that is not a finite number above 0."""
     for name, value in values.items():
         require(is_number(value), name, "must be a number", value, owner=owner)
         require(0 < value < math.inf, name, "must be > 0 and finite", value, owner=owner)
 
 
 def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
-    """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
+    """Return a time as a number of ticks; raises ValueError if it is not a multiple of dt."""
     require(dt_ms > 0, "dt_ms", "must be > 0", dt_ms)
     count = round(time_ms / dt_ms)
     if not math.isclose(count * dt_ms, time_ms, rel_tol=1e-9, abs_tol=1e-9):
         field = name if name.endswith("_ms") else "delay_ms"
-        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", field)
+        raise InputError(f"{name} of {time_ms:g} ms is not a multiple of dt_ms = {dt_ms:g}", field)
     return count
 
 
 def check_channel(owner: str, channel: Any, count: int) -> None:
-    """Raise ValueError for what is not the number of one of a row's channels."""
+    """Raise ValueError unless ``channel`` is the index of one of a row's channels."""
     if not is_whole(channel) or not 0 <= channel < count:
         raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=owner)
 
 
 def is_bool(value: Any) -> bool:
-    """Whether a value is True or False, also NumPy's."""
+    """Whether a value is True or False, including NumPy booleans."""
     return type(value).__name__ in ("bool", "bool_")
 
 
@@ -95,25 +95,25 @@ def _are_numbers(values: Any) -> bool:
 
 
 def check_kind(kind: Any, base: type, what: str) -> str:
-    """Return the name of a class that is to be registered.
+    """Check a class before it is registered and return its name.
 
     Parameters
     ----------
     kind : type
         The class.
     base : type
-        What it must derive from.
+        Required base class.
     what : str
-        What it is, with its article and the field of errors last: "an engine".
+        Kind of class for messages, as "an engine"; its last word is the field of errors.
 
     Raises
     ------
     ValueError
-        If it is no frozen dataclass of the base's type.
+        If it is not a frozen dataclass derived from the base.
     """
     name, field = getattr(kind, "__name__", repr(kind)), what.split()[1]
     if not (isinstance(kind, type) and issubclass(kind, base)):
-        raise InputError(f"{what} is a subclass of {base.__name__}, got {name}", field)
+        raise InputError(f"{what} must be a subclass of {base.__name__}, got {name}", field)
     settings = vars(kind).get("__dataclass_params__")
     if settings is None or not settings.frozen:
         raise InputError(f"{what} must be a dataclass with frozen=True, got {name}", field, kind)
@@ -121,7 +121,7 @@ def check_kind(kind: Any, base: type, what: str) -> str:
 
 
 def check_free(name: str, kind: type, known: Mapping[str, type], what: str) -> None:
-    """Raise ValueError for a name under which a class of another module is registered."""
+    """Raise ValueError if a class of another module is registered under this name."""
     if name in known and known[name].__module__ != kind.__module__:
         said = f"there is {what} {name} already, in {known[name].__module__}"
         raise InputError(said, what.split()[1])
@@ -142,6 +142,6 @@ _KINDS = {
 
 
 def check_channels(channels: int) -> None:
-    """Raise ValueError, before anything is computed from it, for what is no number of channels."""
+    """Raise ValueError unless ``channels`` is a whole number of at least 2."""
     if not is_whole(channels) or channels < 2:
         raise InputError.of("channels", "must be a whole number >= 2", channels)

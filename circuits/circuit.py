@@ -1,4 +1,4 @@
-"""The circuit: a table with its edits, those included that need its fixed point."""
+"""The circuit: a table with all its edits, including those that need its fixed point."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 
 class Circuit(EditableTable):
-    """A whole circuit; every engine reads this and nothing else.
+    """A complete circuit, the only input that engines read.
 
-    It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
-    a projection. Its fields, each with a description, are those of
-    ``circuits.declaration.table.CircuitTable``. Every edit is a method that returns a new circuit:
-    ``lesion``, ``clamp``, ``cut``, ``scale``, ``set``, ``add``, ``dopamine``, ``compensate`` and
-    others; ``edited`` takes them as text.
+    It is a mapping of rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]`` a
+    projection. Its fields are those of ``circuits.declaration.table.CircuitTable`` and are
+    described there. Every edit is a method that returns a new circuit: ``lesion``, ``clamp``,
+    ``cut``, ``scale``, ``set``, ``add``, ``dopamine``, ``compensate`` and others; ``edited`` takes
+    them as text.
     """
 
     def __repr__(self) -> str:
-        """Return one line: ``print(circuit)`` has the tables."""
+        """Return a one-line summary; ``print(circuit)`` shows the tables."""
         own = (row for row in self.populations if row.spiking and not row.pooled)
         return (
             f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
@@ -42,14 +42,14 @@ class Circuit(EditableTable):
         )
 
     def __str__(self) -> str:
-        """Return the whole table as text, as ``bgmodel circuit show`` prints it."""
-        from circuits.show import text  # pandas, only where a circuit is shown
+        """Return the tables as text, as printed by ``bgmodel circuit show``."""
+        from circuits.show import text  # imports pandas
 
         return text(self)
 
     def _repr_html_(self) -> str:
-        """Return both tables, for a notebook."""
-        from circuits.show import html  # pandas, only where a circuit is shown
+        """Return the tables as HTML, for notebooks."""
+        from circuits.show import html  # imports pandas
 
         return html(self)
 
@@ -59,23 +59,23 @@ class Circuit(EditableTable):
         Parameters
         ----------
         ax : Axes, optional
-            Drawn on and returned; a new figure unless given.
+            Axes to draw on, which are returned; by default a new figure.
         """
         (only,) = panels(1, ax, height=4.0)
         return draw(self, only)
 
     def add(self, *rows: Population | Projection | Course | str, keep_rest: bool = False) -> Self:
-        """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
+        """Return the circuit with new nuclei, pathways or courses.
 
         Parameters
         ----------
         *rows : Population, Projection, Course or str
-            What is added. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
+            Rows to add. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
             ``"TRN like=STN bias_nats=-1"``, ``"dopamine amount=0.5 to_ms=300"``, or the name of a
             motif, ``"striatal_FSI"``.
         keep_rest : bool
-            Whether existing nuclei keep their resting rates: their biases make up for what the new
-            rows add to their input, as in ``compensate``.
+            Whether existing nuclei keep their resting rates: their biases are adjusted for the
+            input that the new rows add, as in ``compensate``.
         """
         added = super().add(*rows)
         if not keep_rest or added == self:
@@ -89,25 +89,24 @@ class Circuit(EditableTable):
         *,
         rebound_nats: Mapping[str, float] | None = None,
     ) -> Self:
-        """Return the circuit with every population's own rate at rest as it was before an edit.
+        """Return the circuit with the resting rate of every population restored after an edit.
 
-        Each population's bias makes good what the edit changed in its input at rest; nothing else
-        is changed. ``circuits.laws.homeostasis`` says how, and has the same rule as dynamics.
-        Lesions are chronic then.
+        Only biases change: each compensates for the change in its population's resting input.
+        ``circuits.laws.homeostasis`` has the rule, also as dynamics. Lesions become chronic.
 
         Parameters
         ----------
         reference : Circuit, optional
-            The circuit before the edits; of a lesioned one, that without lesions.
+            The circuit before the edits; by default this circuit without its lesions.
         rebound_nats : mapping from names to nats, optional
-            How far above its old rate, in nats of its own activity, a population comes to rest.
+            By how much the new resting rate of a population exceeds the old one, in nats of its
+            own activity.
 
         Raises
         ------
         ValueError
-            Without a reference where there is no lesion, for a nucleus that is clamped, an
-            unknown population, a rate that a population cannot have, or channels that would need
-            different biases.
+            If there is neither a reference nor a lesion, a nucleus is clamped, a population is
+            unknown or cannot fire at its rate, or its channels would need different biases.
         """
         rows = [
             replace(self.population(name), bias_nats=bias)
@@ -117,40 +116,40 @@ class Circuit(EditableTable):
         return found if found == found.unlesioned else replace(found, chronic=True)
 
     def balanced(self, source: str = "STN") -> Self:
-        """Return the circuit whose read-out does not follow what all channels share.
+        """Return the circuit whose read-out is insensitive to input common to all channels.
 
-        The weight from a nucleus that sums them onto the read-out is what changes; recover rates at
-        rest afterwards. ``circuits.laws.homeostasis`` has the rule.
+        Only the weight from a nucleus that sums over channels onto the read-out changes; restore
+        resting rates afterwards. ``circuits.laws.homeostasis`` has the rule.
 
         Parameters
         ----------
         source : str
-            The nucleus.
+            The nucleus that sums over channels.
 
         Raises
         ------
         ValueError
-            If there is no such pathway, it is none that a rule could act on, or no weight of its
-            sign will do.
+            If the pathway does not exist or is of a kind that the rule cannot act on, or if no
+            weight of its sign works.
         """
         weight = balanced_weight(self, source)
         return self.with_projection(source, self.readout, weight=weight)
 
     def edited(self, *lines: str) -> Self:
-        """Return the circuit with edits that are written as text.
+        """Return the circuit with edits given as text.
 
-        ``circuit.edited("lesion STN 10%", "set STN->GPe.delay_ms 4", "dopamine 0.9")``: the
-        grammar is that of ``circuits.declaration.edits``. The order of the lines does not matter.
+        For example ``circuit.edited("lesion STN 10%", "set STN->GPe.delay_ms 4", "dopamine 0.9")``;
+        the grammar is in ``circuits.declaration.edits``. The order of the lines does not matter.
 
         Raises
         ------
         ValueError
-            One sentence with the edit as it was written and what is allowed.
+            Naming the edit as it was written, and what is allowed.
         """
         edits = Edits(lines)
         added, keep_rest = edits.of("add"), bool(edits.of("keep"))
         if keep_rest and not added:
-            raise InputError("'keep rest' is for rows that are added: add one", "edits")
+            raise InputError("'keep rest' needs an edit that adds rows: use it with 'add'", "edits")
         circuit = self._called(edits.of("neurons", "connections", "heterogeneity"))
         circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
         circuit = circuit._set(edits.of("set"))
@@ -161,7 +160,7 @@ class Circuit(EditableTable):
         return circuit.compensate(self, rebound_nats=rebound)
 
     def _called(self, edits: Iterable[Edit]) -> Self:
-        """Return the circuit after edits that are made by a method each, one after another."""
+        """Return the circuit after edits that each correspond to a method, applied in turn."""
         circuit = self
         for edit in edits:
             channel = {} if edit.channel is None else {"channel": edit.channel}

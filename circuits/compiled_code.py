@@ -1,9 +1,9 @@
 """Compiled functions, kept between runs in the user's cache folder.
 
-By default Numba writes next to the source. In an installed package, pip then leaves the folder
-behind when it removes the package, and what is left hides a later editable installation. Numba also
-checks only the file that holds a function: after an edit elsewhere the old code would run silently.
-Compiled functions are stored under a hash of all sources at the time of import.
+By default Numba writes next to the source. When pip removes an installed package, it leaves that
+folder behind, which then hides a later editable installation. Numba also checks only the file that
+contains a function, so that after an edit elsewhere the old code would run without warning. Here
+compiled functions are stored under a hash of all sources at the time of import.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numba
 import platformdirs
 
 _LOCK = threading.Lock()
-"""Numba reads the folder from a setting of the whole process."""
+"""Numba reads the cache folder from a process-wide setting."""
 
 
 def sources_hash(package: Path) -> str:
@@ -33,17 +33,17 @@ def sources_hash(package: Path) -> str:
 
 
 def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -> Any:
-    """Return a function that compiles on its first call, or is loaded from the cache folder.
+    """Return a function that is compiled on its first call, or loaded from the cache folder.
 
     The folder is ``NUMBA_CACHE_DIR`` if that is set, otherwise the user's cache folder. If it
-    cannot be written, every process compiles for itself.
+    is not writable, every process compiles again.
 
     Parameters
     ----------
     function : callable
         Python function.
     sources : str
-        Hash of all sources that the function uses, from ``sources_hash``.
+        Hash of all sources used by the function, from ``sources_hash``.
     **options
         Options of ``numba.njit``.
     """
@@ -63,18 +63,18 @@ def _cache_folder(chosen: str) -> Path | None:
     root = Path(chosen).absolute() if chosen else platformdirs.user_cache_path("bgmodel")
     folder = root / "compiled"
     try:
-        # Without any home folder the path is relative, and would depend on the working directory.
+        # Without a home folder the path is relative and would depend on the working directory.
         if not folder.is_absolute():
             raise OSError("there is no home folder")
         folder.mkdir(parents=True, exist_ok=True)
-        # A file with content: creating an empty one succeeds on a full disk.
+        # The file has content because an empty one can be created even on a full disk.
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(bytes(4096))
     except OSError as error:
         # Not a UserWarning: those are stored in results, which must not depend on the machine.
         warnings.warn(
-            f"compiled code is not kept, so every run compiles again: {str(root)!r} cannot be "
-            f"written ({error.strerror or error}); set NUMBA_CACHE_DIR to a writable folder",
+            f"compiled code is not cached, so every run compiles again: {str(root)!r} is not "
+            f"writable ({error.strerror or error}); set NUMBA_CACHE_DIR to a writable folder",
             RuntimeWarning,
             stacklevel=2,
         )

@@ -1,7 +1,7 @@
-"""Errors about what was given, which name the argument, and families of warnings.
+"""Errors for invalid input, which name the argument, and categories of warnings.
 
-`bgmodel.InputError` is a ``ValueError``, so that ``except ValueError`` catches it.  A family of
-warnings is silenced or made an error as any other:
+`bgmodel.InputError` is a ``ValueError``, so that ``except ValueError`` catches it. A category of
+warnings can be silenced or turned into errors as usual:
 ``warnings.simplefilter("error", bgmodel.DeadlineWarning)``.
 """
 
@@ -15,18 +15,18 @@ from typing import Any, Self
 import numpy as np
 
 LONGEST = 80
-"""Characters of a value that a message shows."""
+"""Most characters of a value shown in a message."""
 INSIDE = ("bgmodel", "circuits", "contextlib", "functools")
-"""Modules whose lines a warning does not point at."""
+"""Modules that a warning's location must not point at."""
 
 
 class InputError(ValueError):
-    """An argument, a field or a key that is not allowed.
+    """An invalid argument, field or key.
 
     Parameters
     ----------
     sentence : str
-        One sentence: the argument, what is allowed, what was given, and the next step.
+        The message: the argument, what is allowed, what was given, and the next step.
     field : str
         Name of the argument, the field of a row, the key or the column of a file.
     given : object
@@ -36,7 +36,7 @@ class InputError(ValueError):
     ----------
     field : str
     given : object
-        Its text, where the error comes from another process and the value is no number or text.
+        The value; its text if the error comes from another process and it is not a number or str.
     """
 
     def __init__(self, sentence: str, field: Hashable, given: object = None) -> None:
@@ -46,17 +46,17 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, field: Hashable, must: str, given: object, *, owner: str = "") -> Self:
-        """Return the error "channels must be at least 2, got 1".
+        """Return an error such as "channels must be at least 2, got 1".
 
         Parameters
         ----------
         field : str
             Name of the argument.
         must : str
-            What is allowed, and the verb: "must be at least 2".
+            What is allowed, with its verb: "must be at least 2".
         given : object
         owner : str
-            What the field belongs to, named first: "STN: tau_ms must be >= 0, got -1".
+            Owner of the field, named first: "STN: tau_ms must be >= 0, got -1".
         """
         said = f"{owner}: " if owner else ""
         return cls(f"{said}{field} {must}, got {shown(given)}", field, given)
@@ -67,22 +67,22 @@ class InputError(ValueError):
 
 
 def require(allowed: object, field: Hashable, must: str, given: object, *, owner: str = "") -> None:
-    """Raise ``InputError.of(field, must, given, owner=owner)`` unless it is allowed."""
+    """Raise ``InputError.of(field, must, given, owner=owner)`` unless ``allowed`` is true."""
     if not allowed:
         raise InputError.of(field, must, given, owner=owner)
 
 
 def within(owner: str, error: Exception, field: str) -> InputError:
-    """Return an error with what it is about, as a file or a row, named first where there is one.
+    """Return an error with its owner, such as a file or a row, named first.
 
-    The field is that of the error, or else the one given.
+    The field is that of the error if it has one, otherwise ``field``.
     """
     said = f"{owner}: {error}" if owner else str(error)
     return InputError(said, getattr(error, "field", field), getattr(error, "given", None))
 
 
 def shown(given: object) -> str:
-    """Return a value as messages show it: one line, numbers short, text in quotes."""
+    """Return a value as shown in messages: on one line, numbers short, text in quotes."""
     given = given.item() if isinstance(given, np.generic) else given
     if isinstance(given, float):
         return f"{given:g}"
@@ -97,9 +97,9 @@ def shown(given: object) -> str:
 
 
 def user_level() -> int:
-    """Return the ``stacklevel`` with which a warning points at the line that called the package.
+    """Return the ``stacklevel`` at which a warning points to the line that called the package.
 
-    Frames of this package are skipped, and those of the standard library between them.
+    Frames of this package, and of standard-library modules between them, are skipped.
     """
     level, frame = 1, sys._getframe(1)
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in INSIDE:
@@ -108,32 +108,32 @@ def user_level() -> int:
 
 
 class BgmodelWarning(UserWarning):
-    """Any warning of this package: a result is there, and doubtful."""
+    """Base class of this package's warnings: there is a result, but it is doubtful."""
 
     @classmethod
     def warn(cls, sentence: str) -> None:
-        """Give a warning of this family that points at the line that called the package."""
+        """Issue a warning of this category that points to the line that called the package."""
         warnings.warn(sentence, cls, stacklevel=user_level())
 
 
 class RangeWarning(BgmodelWarning):
-    """Evidence or a threshold lies outside the range that a circuit follows."""
+    """Evidence or a threshold is outside the range that a circuit can follow."""
 
 
 class DeadlineWarning(BgmodelWarning):
-    """The deadline, and not the evidence, ends trials."""
+    """Trials are ended by the deadline rather than by the evidence."""
 
 
 class NoiseWarning(BgmodelWarning):
-    """Noise or the prior decides and not the evidence, or too few draws tell a difference."""
+    """Decisions follow noise or the prior, or there are too few draws to detect a difference."""
 
 
 class CalibrationWarning(BgmodelWarning):
-    """Posteriors do not match accuracies: the units of evidence, or its independence."""
+    """Posteriors do not match accuracies: check the units and independence of the evidence."""
 
 
 class DataWarning(BgmodelWarning):
-    """A table or an array looks wrong: units, copies, rounding, exchanged axes."""
+    """A table or an array looks wrong: units, duplicates, rounding, or swapped axes."""
 
 
 class FitWarning(BgmodelWarning):
@@ -141,4 +141,4 @@ class FitWarning(BgmodelWarning):
 
 
 class EditWarning(BgmodelWarning):
-    """An edit of a circuit changes nothing, or a value of a row is implausible."""
+    """An edit of a circuit has no effect, or a value of a row is implausible."""

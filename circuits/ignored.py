@@ -1,4 +1,4 @@
-"""Numbers of a circuit that an engine makes no use of."""
+"""Fields of a circuit that an engine does not use."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from circuits.errors import InputError
 
 
 def check_edits(edits: Edits, engine: Engine | str) -> None:
-    """Raise ValueError for the edit of a field that an engine makes no use of."""
+    """Raise ValueError for an edit of a field that the engine does not use."""
     chosen = engine_of(engine)
     for edit in edits.parsed():
         if chosen.ignores(edit.field or VERBS[edit.verb].changes):
-            said = f"{edit.text!r} says nothing to the {engine} engine"
-            raise InputError(f"{said}: take another engine, such as population", "edits")
+            said = f"{edit.text!r} has no effect in the {engine} engine"
+            raise InputError(f"{said}: use another engine, such as population", "edits")
 
 
 def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:
-    """Return the edited fields that an engine makes no use of, each with its rows as text."""
+    """Return the edited fields that the engine does not use, each with its rows, as text."""
     rows: dict[str, list[str]] = {}
     for row, field in _edited_fields(circuit):
         if engine.ignores(field):
@@ -32,7 +32,7 @@ def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:
 
 
 def _edited_fields(circuit: Circuit) -> Iterator[tuple[str, str]]:
-    """Yield row and field of every number that differs from the table before its edits."""
+    """Yield row and field of every number that differs from the unedited table."""
     table = circuit if circuit.unedited is None else circuit.unedited
     for row in circuit.values():
         old = table.get(row.name, row)

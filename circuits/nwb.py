@@ -1,4 +1,4 @@
-"""Activity as Neurodata Without Borders, for the tools that read recordings."""
+"""Export of activity as Neurodata Without Borders (NWB), for tools that read recordings."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from circuits.errors import require
 from circuits.show import text
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
-# A simulation has no date; a fixed one keeps the same run the same file.
+# A simulation has no date; with a fixed one the same run gives the same file.
 START = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
-    """Write one trial: a unit a cell with its spike times, and a time series of rates a nucleus.
+    """Write one trial: one unit per cell with its spike times, one time series per nucleus.
 
     Parameters
     ----------
     activity : Activity
-        From an engine; spikes are written if they were kept.
+        Result of an engine; spikes are written if they were recorded.
     path : path
-        Ends in .nwb; written whole or not at all.
+        Ends in .nwb; the file is written completely or not at all.
     trial : int
-        Which trial.
+        Index of the trial.
 
     Raises
     ------
     ImportError
         If pynwb is missing.
     ValueError
-        If there is no such trial.
+        If the trial does not exist.
     """
     try:
         from pynwb import NWBHDF5IO, NWBFile
@@ -57,13 +57,13 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     _add_rates(file, activity, trial)
     _add_units(file, activity, trial)
     path = Path(path)
-    beside = path.with_name(f".part-{path.stem}.nwb")
+    partial = path.with_name(f".part-{path.stem}.nwb")
     try:
-        with NWBHDF5IO(str(beside), "w") as out:
+        with NWBHDF5IO(str(partial), "w") as out:
             out.write(file)
-        beside.replace(path)
+        partial.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
 def _add_rates(file: Any, activity: Activity, trial: int) -> None:
@@ -95,7 +95,7 @@ def _add_units(file: Any, activity: Activity, trial: int) -> None:
         times = here.groupby(["channel", "neuron"])["time_ms"].apply(np.asarray).to_dict()
         cells = activity.circuit.population(name).neurons
         for place in np.ndindex(activity.circuit.channels_of(name), cells):
-            # A silent cell is a unit too, or mean rates would come out too high.
+            # Silent cells are units too, otherwise mean rates would be too high.
             when = np.asarray(times.get(place, np.empty(0))) / 1000
             channel, neuron = place
             file.add_unit(spike_times=when, population=name, channel=channel, neuron=neuron)

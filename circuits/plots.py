@@ -1,4 +1,4 @@
-"""Drawings of a circuit and of its rates."""
+"""Plots of a circuit and of its rates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from circuits.errors import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Where the nuclei of the textbooks lie in a drawing; others are put in a row below.
+# Positions of the textbook nuclei in a drawing; others are placed in a row below.
 PLACES = {
     "ctx": (1.2, 3.0),
     "common": (2.8, 3.0),
@@ -37,9 +37,9 @@ def draw(circuit: CircuitTable, ax: Axes) -> Axes:
     Parameters
     ----------
     circuit : CircuitTable
-        Nuclei that a lesion took whole are grey, its pathways dotted.
+        Completely lesioned nuclei are grey, their pathways dotted.
     ax : Axes
-        Drawn on and returned.
+        Axes to draw on, which are returned.
     """
     others = [p.name for p in circuit.populations if p.name not in PLACES]
     places = PLACES | {name: (0.8 * i, -1.0) for i, name in enumerate(others)}
@@ -95,7 +95,7 @@ def rates(
     rates_hz : mapping of arrays (ticks, channels)
         The rates of each nucleus, Hz.
     ax : Axes, one per nucleus, optional
-        Drawn on; a new figure unless given.
+        Axes to draw on; by default a new figure.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def rates(
     Raises
     ------
     ValueError
-        If the Axes do not fit.
+        If the number of Axes is wrong.
     """
     axes = panels(len(rates_hz), ax)
     for panel, (name, values) in zip(axes, rates_hz.items(), strict=True):
@@ -128,14 +128,14 @@ def panels(
     count : int
         Number of panels.
     ax : Axes or sequence of Axes, optional
-        Axes that are there already; a new figure unless given.
+        Existing Axes; by default a new figure.
     height : float
-        Height of a panel of a new figure, inches.
+        Height per panel of a new figure, inches.
 
     Raises
     ------
     ValueError
-        If something other than Axes is given, or another number of them.
+        If something other than Axes, or the wrong number of them, is given.
     ImportError
         If Matplotlib is not installed.
     """

@@ -1,4 +1,4 @@
-"""A circuit as text for a terminal and as HTML for a notebook, both from its table."""
+"""A circuit's tables as text for the terminal and as HTML for notebooks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from circuits.dynamics.fixed_point import resting_hz
 from circuits.laws.posterior import off_nats
 
 ASSUMED = "assumed"
-"""Source of a row that cites none."""
+"""Source shown for rows without a citation."""
 
 
 def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
@@ -55,7 +55,7 @@ def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
 
 
 def pathways(circuit: CircuitTable) -> pd.DataFrame:
-    """Return the projections as a table: one row a pathway, units in the column names."""
+    """Return the projections as a table: one row per pathway, units in the column names."""
     rows = [
         {
             "pathway": f"{p.source} -> {p.target}",
@@ -96,13 +96,13 @@ def courses(circuit: CircuitTable) -> pd.DataFrame:
 
 
 def text(circuit: CircuitTable) -> str:
-    """Return the whole circuit on one page."""
+    """Return the whole circuit as one page of text."""
     head, tables, foot = _page(circuit)
     return "\n\n".join([head, *map(_text, tables), foot])
 
 
 def html(circuit: CircuitTable) -> str:
-    """Return the page of ``text`` as HTML, its tables as tables."""
+    """Return the page of ``text`` as HTML."""
     head, tables, foot = _page(circuit)
     shown = [table.to_html(index=False, border=0, float_format="{:.4g}".format) for table in tables]
     around = [f"<p>{escape(part).replace(chr(10), '<br>')}</p>" for part in (head, foot)]
@@ -110,7 +110,7 @@ def html(circuit: CircuitTable) -> str:
 
 
 def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
-    """Return the facts of the whole circuit, its tables, and the constants of its cells."""
+    """Return the circuit's summary, its tables, and the constants of its cells."""
     resting = _resting(circuit)
     tables = [nuclei(circuit, resting), pathways(circuit)]
     if circuit.courses:
@@ -119,7 +119,7 @@ def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
 
 
 def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
-    """Return the facts of the whole circuit, a line each."""
+    """Return the circuit's summary, one fact per line."""
     low, high = circuit.range_nats
     at_rest = f"S = {circuit.reference_nats:.3g} nats"
     if circuit.unit != NATS:
@@ -142,7 +142,7 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
 
 
 def _resting(circuit: CircuitTable) -> dict[str, float]:
-    """Return rates at rest, Hz, by the table's lines; none if there is no rest."""
+    """Return resting rates, Hz, by the table's lines; empty if there is no resting state."""
     try:
         return resting_hz(circuit)
     except ValueError:
@@ -150,7 +150,7 @@ def _resting(circuit: CircuitTable) -> dict[str, float]:
 
 
 def _off(circuit: CircuitTable) -> str:
-    """Return a line on how far OUT lies off -ln P at the fixed point, or nothing without nats."""
+    """Return a line on OUT - (-ln P) at the fixed point; empty if the unit is not nats."""
     if circuit.unit != NATS:
         return ""
     try:
@@ -165,7 +165,7 @@ def _off(circuit: CircuitTable) -> str:
 
 
 def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
-    """Return a line on nuclei that rest outside their published rates, or nothing."""
+    """Return a line on nuclei that rest outside their published range, if any."""
     found = []
     for row in circuit.populations:
         hz = resting.get(row.name, math.nan)
@@ -176,7 +176,7 @@ def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
 
 
 def _drive(circuit: CircuitTable) -> str:
-    """Return what a channel is driven by."""
+    """Return a description of the drive of each channel."""
     if not circuit.centred:
         return "each channel driven by its own evidence"
     most = circuit.max_deficit_nats
@@ -185,7 +185,7 @@ def _drive(circuit: CircuitTable) -> str:
 
 
 def constants(circuit: CircuitTable) -> str:
-    """Return the constants of each cell type, one line a type and the nuclei that have it."""
+    """Return the constants of each cell, one line per cell with the nuclei that use it."""
     per_unit = f"_per_{circuit.unit.removesuffix('s')}"
     owners: dict[Cell, list[str]] = {}
     for p in circuit.populations:
@@ -201,7 +201,7 @@ def constants(circuit: CircuitTable) -> str:
 
 
 def _text(table: pd.DataFrame) -> str:
-    """Return a table as text, words to the left and numbers to the right."""
+    """Return a table as text, words aligned left and numbers right."""
     words: dict[str, Any] = {
         str(name): f"{{:<{max(column.str.len().max(), len(str(name)))}}}".format
         for name, column in table.items()
@@ -218,6 +218,6 @@ def _intact(p: Population | Projection) -> str:
 
 
 def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:
-    """Leave out columns that say nothing."""
+    """Drop columns in which every row has the default."""
     silent = [name for name, value in defaults.items() if (table[name] == value).all()]
     return table.drop(columns=silent)

@@ -1,4 +1,4 @@
-"""Circuits read from files, as ``table_files`` writes them or by hand; errors name the line."""
+"""Reader of circuit files, written by ``table_files`` or by hand; errors name the line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from circuits.errors import InputError, within
 OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
 KEYS = ("format", *OWN_KEYS, "cells")
 NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if name not in SPARE))
-"""Keys that every file says for itself: another table's input at rest would mean nothing."""
+"""Required keys: a default resting input, say, would be meaningless for another table."""
 
 
 def read(path: str | Path, channels: int | None = None) -> Circuit:
@@ -30,14 +30,14 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     Parameters
     ----------
     path : path
-        A file as ``table_files.write`` makes it, or by hand.
+        A file written by ``table_files.write`` or by hand.
     channels : int, optional
-        Number of alternatives that is asked for: that of the file, or none.
+        Expected number of alternatives; if given, it must be that of the file.
 
     Raises
     ------
     ValueError
-        One sentence with the file, the line, what was given and what is allowed.
+        Naming the file, the line, what was given and what is allowed.
     """
     path = Path(path)
     try:
@@ -49,32 +49,32 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
         raise InputError(said, "path") from None
     found = parse(given, path.name)
     if channels not in (None, found.channels):
-        held = f"{path.name} holds a circuit for {found.channels} alternatives"
-        said = f"{held}, not for {channels}: ask for {found.channels} channels"
+        held = f"{path.name} contains a circuit for {found.channels} alternatives"
+        said = f"{held}, not {channels}: use {found.channels} channels"
         raise InputError(said, "channels")
     return found
 
 
 def parse(given: str, file: str) -> Circuit:
-    """Return the circuit that the text of a file holds; ``file`` is its name in errors."""
+    """Return the circuit in the text of a file; ``file`` is its name in errors."""
     try:
         data = tomllib.loads(given)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{file} is no TOML: {error}", "path") from None
+        raise InputError(f"{file} is not valid TOML: {error}", "path") from None
     except RecursionError:
         raise InputError(f"{file} is nested too deeply", "path") from None
     return _Reader(given, file).circuit(data)
 
 
 class _Reader:
-    """The tables of one file, with the places that errors name."""
+    """The tables of one file, with the locations that errors name."""
 
     def __init__(self, given: str, file: str) -> None:
         self.file, self.lines = file, _lines(given)
         self.places: dict[str, str] = {}
 
     def circuit(self, data: dict[str, Any]) -> Circuit:
-        """Return the circuit; raises ValueError with the first thing that is wrong."""
+        """Return the circuit; raises ValueError for the first problem found."""
         for key in data:
             self._known(self._at("", key), "key", key, KEYS)
         for key in NEEDED:
@@ -93,7 +93,7 @@ class _Reader:
             raise within(self._named_in(str(error)), error, "path") from None
 
     def _named_in(self, message: str) -> str:
-        """Return the place of the row or key that a message begins with, or else the file."""
+        """Return the location of the row or key that a message begins with, otherwise the file."""
         for name in re.split(r": | must ", message)[:2]:
             if name in self.places:
                 return self.places[name]
@@ -126,7 +126,7 @@ class _Reader:
         """Return the rows of a table."""
         where = self._at("", table)
         if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
-            said = f"{where}: {table} must hold columns and rows, and nothing else"
+            said = f"{where}: {table} must contain columns and rows, and nothing else"
             raise InputError(said, table)
         kind, columns, rows = TABLES[table], given["columns"], given["rows"]
         for name in ("columns", "rows"):
@@ -135,7 +135,7 @@ class _Reader:
                 raise InputError(said, name)
         self._check_columns(table, kind, columns)
         if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
-            # Rows are no lines here: they are counted instead.
+            # Here rows are not on separate lines, so they are counted instead.
             self.lines = {key: n for key, n in self.lines.items() if isinstance(key[1], str)}
         return tuple(
             self._row(kind, columns, row, self._at(table, k), cells) for k, row in enumerate(rows)
@@ -146,7 +146,7 @@ class _Reader:
         for name in columns:
             self._known(where, f"column of {table}", name, [f.name for f in fields(kind)])
             if columns.count(name) > 1:
-                said = f"{where}: the column {name!r} of {table} stands there twice"
+                said = f"{where}: the column {name!r} of {table} appears twice"
                 raise InputError(said, table)
         if missing := _needed(kind, *columns):
             raise InputError(f"{where}: {table} needs the columns {missing}", table)
@@ -163,12 +163,12 @@ class _Reader:
         with _placed(where):
             found = kind(**values)
         if found.name in self.places and kind is not Course:
-            raise InputError(f"{where}: there is a row {found.name!r} already", "row")
+            raise InputError(f"{where}: there is already a row {found.name!r}", "row")
         self.places[found.name] = where
         return found
 
     def _cell_of(self, name: Any, cells: Mapping[str, Any], where: str) -> Any:
-        """Return the cell that a row names: an entry of the file, or a type without constants."""
+        """Return the cell named by a row: an entry of the file, or a type without constants."""
         self._known(where, "cell", name, {**cells, **CELLS})
         if name in cells:
             return cells[name]
@@ -184,7 +184,7 @@ class _Reader:
 
     @staticmethod
     def _known(where: str, what: str, given: Any, known: Any) -> None:
-        """Raise ValueError if a name is none of those known."""
+        """Raise ValueError if a name is unknown."""
         if not isinstance(given, str) or given not in known:
             names = ", ".join(known)
             said = f"{where}: there is no {what} {given!r}; there are {names}"
@@ -208,7 +208,7 @@ def _needed(kind: type, *given: str) -> str:
 
 @contextmanager
 def _placed(where: str) -> Iterator[None]:
-    """Put a place before the message of an error."""
+    """Prefix the message of an error with its location."""
     try:
         yield
     except (ValueError, TypeError) as error:
@@ -220,7 +220,7 @@ def _hashable(value: Any) -> Any:
 
 
 def _lines(given: str) -> dict[tuple[str, str | int], int]:
-    """Return the line of each key of a table, and of its rows where each has a line of its own."""
+    """Return the line number of each key of a table, and of rows that are on separate lines."""
     table, rows, found = "", 0, dict[tuple[str, str | int], int]()
     for number, line in enumerate(map(str.strip, given.splitlines()), 1):
         if header := re.match(r"\[\s*([\w.-]+)\s*\]", line):

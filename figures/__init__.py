@@ -1,1 +1,1 @@
-"""One script a figure: compute a tidy table, then draw it."""
+"""One script per figure: each computes a tidy table and then draws it."""

@@ -13,18 +13,18 @@ CAPTIONS = Path(__file__).with_name("captions.toml")
 
 @dataclass(frozen=True)
 class Caption:
-    """What a reader of one figure is told; MyST Markdown, without line breaks."""
+    """The caption of one figure in parts; MyST Markdown, without line breaks."""
 
     title: str
     """A few words."""
     question: str
-    """What somebody who studies the brain would ask."""
+    """The question that the figure answers, in a neuroscientist's words."""
     caption: str
     """Panels (``**a**``), marks, numbers of trials and intervals."""
     answer: str
-    """What the figure says to the question."""
+    """The figure's answer to the question."""
     command: str
-    """What draws it."""
+    """The command that draws it."""
 
 
 def captions(settings: Settings) -> dict[str, Caption]:
@@ -33,14 +33,14 @@ def captions(settings: Settings) -> dict[str, Caption]:
     Parameters
     ----------
     settings : Settings
-        The numbers that are filled in.
+        The numbers to fill in.
 
     Raises
     ------
     KeyError
-        If a placeholder is no field of ``Settings``.
+        If a placeholder is not a field of ``Settings``.
     TypeError
-        If a figure lacks a key or has one too many.
+        If a figure has a missing or an extra key.
     """
     numbers = {field.name: _shown(getattr(settings, field.name)) for field in fields(settings)}
     every = tomllib.loads(CAPTIONS.read_text(encoding="utf-8"))
@@ -55,8 +55,8 @@ def _line(text: str, numbers: dict[str, str]) -> str:
 
 
 def _shown(value: float | tuple[float, ...]) -> str:
-    """Return a number, or several, as text: thousands apart, no trailing zeros."""
+    """Return one or more numbers as text, with thousands separated and no trailing zeros."""
     if isinstance(value, tuple):
         return ", ".join(map(_shown, value))
-    # No-break spaces: a line's end cuts no number.
+    # No-break spaces keep a number on one line.
     return f"{value:,}".replace(",", "\u202f") if isinstance(value, int) else f"{value:g}"

@@ -1,4 +1,4 @@
-"""What every figure shares: its settings, how a script is called, and how a picture is saved."""
+"""Shared by all figures: settings, the command line of the scripts, and saving of pictures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
-# Nats in the spiking circuit a nat of evidence.
+# Nats in the spiking circuit per nat of evidence.
 GAIN = 0.5
 # For circuits that are edited many times over. Each starts at its own rest: a third of the usual
 # time to settle will do.
@@ -39,7 +39,7 @@ STYLE = Path(__file__).with_name("style.mplstyle")
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers that the figures are made with."""
+    """Parameters of the figures."""
 
     seed: int = 2023
     # Not printed in the paper.  t_max lets 1.5 mm integrate without limit on the others; xi puts
@@ -58,16 +58,16 @@ class Settings:
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 600
     varied_trials: int = 100
-    # So many changes of the circuit's numbers: those that move its fixed point most.
+    # Number of changes of the circuit's numbers: those that move its fixed point most.
     varied: int = 40
-    # Of these, so many are made in spikes too.
+    # Of these, the number also made in spikes.
     varied_in_spikes: int = 5
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
     lesioned_trials: int = 14
-    # Every so-many-th lesion of figure C5 decides in spikes too.
+    # Step between lesions of figure C5 that are also run in spikes.
     spiking_every: int = 3
-    # And every so-many-th level of figure D2.
+    # And between levels of figure D2.
     spiking_levels: int = 5
     # Of a reading in figures C3 and C4 a; an easier task takes less time.
     d_prime: float = 0.5
@@ -121,7 +121,7 @@ def run(**steps: Callable[..., Any]) -> None:
 
 
 def begin() -> None:
-    """Begin a process of steps, which ends with its parent alone: that hears Ctrl-C."""
+    """Start a process that runs steps; it ends only with its parent, which handles Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end() -> None:
@@ -134,25 +134,25 @@ def begin() -> None:
 
 
 def make(script: str, step: str, inputs: Sequence[str], output: str, fast: bool) -> None:
-    """Make a table or a picture: a step of a script, by its name.
+    """Make a table or a picture by running a step of a script.
 
     Raises
     ------
     RuntimeError
-        The step failed, as is said on stderr, or asked for the end of its process, which belongs
-        to other steps too.
+        If the step failed (stderr has the details), or tried to end its process, which other steps
+        share.
     """
     try:
         found = getattr(import_module(f"figures.{script}"), step)
         _make(found, [Path(path) for path in inputs], Path(output), fast)
     except BaseException as error:
-        # Snakemake, told to be quiet, does not.
+        # In quiet mode Snakemake does not print it.
         traceback.print_exc()
         raise RuntimeError(f"figures/{script}.py, step {step}") from error
 
 
 def _make(step: Callable[..., Any], inputs: Sequence[Path], output: Path, fast: bool) -> None:
-    # Steps share processes: none may change how the next one warns or draws.
+    # Steps share processes, so a step must not change how the next one warns or draws.
     with warnings.catch_warnings(), mpl.rc_context():
         plt.style.use(STYLE)
         made = step(FAST if fast else FULL, *inputs, output=output)
@@ -161,7 +161,7 @@ def _make(step: Callable[..., Any], inputs: Sequence[Path], output: Path, fast: 
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture as PNG and PDF, whole or not at all, with no time stamp inside."""
+    """Write a picture as PNG and PDF, completely or not at all, without a time stamp."""
     for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", {"Software": None})):
         with replacing(path.with_suffix(ending)) as partial:
             figure.savefig(partial, metadata=metadata)
@@ -175,7 +175,7 @@ def letter(ax: Any, text: str) -> None:
 
 
 def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Return the rows of a table whose columns have the values that are given."""
+    """Return the rows of a table whose columns have the given values."""
     for name, value in values.items():
         table = table[table[name] == value]
     return table
@@ -204,19 +204,19 @@ def bars(
     Parameters
     ----------
     ax : Axes
-        Where.
+        Axes to draw on.
     at : array
-        Where on the other axis.
+        Positions on the other axis.
     rows : DataFrame
         Columns value, low and high; or NAME, NAME_low and NAME_high.
     name : str
-        The column that is drawn.
+        The column to draw.
     unit : float
-        What values are divided by.
+        Divisor of the values.
     across : bool
         Whether values run along the horizontal axis.
     **style :
-        Of ``Axes.errorbar``.
+        Options of ``Axes.errorbar``.
     """
     value, away = rows[name] / unit, off(rows, name) / unit
     if across:
@@ -231,13 +231,13 @@ def key(figure: Figure, *axes: Any, more: Sequence[Artist] = (), **style: Any) -
     Parameters
     ----------
     figure : Figure
-        Where.
+        The figure.
     *axes : Axes
-        Panels whose labels it shows; each label once.
+        Panels whose labels it shows, each label once.
     more : sequence of Artist
         Further marks, with their labels.
     **style :
-        Of ``Figure.legend``.
+        Options of ``Figure.legend``.
     """
     shown: dict[Any, Any] = {}
     for ax in axes:
@@ -249,13 +249,13 @@ def key(figure: Figure, *axes: Any, more: Sequence[Artist] = (), **style: Any) -
 
 
 OLDER = "table made with an older circuit"
-"""What is written under a figure whose table no longer goes with the default circuit."""
+"""Note under a figure whose table was not made with the present default circuit."""
 
 
 def older(table: Path) -> bool:
-    """Whether a score's table was made with another circuit than today's default.
+    """Whether a score's table was made with a circuit other than the present default.
 
-    Where it names several circuits, whether one of these is another today.
+    If it names several circuits, whether any of them has changed.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def say_if_older(figure: Figure, *tables: Path) -> None:
         warnings.warn(said, stacklevel=2)
         written = figure.supxlabel(said)
         for legend in figure.legends:
-            # It has the lowest place: the words head it instead of lying on it.
+            # A legend below all panels gets the note as its title, so that they do not overlap.
             written.set_text("")
             legend.set_title(said)
             written = legend.get_title()

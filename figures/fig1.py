@@ -1,4 +1,4 @@
-"""Figure 1: the sensor, its pins, its response to gratings, and the decoder beside humans."""
+"""Figure 1: the sensor, its pins, its response to gratings, and decoder versus humans."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ TITLE = {"fontsize": 8, "fontweight": "bold"}
 
 
 def compute(settings: Settings, done: Path, *, output: Path) -> None:
-    """Tap every grating at many phases without noise: how much of it reaches the pins."""
+    """Tap every grating at many phases without noise to measure the signal at the pins."""
     nuisance = Nuisance(marker_noise_um=0, offset_sd_mm=0, shear_sd_mm=0, force_n=(1.5, 1.5))
     contacts, rows = contact_library(), []
     for period in settings.periods_mm:
         rng, periods = stream(settings.seed, "fig1", period), np.full(64, period)
         taps = simulate(periods, YAW_DEG, rng=rng, nuisance=nuisance, library=contacts)
         size = np.linalg.norm(taps.displacement_mm, axis=2)
-        # What changes from phase to phase at one place is what the grating alone does.
+        # Changes between phases at one place are due to the grating alone.
         modulation = np.sqrt(2) * (size - size.mean(axis=0)).std(axis=0).mean()
         rows.append({"period_mm": period, "modulation_um": 1000 * modulation})
     write_table(pd.DataFrame(rows), output, seed=settings.seed, nuisance=nuisance)
@@ -72,7 +72,7 @@ def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
 
 
 def _example(settings: Settings) -> Taps:
-    """Return one tap a grating, all at the same place, without marker noise."""
+    """Return one tap per grating, all at the same place, without marker noise."""
     labels = pd.DataFrame({"period_mm": settings.periods_mm, "yaw_deg": YAW_DEG, "phase": 0.0})
     labels["force_n"] = 1.5
     labels[["offset_x_mm", "offset_y_mm", "shear_x_mm", "shear_y_mm"]] = 0.0
@@ -92,7 +92,7 @@ def _response(ax: Axes, table: pd.DataFrame) -> None:
 
 
 def _decoder(ax: Axes, table: pd.DataFrame) -> None:
-    """Draw how often the sign of the decoded angle tells -45 from 45 degrees."""
+    """Draw how often the sign of the decoded angle discriminates -45 from 45 degrees."""
     both = table[np.isclose(np.abs(table["yaw_deg"]), 45)]
     right = (both["psi_deg"] > 0) == (both["yaw_deg"] > 0)
     scored = right.groupby(both["period_mm"]).agg(["sum", "size"])

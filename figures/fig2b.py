@@ -1,4 +1,4 @@
-"""Figure 2b: from the state of the world to a response, and evidence on its way to a bound."""
+"""Figure 2b: from the state of the world to a response, and evidence accumulation to a bound."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def follow(readings: Source, settings: Settings, trials: int = 2000) -> pd.DataFrame:
-    """Return one row a trial and reading: Z, with the trial's truth, choice and steps."""
+    """Return one row per trial and reading: Z, with the trial's truth, choice and steps."""
     evidence = readings.draw(trials, settings.t_max, rng=stream(settings.seed, "fig2b"))
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(sprt_threshold_from_gap(GAP)))

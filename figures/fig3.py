@@ -1,4 +1,4 @@
-"""Figure 3: the pipeline, drawn."""
+"""Figure 3: a diagram of the pipeline."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BOXES = (
 
 
 def draw(settings: Settings, *, output: Path) -> Figure:
-    """Draw the boxes, the loop over readings and the way back from reward to threshold."""
+    """Draw the boxes, the loop over readings and the feedback from reward to threshold."""
     figure, ax = plt.subplots(figsize=(7.2, 1.9))
     ax.set(xlim=(-0.55, 5.55), ylim=(-1.15, 1.1))
     ax.set_axis_off()

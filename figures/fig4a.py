@@ -20,19 +20,19 @@ GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw one curve a gap, bolder for a wider one."""
+    """Draw one curve per gap, bolder for a wider one."""
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.4, 2.8))
     for i, gap in enumerate(GAPS):
         here = table[np.isclose(table["delta"], gap)]
         folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
-        # Trials are many, taps are few: the interval is that of six folds of taps.
+        # There are many trials but few taps, so the interval is over six folds of taps.
         half = t.ppf(0.975, folds.shape[1] - 1) * folds.sem(axis=1)
         style: dict[str, Any] = {
             "color": plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1)),
             "capsize": 2,
         }
-        # Side by side, so that no bar hides another.
+        # Side by side, so that bars do not overlap.
         x = folds.index + 0.03 * (i - (len(GAPS) - 1) / 2)
         ax.errorbar(x, folds.mean(axis=1), half, lw=0.7 + 0.3 * i, label=f"{gap:g}", **style)
     accuracy_axis(ax)
@@ -45,7 +45,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 
 def _tied(ax: Axes, table: pd.DataFrame) -> None:
-    """Name the gratings whose readings say nothing in any fold: each response is a forced tie."""
+    """Label gratings whose readings are uninformative in all folds: all responses are ties."""
     largest = table.groupby("period_mm")["shrink"].max()
     tied = largest.index[largest == 0]
     if len(tied):

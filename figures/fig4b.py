@@ -1,4 +1,4 @@
-"""Figure 4b: speed against accuracy of single gratings."""
+"""Figure 4b: speed-accuracy trade-off for single gratings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table
 from figures.common import COLOUR, Settings, letter, run
 
-# From 3 mm on one reading decides, and the curve is a point.
+# From 3 mm on, one reading decides and the curve is a point.
 SHOWN_MM = (0.0, 1.0, 1.5, 2.0, 2.5)
 
 
@@ -28,7 +28,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         window = min(10, max(1, len(mean) // 8))
         time, accuracy = (smoothed(mean[n].to_numpy(), window) for n in ("mean_steps", "accuracy"))
         style: dict[str, Any] = {"color": colour, "label": f"{period:g} mm" if period else "smooth"}
-        # Forced ties of both lie on one line: dashes leave the lower one to be seen.
+        # The curves of two gratings with forced ties coincide: dashes keep the lower one visible.
         speed_accuracy(ax, time, accuracy, ls="--" if period == 1.0 else "-", **style)
         ax.plot(mean["exact_mean_steps"], mean["exact_accuracy"], ":", color=colour, lw=0.9)
     ax.plot([], [], "k:", lw=0.9, label="exact")

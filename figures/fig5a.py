@@ -1,4 +1,4 @@
-"""Figure 5a: the gap acquired by REINFORCE with baseline, and how it converges."""
+"""Figure 5a: the gap learned by REINFORCE with baseline, and its convergence."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw a column per grating: the gap of all runs trial by trial, and the regret they end with.
 
-    Both starts have a median and 10-90 % of all runs, beside the exact optimum of each fold.
+    For both starts, the median and 10-90 % of all runs, with the exact optimum of each fold.
     """
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), height_ratios=[2.4, 1], sharey="row")
@@ -77,7 +77,7 @@ def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 
 
 def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
-    """Draw how many runs end with which cost beyond the optimum of their fold."""
+    """Draw the distribution over runs of the final cost beyond the optimum of their fold."""
     final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
     bins: Any = np.linspace(-1, max(6, np.ceil(final.max())), 22)
     kind: Any
@@ -87,7 +87,7 @@ def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 
 
 def _marks() -> list[Any]:
-    """Return the marks of all panels, in no grating's colour."""
+    """Return the marks of all panels, in neutral colours."""
     narrow, wide = (f"from {start:g} nats: " for start in STARTS)
     grey: dict[str, Any] = {"color": "0.4"}
     return [

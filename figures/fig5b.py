@@ -24,7 +24,7 @@ DOTS = 1500
 
 
 def search(settings: Settings, taps: Path, *, output: Path) -> None:
-    """Search all gaps on 1.4e6 trials a grating, a sixth of them on each fold."""
+    """Search all gaps on 1.4e6 trials per grating, a sixth of them on each fold."""
     table = read_table(taps)
     parts = []
     for period in COLOUR:
@@ -41,7 +41,7 @@ def search(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def dots(settings: Settings, taps: Path, *, output: Path) -> None:
-    """Draw single trials, each with a gap of its own, for the cloud of sampled rewards."""
+    """Draw single trials, each with a different gap, for the cloud of sampled rewards."""
     table = read_table(taps)
     parts = []
     for period in COLOUR:
@@ -60,7 +60,7 @@ def dots(settings: Settings, taps: Path, *, output: Path) -> None:
 def draw(
     settings: Settings, searched: Path, dotted: Path, learned: Path, *, output: Path
 ) -> Figure:
-    """Draw a panel a grating."""
+    """Draw one panel per grating."""
     tables = [read_table(path) for path in (searched, dotted, learned)]
     figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), sharex=True, height_ratios=[1, 1.2])
     for column, period in enumerate(COLOUR):
@@ -82,7 +82,7 @@ def draw(
 
 
 def _key() -> list[Any]:
-    """Return the marks of all panels, in no grating's colour."""
+    """Return the marks of all panels, in neutral colours."""
     return [
         Line2D([], [], ls="", marker=".", ms=3, color="0.75", label="reward of one trial"),
         Line2D([], [], lw=2.2, alpha=0.5, color="0.3", label="mean of sampled trials"),

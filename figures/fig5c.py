@@ -1,4 +1,4 @@
-"""Figure 5c: how the optimal gap and its price depend on xi, which the paper does not print."""
+"""Figure 5c: how the optimal gap and its cost depend on xi, which the paper does not give."""
 
 from __future__ import annotations
 

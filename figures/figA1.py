@@ -1,8 +1,8 @@
-"""Figure A1: rates by choice and strength in three windows, as STN cells of monkeys were read.
+"""Figure A1: rates by choice and strength in three windows, as in recordings of monkey STN.
 
-The windows are those of Branam, Gold & Ding 2024, here of every nucleus of the circuit, by
-populations, and of some strengths in spikes. What is like which of their kinds is said by
-correlation with simple patterns.
+The windows are those of Branam, Gold & Ding 2024, here for every nucleus of the circuit, with the
+population engine, and with spikes for some strengths. Correlations with simple patterns measure
+the similarity to their three types of cells.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from figures.windows import PREFERRED, WINDOWS, averaged, finish_rows, likeness,
 
 NUCLEI = {"ctx": "ctx (as LIP)", "D1": "D1 (as caudate)", "STN": "STN", "GPe": "GPe", "SNr": "SNr"}
 D_PRIMES = (0.125, 0.25, 0.5, 0.75, 1.0)
-"""Strengths: d' a reading of 50 ms."""
+"""Strengths: d' per reading of 50 ms."""
 IN_SPIKES = (0.25, 1.0)
 READINGS, STEP_MS, SAMPLE_MS = 40, 50.0, 5.0
 POSTERIOR = 0.9
@@ -60,7 +60,7 @@ def windows(model: BasalGanglia, d_prime: float, trials: int, seed: int) -> pd.D
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw a row per nucleus and a column per window, and the likeness to the three patterns."""
+    """Draw a row per nucleus and a column per window, and the similarity to the three patterns."""
     table = read_table(data)
     figure, axes = plt.subplots(
         len(NUCLEI), 4, figsize=(7.2, 7.4), sharex="col", width_ratios=[1, 1, 1, 1.1]
@@ -79,8 +79,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     letter(axes[0, 0], "a  100-300 ms")
     letter(axes[0, 1], "b  300-500 ms")
     letter(axes[0, 2], "c  response ± 100 ms")
-    letter(axes[0, 3], "d  likeness")
-    finish_rows(axes, NUCLEI.values(), D_PRIMES, ticks, "strength, d' a reading")
+    letter(axes[0, 3], "d  similarity")
+    finish_rows(axes, NUCLEI.values(), D_PRIMES, ticks, "strength, d' per reading")
     key(figure, axes[0, 0], ncols=3)
     return figure
 

@@ -1,4 +1,4 @@
-"""Figure A2: conflict, a competitor with nearly the evidence of the true channel, and STN."""
+"""Figure A2: conflict (a competitor with nearly as much evidence as the true channel) and STN."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ D_PRIMES = {1.0: "C0", 0.5: "C1"}
 NUCLEI = {"STN": "C0", "GPe": "C1", "SNr": "C2"}
 STEP_MS, SAMPLE_MS, READINGS = 50.0, 5.0, 12
 WINDOW_MS = (150.0, 600.0)
-"""After the onset: when rates are averaged."""
+"""Averaging window of rates, after the onset."""
 OLD = "spiking_msprt"
-"""The circuit that gets evidence without its mean over channels."""
+"""The circuit whose evidence has its mean over channels subtracted."""
 GAINS = (0.0, 0.4, 0.8, 1.25)
-"""Of the fast inhibition of cortex; at 0 its cells are held at their rest."""
+"""Gains of the fast cortical inhibition; at 0 its cells are held at their resting rate."""
 DEFAULT_GAIN = GAINS[-1]
 AT = 0.90
 DECIDED = {2: (0.5, 120), 4: (1.0, 40)}
-"""By alternatives: d' of the evidence whose decisions are compared, and its readings."""
+"""By number of alternatives: d' and readings of the evidence on which decisions are compared."""
 FALL_NATS, FALL_STEPS, BEFORE_STEPS = -1.0, 30, 10
 LINEAR, EXACT = "linear", "exact"
 
 
 def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
-    """Return the default circuit with a gain of cortical inhibition, all rates at rest kept."""
+    """Return the default circuit with a gain of cortical inhibition, all resting rates kept."""
     table = load_circuit(DEFAULT, channels)
     if not gain:
         return table.clamp("ctx_inh")
@@ -55,24 +55,24 @@ def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
 
 
 def circuits() -> dict[str, Circuit]:
-    """Return the circuits by name: the default one by its fast inhibition, and the old one."""
+    """Return the circuits by name: the default with each gain of inhibition, and the old one."""
     return {f"{gain:g}": with_fast(gain) for gain in GAINS} | {OLD: load_circuit(OLD, CHANNELS)}
 
 
 SHOWN = {f"{DEFAULT_GAIN:g}": "default", "0": "ctx_inh held", OLD: OLD}
-"""Circuits that are run in spikes too, and drawn in time."""
+"""Circuits that are also run in spikes, and whose time courses are drawn."""
 COLOURS = dict(zip(SHOWN, ("C0", "C4", "C3"), strict=True))
 
 
 def conflicting(settings: Settings, conflict: float, d_prime: float, trials: int) -> Evidence:
-    """Draw evidence; that with conflict differs from that without in one mean alone."""
+    """Draw evidence; conflict changes only one channel's mean."""
     given: dict[str, Any] = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
     rng = stream(settings.seed, "figA2", f"{d_prime:g}")
     return gaussian_evidence(trials, channels=CHANNELS, conflict=conflict, seed=rng, **given)
 
 
 def rates(settings: Settings, *, output: Path) -> None:
-    """Measure what conflict adds to rates, by populations and in spikes, beside the theory."""
+    """Measure the effect of conflict on rates, with populations, spikes and in theory."""
     parts = []
     for d_prime in D_PRIMES:
         for name, table in circuits().items():
@@ -92,8 +92,8 @@ def rise(
     -------
     DataFrame
         Columns circuit, engine, d_prime, nucleus, time_ms (NaN for the mean of the window),
-        mean_ms (over which the rate is a mean), value, low, high (the rise and its 95 % interval
-        over trials), and both rates, plain_hz and conflict_hz. In time STN alone.
+        mean_ms (averaging time of the rate), value, low, high (the rise and its 95 % interval over
+        trials), and both rates, plain_hz and conflict_hz. Time courses only for STN.
     """
     chosen = engine_of(engine, settle_ms=BRIEF_MS, sample_ms=SAMPLE_MS)
     trials = settings.circuit_trials // 2 if chosen.spiking else 2 * settings.circuit_trials
@@ -106,7 +106,7 @@ def rise(
         for _, activity, _ in model.batches(shown):
             time_ms = activity.time_ms
             for nucleus, hz in seen.items():
-                # Channels make up the nucleus; the course is that of single trials.
+                # Averaged over the channels of the nucleus; trials stay separate.
                 hz.append(activity.rates_hz[nucleus].mean(axis=2).astype(np.float64))
         found.append({nucleus: np.concatenate(hz) for nucleus, hz in seen.items()})
     window = (time_ms >= WINDOW_MS[0]) & (time_ms <= WINDOW_MS[1])
@@ -132,7 +132,7 @@ def course(
     weights: npt.NDArray[np.float64],
     mean_ms: float,
 ) -> list[tuple[float, float, npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
-    """Return the middle of each span, its length, and both rates for weights of trials (B,)."""
+    """Return the centre and length of each span, and both rates for weights of trials (B,)."""
     pairs = []
     for k, first in enumerate(range(0, plain.shape[1], per := round(mean_ms / SAMPLE_MS))):
         means = [hz[:, first : first + per].mean(axis=1) for hz in (plain, with_competitor)]
@@ -142,7 +142,7 @@ def course(
 
 
 def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
-    """Return the rise of STN, per cent, if nothing of the common mode were cancelled.
+    """Return the rise of STN, per cent, if none of the common mode were cancelled.
 
     S is the log of the channels' mean exponential. STN's sum answers ``ln Sigma = S - w G`` with
     ``G = Sigma - ln Sigma``: a nat of S raises it by 1 / (1 + L) at rest, L = w (Sigma - 1)
@@ -175,7 +175,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
 
 
 def frontier(settings: Settings, *, output: Path) -> None:
-    """Measure what each gain does to OUT after a common fall, and to decision times."""
+    """Measure the effect of each gain on OUT after a common fall, and on decision times."""
     rows: list[tuple[object, ...]] = []
     for gain in GAINS:
         fall = fall_of_out(with_fast(gain))
@@ -211,7 +211,7 @@ def fall_of_out(table: Circuit) -> float:
 
 
 def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Figure:
-    """Draw the rise by gain of inhibition and by nucleus, in time, and what it is traded for."""
+    """Draw the rise by gain of inhibition and by nucleus, over time, and the trade-offs."""
     table, traded = read_table(rated), read_table(decided)
     figure = plt.figure(figsize=(7.4, 5.0))
     axes = figure.subplots(2, 3)
@@ -225,15 +225,15 @@ def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Fig
     _times(axes[1, 2], window, traded)
     letter(axes[0, 0], "a  STN, by fast inhibition")
     letter(axes[0, 1], "b  nuclei, d' = 1")
-    letter(axes[0, 2], "c  STN in time, d' = 1")
-    letter(axes[1, 0], "d  rise of STN in time, d' = 1")
-    letter(axes[1, 1], "e  beside a common fall")
-    letter(axes[1, 2], "f  beside decision times")
+    letter(axes[0, 2], "c  STN over time, d' = 1")
+    letter(axes[1, 0], "d  rise of STN over time, d' = 1")
+    letter(axes[1, 1], "e  versus common fall")
+    letter(axes[1, 2], "f  versus decision times")
     return figure
 
 
 def _gains(ax: Any, table: pd.DataFrame) -> None:
-    """Show STN's rise against the gain of inhibition, and in the old circuit right of it."""
+    """Show STN's rise against the gain of inhibition, and to the right in the old circuit."""
     stn, old = where(table, nucleus="STN"), GAINS[-1] + 0.4
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     for d_prime, colour in D_PRIMES.items():
@@ -280,7 +280,7 @@ def _nuclei(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _courses(ax: Any, table: pd.DataFrame) -> None:
-    """Show STN's rate in time, without and with conflict."""
+    """Show STN's rate over time, without and with conflict."""
     for name, label in SHOWN.items():
         for mean_ms, lw in ((SAMPLE_MS, 0.4), (STEP_MS, 1.4)):
             rows = where(table, circuit=name, mean_ms=mean_ms)
@@ -295,7 +295,7 @@ def _courses(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _added(ax: Any, table: pd.DataFrame) -> None:
-    """Show in time what conflict adds to STN, with its interval; shaded, the window."""
+    """Show the effect of conflict on STN over time, with its interval; shaded, the window."""
     ax.axvspan(*WINDOW_MS, color="0.93", lw=0, zorder=0)
     ax.axhline(0, color="0.7", lw=0.8, zorder=0)
     for name, label in SHOWN.items():
@@ -308,14 +308,14 @@ def _added(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _rises(window: pd.DataFrame) -> pd.DataFrame:
-    """Return STN's rise by populations, d' 1, a row per gain in the order of ``GAINS``."""
+    """Return STN's rise with populations, d' = 1, one row per gain in the order of ``GAINS``."""
     rows = where(window, nucleus="STN", d_prime=1, engine="population")
     rows = rows[rows["circuit"] != OLD]
     return rows.set_index(rows["circuit"].astype(float)).loc[list(GAINS)]
 
 
 def _fall(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
-    """Show STN's rise against how far OUT falls with all channels."""
+    """Show STN's rise against the fall of OUT when all channels fall."""
     rises = _rises(window)
     fall = where(traded, measure="fall_nats").set_index("gain").loc[list(GAINS)]
     bars(ax, fall["value"], rises, fmt="o-", ms=3.5, lw=1, color="k")
@@ -339,7 +339,7 @@ def _times(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
 
 
 def _named(ax: Any, x: pd.Series, y: pd.Series) -> None:
-    """Write the gain beside each point."""
+    """Label each point with its gain."""
     for gain in GAINS:
         ax.annotate(f"{gain:g}", (x[gain], y[gain]), (4, 3), textcoords="offset points", fontsize=7)
 

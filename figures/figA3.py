@@ -1,4 +1,4 @@
-"""Figure A3: what is left of a changed weight after homeostasis, and how rates come back."""
+"""Figure A3: residual effects of changed weights after homeostasis, and recovery of rates."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from figures.common import Settings, bars, key, letter, run, say_if_older, where
 CHANNELS = (2, 4)
 UP, DOWN = " weight +20%", " weight -20%"
 CHANGES = {DOWN: ("<", -0.24), UP: (">", 0.24)}
-"""Mark of a change, and where in its row it stands."""
+"""Marker of a change, and its vertical offset in the row."""
 APART = 0.14
-"""Distance of the states of a changed circuit, in rows."""
+"""Vertical distance between the states of a changed circuit, in rows."""
 RULES = {
     "acute": ("acute", "C1"),
     "biases": ("homeostasis", "C0"),
     "both": ("homeostasis and balance", "C2"),
 }
-"""States of a changed circuit as the table's columns name them, from the lowest in a row on."""
+"""States of a changed circuit by the table's column names, from the bottom of a row up."""
 BEYOND = 0.075
-"""How far left of the intervals of both panels stands what does not reach the accuracy."""
+"""Distance, left of all intervals, at which circuits that miss the accuracy are marked."""
 TIME_STEP, SHOWN_UNTIL = 0.02, 6.0
 """Time step and end of the courses, in time constants of the rule."""
-EDITS = ("STN->SNr weight x .8", "half of STN lost")
+EDITS = ("STN->SNr weight x 0.8", "half of STN lost")
 POPULATIONS = {"ctx": "C4", "D1": "C2", "D2": "C3", "STN": "C0", "GPe": "C1", "SNr": "k"}
 
 
 def course(settings: Settings, *, output: Path) -> None:
-    """Run the rule after two edits: rates over those of the table at rest."""
+    """Run the rule after two edits: rates relative to the table's resting rates."""
     table = load_circuit(DEFAULT)
     weight = table.projection("STN", "SNr").weight
     edited = (table.with_projection("STN", "SNr", weight=0.8 * weight), table.lesion("STN", 0.5))
@@ -49,7 +49,7 @@ def course(settings: Settings, *, output: Path) -> None:
 
 
 def reference(course: pd.DataFrame, table: Any) -> pd.Series:
-    """Return the rate at rest of each row's population before the edit, Hz."""
+    """Return the resting rate of each row's population before the edit, Hz."""
     return course["population"].map(resting_hz(table))
 
 
@@ -103,12 +103,12 @@ def _weights(ax: Any, table: pd.DataFrame, count: int, weights: list[str], lost:
 
 
 def _course(ax: Any, table: pd.DataFrame) -> None:
-    """Show rates over their own at rest, from the edit on."""
+    """Show rates relative to their resting rates, from the edit on."""
     ax.axhline(1, color="0.8", lw=0.8, zorder=0)
     for name, colour in POPULATIONS.items():
         rows = where(table, population=name).sort_values("time")
         ax.plot(rows["time"], rows["share"], color=colour, lw=1.1, label=name)
-    ax.set(ylabel="rate / its rate at rest", xlim=(0, SHOWN_UNTIL))
+    ax.set(ylabel="rate / resting rate", xlim=(0, SHOWN_UNTIL))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ CHANGES = (
     ("mean_ms", 1000, "change of mean time (s)"),
     ("accuracy", 1, "change of accuracy"),
 )
-"""A measure, what it is divided by, and its axis."""
+"""A measure, its divisor, and its axis label."""
 CAVANAGH: dict[str, Any] = {
     "mean_ms": {0.0: (-74, 57), CONFLICT: (-126, 71)},
     "accuracy": {0.0: (-0.034, 0.038), CONFLICT: (-0.013, 0.041)},
@@ -33,13 +33,13 @@ Computed from the trials of Cavanagh et al. 2011 (conflict: two good or two bad 
 T_OF_14 = 2.16
 """Half a 95 % interval of 14 people, in standard errors."""
 AT_NATS = 0.93
-"""Where what people did is drawn, right of all rebounds."""
+"""Position of the human data, to the right of all rebounds."""
 SHOWN, SLOW = "d' 0.5, N = 4", ("d' 0.5, N = 2", "d' 0.5, N = 4")
-"""The evidence of panels c and d, and that of panel e."""
+"""Evidence of panels c and d, and of panel e."""
 
 
 def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Figure:
-    """Draw time and accuracy against the rebound, by what is lost, and early responses."""
+    """Draw time and accuracy against the rebound and the fraction lost, and early responses."""
     behaviour, anticipation = read_table(behaved), read_table(ahead)
     tasks = list(behaviour["evidence"].unique())
     figure = plt.figure(figsize=(7.4, 6.6))
@@ -56,12 +56,12 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
     for row, name, (*_, label) in zip(grid, ("a  ", "b  "), CHANGES, strict=True):
         row[0].set_ylabel(label)
         letter(row[0], name)
-    grid[1, 1].set_xlabel("rebound of SNr after a loss of all of STN (nats)")
+    grid[1, 1].set_xlabel("rebound of SNr after loss of all of STN (nats)")
     lower: Any = grids[1].subgridspec(1, 3).subplots()
     rows = where(behaviour, evidence=SHOWN)
     for ax, (measure, unit, label) in zip(lower, CHANGES, strict=False):
         _by_loss(ax, rows, measure, unit)
-        ax.set(ylabel=label, xlabel="part of STN lost (%)")
+        ax.set(ylabel=label, xlabel="fraction of STN lost (%)")
     letter(lower[0], f"c  time, {SHOWN}")
     letter(lower[1], f"d  accuracy, {SHOWN}")
     key(figure, grid[0, 0], lower[0], ncols=3, columnspacing=1.5)
@@ -72,16 +72,16 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
 
 
 def tuned_rebound(rows: pd.DataFrame) -> float:
-    """Return the rebound after a whole loss that was found on tuning seeds, nats.
+    """Return the rebound after complete loss that was found on tuning seeds, nats.
 
-    Of a part of STN that is lost the score takes that part of it, and no other.
+    After a partial loss, the score uses the same fraction of this rebound.
     """
     part = rows[(rows["lost"] == 0.5) & (rows["rebound_nats"] > 0)]
     return float((part["rebound_nats"] / part["lost"]).iloc[0])
 
 
 def _against_rebound(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
-    """Show the change after a loss of all of STN, recovered, by conflict."""
+    """Show the change after loss of all of STN and recovery, by conflict."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     rows = where(rows, lost=1, state=RECOVERED).sort_values("rebound_nats")
     for conflict, colour in COLOUR.items():
@@ -92,7 +92,7 @@ def _against_rebound(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> 
 
 
 def _people(ax: Any, measure: str, unit: float) -> None:
-    """Show what stimulation of STN did to people, beside the curves."""
+    """Show the effect of STN stimulation on people, next to the curves."""
     for conflict, (mean, error) in CAVANAGH[measure].items():
         x, off = AT_NATS + (0.03 if conflict else -0.03), T_OF_14 * error / unit
         ax.errorbar(x, mean / unit, off, fmt="D", ms=4, mfc="w", lw=1, color=COLOUR[conflict])
@@ -100,7 +100,7 @@ def _people(ax: Any, measure: str, unit: float) -> None:
 
 
 def _by_loss(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
-    """Show the change by the part that is lost: acute, recovered, with the rebound of that part."""
+    """Show the change by fraction lost: acute, recovered, and with a proportional rebound."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     name, parts = f"{measure}_change", sorted(set(rows["lost"]) - {0.0})
     for i, lost in enumerate(parts):
@@ -137,7 +137,7 @@ def _early(ax: Any, table: pd.DataFrame) -> None:
     intact = table[table["state"] == INTACT]["anticipatory"].max()
     # One line for all of them, at the highest.
     level = max(partly, intact)
-    ax.axhline(level, color="0.6", lw=0.8, zorder=0, label="intact, or a part lost: at most")
+    ax.axhline(level, color="0.6", lw=0.8, zorder=0, label="maximum of intact and partial loss")
     ax.set(xlabel="rebound of SNr (nats)", ylabel="share of responses", ylim=(-0.03, 1.75))
     ax.set_yticks(np.arange(0, 1.1, 0.25))
     ax.legend(loc="upper right", ncols=1)

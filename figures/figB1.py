@@ -1,4 +1,4 @@
-"""Figure B1: decision times over the number of alternatives, with the printed ones (B&G, 3A)."""
+"""Figure B1: decision times by number of alternatives, with the published ones (B&G, 3A)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ TESTS = {
     "UM": ("UM, leaky and competing", "C1", "^"),
     "race": ("race", "C3", "P"),
 }
-"""How each test of the score is called, its colour and its mark."""
+"""Label, colour and marker of each test of the score."""
 
 
 def draw(settings: Settings, times: Path, *, output: Path) -> Figure:
-    """Draw mean times over alternatives, and what each test takes longer than the MSPRT."""
+    """Draw mean times by alternatives, and the extra time of each test over the MSPRT."""
     table = read_table(times)
     figure, axes = plt.subplots(1, 2, figsize=(7.4, 3.4))
     for name, (label, colour, mark) in TESTS.items():
@@ -37,7 +37,7 @@ def draw(settings: Settings, times: Path, *, output: Path) -> Figure:
             1.06 * printed["alternatives"], printed["printed_ms"], marker="_", ms=12, mew=1.6,
             ls="", color=colour,
         )  # fmt: skip
-    axes[0].plot([], [], marker="_", ms=12, mew=1.6, ls="", color="0.3", label="printed, N = 10")
+    axes[0].plot([], [], marker="_", ms=12, mew=1.6, ls="", color="0.3", label="published, N = 10")
     axes[1].axhline(0, color="0.6", lw=0.8)
     axes[0].set_ylabel("mean time at 1 % errors (ms)")
     axes[1].set_ylabel("longer than the MSPRT (ms)")
@@ -47,8 +47,8 @@ def draw(settings: Settings, times: Path, *, output: Path) -> Figure:
         ax.set_xticks([2, 3, 4, 6, 10, 20], ["2", "3", "4", "6", "10", "20"])
         ax.set_xticklabels([], minor=True)
         ax.set_xlabel("alternatives N (logarithmic)")
-    letter(axes[0], "a  time to decide")
-    letter(axes[1], "b  what other tests cost")
+    letter(axes[0], "a  decision time")
+    letter(axes[1], "b  cost of other tests")
     key(figure, axes[0], ncols=4)
     say_if_older(figure, times)
     return figure

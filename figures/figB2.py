@@ -1,4 +1,4 @@
-"""Figure B2: decision times of the MSPRT over the gain on its evidence (B&G, figure 3B)."""
+"""Figure B2: decision times of the MSPRT by gain on its evidence (B&G, figure 3B)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from bgmodel.support.files import read_table
 from figures.common import Settings, bars, key, run, say_if_older, where
 
 AVERAGE = "max vs average"
-"""The score's name of the limit of a low gain."""
+"""The score's name for the limit of low gain."""
 NEXT = "MSPRTb"
 ALTERNATIVES = 10
 
 
 def draw(settings: Settings, over_gain: Path, times: Path, *, output: Path) -> Figure:
-    """Draw mean times over gain, with the limits of a low gain and of a high one."""
+    """Draw mean times by gain, with the limits of low and high gain."""
     table, others = read_table(over_gain), read_table(times)
     limits = {
-        "limit of a low gain: max vs average": where(table, model=AVERAGE),
-        "limit of a high gain: MSPRTb, max vs next": where(
+        "limit of low gain: max vs average": where(table, model=AVERAGE),
+        "limit of high gain: MSPRTb, max vs next": where(
             others, model=NEXT, alternatives=ALTERNATIVES
         ),
     }
@@ -36,7 +36,7 @@ def draw(settings: Settings, over_gain: Path, times: Path, *, output: Path) -> F
     style: dict[str, Any] = {"color": "C0", "marker": "o", "ms": 3.5, "lw": 1}
     bars(ax, swept["gain"], swept, "time_ms", label="MSPRT", **style)
     ax.axvline(1, color="0.7", lw=0.8, ls=":", zorder=0)
-    ax.set(xscale="log", xlabel="gain over that of the exact test",
+    ax.set(xscale="log", xlabel="gain relative to the exact test",
            ylabel="mean time at 1 % errors (ms)")  # fmt: skip
     ax.set_title("ten alternatives", loc="left")
     key(figure, ax, ncols=1)

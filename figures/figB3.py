@@ -1,4 +1,4 @@
-"""Figure B3: the recursive MSPRT on intervals between spikes of cells of area MT."""
+"""Figure B3: the recursive MSPRT on interspike intervals of MT cells."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ TESTS = {
     "rMSPRT, 2 readings": ("2 are summed", "C2", "v", "-"),
     "rMSPRT, 4 readings": ("4 are summed", "C3", "^", "-"),
 }
-"""How each test of the score is called, its colour, mark and line."""
+"""Label, colour, marker and line of each test of the score."""
 
 
 def draw(settings: Settings, readings: Path, *, output: Path) -> Figure:
-    """Draw readings to a decision over coherence, and what tests take more than the MSPRT."""
+    """Draw readings to a decision by coherence, and the excess over the MSPRT."""
     table = read_table(readings)
     figure, axes = plt.subplots(2, 2, figsize=(7.4, 5.6), sharex=True)
     for column, alternatives in zip(axes.T, (2, 4), strict=True):
@@ -40,11 +40,11 @@ def draw(settings: Settings, readings: Path, *, output: Path) -> Figure:
             ax.minorticks_off()
         column[1].set_xlabel("coherence (%)")
     axes[0, 0].set_ylabel("readings at 1 % errors")
-    axes[1, 0].set_ylabel("readings more than the MSPRT")
+    axes[1, 0].set_ylabel("readings beyond the MSPRT")
     letter(axes[0, 0], "a  two directions")
     letter(axes[0, 1], "b  four directions")
-    letter(axes[1, 0], "c  what the loop costs, two")
-    letter(axes[1, 1], "d  what the loop costs, four")
+    letter(axes[1, 0], "c  cost of the loop, two")
+    letter(axes[1, 1], "d  cost of the loop, four")
     key(figure, axes[0, 0], ncols=2)
     say_if_older(figure, readings)
     return figure

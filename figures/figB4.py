@@ -1,4 +1,4 @@
-"""Figure B4: Hick's law, speed against accuracy, quantiles, and taps among several alternatives."""
+"""Figure B4: Hick's law, speed-accuracy trade-off, quantiles, and taps with N alternatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DECIDERS = {
     "population": ("circuit, populations", "C1", "s"),
     "ensemble": ("circuit, spikes", "C3", "^"),
 }
-"""Label, colour and mark of each decider."""
+"""Label, colour and marker of each model."""
 AT_GAIN = "MSPRT at its gain"
 CENTRED = "population, mean taken off"
 GAUSSIAN = "Gaussian, d' 0.5"
@@ -40,7 +40,7 @@ def draw(
     *,
     output: Path,
 ) -> Figure:
-    """Draw times over alternatives, accuracy over time, quantiles, and taps."""
+    """Draw times by alternatives, accuracy by time, quantiles, and taps."""
     every = read_table(times)
     figure, axes = plt.subplots(2, 3, figsize=(7.6, 5.4))
     _hick(axes[0, 0], every, read_table(lines))
@@ -73,7 +73,7 @@ def _hick(ax: Any, times: pd.DataFrame, lines: pd.DataFrame) -> None:
     ax.set_xscale("log")
     ax.set_xticks([2, 3, 4, 6, 8, 12, 20], ["2", "3", "4", "6", "8", "12", "20"])
     ax.minorticks_off()
-    ax.set(xlabel="alternatives N (logarithmic)", ylabel="mean time at accuracy .95 (s)")
+    ax.set(xlabel="alternatives N (logarithmic)", ylabel="mean time at accuracy 0.95 (s)")
     ax.legend(loc="upper left")
 
 
@@ -105,7 +105,7 @@ def _tradeoff(ax: Any, times: pd.DataFrame) -> None:
 
 
 def _quantiles(ax: Any, table: pd.DataFrame) -> None:
-    """Show quantiles of times of right and wrong responses over the share of that response."""
+    """Show RT quantiles of correct and error responses against the response's probability."""
     some = where(table, alternatives=2)
     names = {AT_GAIN: ("MSPRT at its gain", "C0", "o")} | {
         name: DECIDERS[name] for name in ("population", "ensemble")
@@ -123,12 +123,12 @@ def _quantiles(ax: Any, table: pd.DataFrame) -> None:
     ax.axvline(0.5, color="0.8", lw=0.8)
     ax.text(0.49, 0.99, "wrong", ha="right", va="top", fontsize=7, transform=ax.transAxes)
     ax.text(0.51, 0.99, "right", ha="left", va="top", fontsize=7, transform=ax.transAxes)
-    ax.set(xlabel="probability of the response", ylabel="time, quantiles .1 to .9 (s)")
+    ax.set(xlabel="probability of the response", ylabel="time, quantiles 0.1 to 0.9 (s)")
     ax.set(xlim=(0, 1), ylim=(0, 1.1 * ax.get_ylim()[1]))
 
 
 def _taps(ax: Any, times: pd.DataFrame) -> None:
-    """Show mean times on taps over alternatives, of the test and of the circuit."""
+    """Show mean times on taps by alternatives, for the test and the circuit."""
     some = where(times, accuracy=ACCURACY).dropna(subset=["time_ms"])
     looks = {"MSPRT": ("C0", "o"), "population": ("C1", "s"), CENTRED: ("C1", "D")}
     for k, (kind, line) in enumerate(KINDS.items()):
@@ -143,7 +143,7 @@ def _taps(ax: Any, times: pd.DataFrame) -> None:
         label = name.replace(", mean", ",\nmean")
         ax.plot([], [], color=colour, marker=mark, ls="", ms=3.5, label=label)
     ax.set(
-        xscale="log", yscale="log", xlabel="alternatives N", ylabel="mean time at accuracy .95 (s)"
+        xscale="log", yscale="log", xlabel="alternatives N", ylabel="mean time at accuracy 0.95 (s)"
     )
     ax.set_xticks([2, 4, 8], ["2", "4", "8"])
     ax.set_yticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
@@ -153,7 +153,7 @@ def _taps(ax: Any, times: pd.DataFrame) -> None:
 
 
 def _errors(ax: Any, table: pd.DataFrame) -> None:
-    """Show the share of errors over what the criterion allows."""
+    """Show the share of errors against that allowed by the criterion."""
     for count, colour in SHADES.items():
         for kind, line in KINDS.items():
             rows = where(table, alternatives=count, evidence=kind)
@@ -169,14 +169,14 @@ def _errors(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _calibration(ax: Any, table: pd.DataFrame) -> None:
-    """Show the share that is right over the posterior of the most probable alternative."""
+    """Show the share correct against the posterior of the most probable alternative."""
     for count, colour in SHADES.items():
         for kind, line in KINDS.items():
             rows = where(table, alternatives=count, evidence=kind)
             style: dict[str, Any] = {"color": colour, "ls": line, "lw": 1, "elinewidth": 0.7}
             bars(ax, rows["posterior"], rows, "right", **style)
     ax.plot([0, 1], [0, 1], color="0.5", lw=0.8)
-    ax.set(xlabel="highest posterior", ylabel="share right", xlim=(0.2, 1.02), ylim=(0.2, 1.02))
+    ax.set(xlabel="highest posterior", ylabel="share correct", xlim=(0.2, 1.02), ylim=(0.2, 1.02))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Figure B5: published circuits under one protocol: what each follows, and what edits change."""
+"""Figure B5: published circuits under one protocol: which test each follows, effects of edits."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ EDITS = {
     "dopamine 1.15": ("dopamine\n+15 %", "mean_percent"),
     "dopamine 0.85": ("dopamine\n−15 %", "mean_percent"),
 }
-"""Label of each edit, and the measure that is expected to change."""
-MEASURED = {"stn_percent": "rate of STN", "accuracy": "share right", "mean_percent": "mean time"}
+"""Label of each edit, and the measure expected to change."""
+MEASURED = {"stn_percent": "rate of STN", "accuracy": "share correct", "mean_percent": "mean time"}
 COLOURS = {
     "as expected": "#bfe3c0",
     "not as expected": "#f3c1b5",
@@ -49,7 +49,7 @@ COLOURS = {
 def draw(
     settings: Settings, decisions: Path, computes: Path, changes: Path, *, output: Path
 ) -> Figure:
-    """Draw distances from each test, agreement with the MSPRT, and what edits change."""
+    """Draw distances from each test, agreement with the MSPRT, and effects of edits."""
     compared = read_table(decisions)
     names = [name for name in NAMES if name in set(compared["circuit"])]
     figure = plt.figure(figsize=(7.4, 2.7 + 0.55 * len(names)))
@@ -65,7 +65,7 @@ def draw(
     letter(right, "b  same choice as the MSPRT")
     ax = below.subplots()
     _edits(ax, read_table(changes), names)
-    letter(ax, "c  what changes, and whether as expected")
+    letter(ax, "c  effects of edits, compared with expectations")
     say_if_older(figure, decisions)
     return figure
 
@@ -100,12 +100,12 @@ def _beside(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
         ax.plot(rows["agreement_chance"], y, marker="|", color="C3", ms=9, ls="")
     ax.plot([], [], marker="|", color="0.4", ms=9, ls="", label="other noise")
     ax.plot([], [], marker="|", color="C3", ms=9, ls="", label="chance")
-    ax.set(xlabel="share of trials, accuracy .9")
+    ax.set(xlabel="share of trials, accuracy 0.9")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.33), ncols=4, columnspacing=1)
 
 
 def _edits(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
-    """Show a cell per circuit, edit and number of alternatives."""
+    """Show one cell per circuit, edit and number of alternatives."""
     counts = sorted(table["alternatives"].unique())
     row: Any
     for row in table.itertuples():

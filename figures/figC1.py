@@ -1,8 +1,8 @@
-"""Figure C1: the circuit of spiking cells, and its two laws: STN's exponential, GPe's bent answer.
+"""Figure C1: the spiking circuit and its two nonlinearities: STN's exponential, GPe's response.
 
-STN's exponential is written in the table: what is measured is whether its cells keep to it. GPe
-bends what STN's sum Sigma delivers, so that what SNr hears of both follows S, the logarithm of the
-sum of what cortex says, wherever all channels rise or fall together.
+STN's exponential is part of the table; the figure tests whether its cells follow it. GPe transforms
+STN's sum Sigma nonlinearly, so that the input of SNr from both follows S, the log-sum-exp of the
+cortical activity, when all channels rise or fall together.
 """
 
 from __future__ import annotations
@@ -30,27 +30,28 @@ STN, GPE, SNR = (CIRCUIT.population(name) for name in ("STN", "GPe", "SNr"))
 STN_NATS = np.linspace(-3.5, 3.2, 17)
 SIGMA_AT_REST = CIRCUIT.channels * (resting_hz(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
 COMMON_NATS = np.linspace(-1.5, 3.5, 11)
-"""Drives of all channels alike."""
+"""Drives common to all channels."""
 CELLS, HELD_S = 2000, 4
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Clamp the input of STN's cells, drive all channels of the circuit alike, and count spikes."""
+    """Clamp the input of STN cells, drive all channels equally, and count spikes."""
     stn = clamped("STN", STN_NATS, settings).assign(law_hz=_stn_hz(STN_NATS), what="alone")
     table = pd.concat([stn, driven_alike(Ensemble(), settings), driven_alike(Algebra(), settings)])
     write_table(table, output, seed=settings.seed, settings=settings)
 
 
 def driven_alike(engine: Engine, settings: Settings) -> pd.DataFrame:
-    """Return the answers of GPe and SNr to Sigma when all channels are driven alike.
+    """Return the responses of GPe and SNr to Sigma when all channels are driven equally.
 
-    Held at their rest are GPe_ctx, which would take the drive away, and D2, whose part D1 undoes.
+    GPe_ctx, which would cancel the drive, and D2, which D1 compensates, are held at their resting
+    rates.
 
     Returns
     -------
     DataFrame
-        Columns what (the engine), s_nats, sigma_nats, gpe_nats, heard_nats (what SNr hears of STN
-        and GPe), all above rest but Sigma, and their standard errors over trials.
+        Columns what (the engine), s_nats, sigma_nats, gpe_nats, heard_nats (SNr's input from STN
+        and GPe), all above rest except Sigma, and their standard errors over trials.
     """
     held = CIRCUIT.clamp("GPe_ctx").clamp("D2")
     drive = np.repeat(COMMON_NATS[:, None, None], HELD_S, axis=1) * np.ones(CIRCUIT.channels)
@@ -79,7 +80,7 @@ def driven_alike(engine: Engine, settings: Settings) -> pd.DataFrame:
 
 
 def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) -> pd.DataFrame:
-    """Return the rate of a nucleus' cells on their own at each of some constant inputs.
+    """Return the rate of a nucleus' isolated cells at each of several constant inputs.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
     )
     drive = np.broadcast_to(input_nats, (settings.repeats, 2, levels))
     done = Ensemble(sample_ms=1000).run(alone, drive, step_ms=1000, seed=settings.seed)
-    # The clamp sets in with the first second, which is left out.
+    # The clamp starts in the first second, which is left out.
     rates = done.rates_hz[name][:, 1].astype(np.float64)
     return pd.DataFrame(
         {
@@ -106,7 +107,7 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the table's circuit, and each law above what the cells make of it."""
+    """Draw the table's circuit, and each nonlinearity above the deviations of the cells."""
     table = read_table(data)
     figure = plt.figure(figsize=(7.2, 2.9))
     grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[1, 1, 1])
@@ -130,7 +131,7 @@ def _circuit(ax: Any) -> Any:
         text.set_fontsize(7)
         arrow = getattr(text, "arrow_patch", None)
         if arrow is not None:
-            # Boxes are smaller here than what the drawing leaves room for.
+            # Boxes are smaller here than the space that the drawing leaves for them.
             arrow.shrinkA, arrow.shrinkB = 10, 12
     for colour, name in zip(COLOURS.values(), ("excites", "inhibits"), strict=True):
         ax.plot([], [], color=colour, lw=2, label=name)
@@ -155,7 +156,7 @@ def _stn(ax: Any, below: Any, table: pd.DataFrame) -> None:
         0.98, 0.04, f"largest deviation {off.abs().max():.1f} %\nover {np.ptp(x):.1f} nats",
         transform=ax.transAxes, ha="right", fontsize=7,
     )  # fmt: skip
-    below.set(xlabel="input (nats)", ylabel="off (%)")
+    below.set(xlabel="input (nats)", ylabel="error (%)")
 
 
 def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
@@ -169,7 +170,7 @@ def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
         counted["sigma_nats"], counted["gpe_nats"], "o", ms=3, mfc="none", color="C1",
         label="GPe, counted",
     )  # fmt: skip
-    ax.set(xlabel="Σ, what STN delivers (nats)", ylabel="GPe activity (nats)")
+    ax.set(xlabel="Σ, output of STN (nats)", ylabel="GPe activity (nats)")
     ax.legend(loc="upper left")
     below.axhline(0, color="0.6", lw=1)
     below.plot(exact["s_nats"], exact["heard_nats"] - exact["s_nats"], color="C1", lw=1)
@@ -177,7 +178,7 @@ def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
         counted["s_nats"], counted["heard_nats"] - counted["s_nats"], counted["heard_nats_se"],
         fmt="o", ms=2, lw=0.8, color="C1",
     )  # fmt: skip
-    below.set(xlabel="S above rest (nats)", ylabel="heard by\nSNr − S")
+    below.set(xlabel="S above rest (nats)", ylabel="input of\nSNr − S")
 
 
 if __name__ == "__main__":

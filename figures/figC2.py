@@ -1,7 +1,7 @@
-"""Figure C2: one decision of the circuit of spiking cells, and its rates over many decisions.
+"""Figure C2: one decision of the spiking circuit, and its mean rates over many decisions.
 
-Rates of the one trial are smoothed, which takes GPe's rhythm near 33 Hz away: the raster shows it,
-and so do the means about the response, in bins of 5 ms.
+Single-trial rates are smoothed, which removes GPe's rhythm near 33 Hz; the raster shows it, and so
+do the response-aligned means, in bins of 5 ms.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 
 def one_trial(model: BasalGanglia, evidence: Evidence) -> pd.DataFrame:
-    """Return all that is shown of a trial: columns panel, name, channel, time_ms and value.
+    """Return the data of a single trial: columns panel, name, channel, time_ms and value.
 
     Panels are evidence (nats), spike (value is the neuron), rate (Hz, smoothed), out (nats; name is
     circuit or MSPRT) and decision.
@@ -94,7 +94,7 @@ def averages(model: BasalGanglia, evidence: Evidence) -> pd.DataFrame:
     for name in NUCLEI:
         pairs = chosen_and_others(activity.rates_hz[name], choice)
         parts.append(_long("onset", name, activity.time_ms, pairs.mean(axis=0)))
-        # Sample k ends at (k + 1) sample_ms; what lies beyond a trial is not there.
+        # Sample k ends at (k + 1) sample_ms; samples beyond the trial are missing.
         at = last[:, None] - 1 + around
         there = (at >= 0) & (at < pairs.shape[1])
         cut = pairs[done[:, None], np.where(there, at, 0)]
@@ -112,7 +112,7 @@ def chosen_and_others(rates: npt.NDArray[Any], choice: npt.NDArray[Any]) -> npt.
 
 
 def decide(trace: Trace) -> Decision:
-    """Return what crosses the threshold; nothing is forced."""
+    """Return decisions by threshold crossing only, without forced choices."""
     return first_crossing(trace, THRESHOLD_NATS, forced=False)
 
 
@@ -132,7 +132,7 @@ def _long(panel: str, name: str, time_ms: npt.ArrayLike, values: npt.ArrayLike) 
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the trial from evidence to OUT above the nuclei, a row each."""
+    """Draw the trial from evidence to OUT, and below it one row per nucleus."""
     panels = {str(kind): part for kind, part in read_table(data).groupby("panel")}
     tight = ConstrainedLayoutEngine(h_pad=0.02, hspace=0.01)
     figure = plt.figure(figsize=(7.2, 6.2), layout=tight)
@@ -185,10 +185,10 @@ def _out(ax: Any, traces: pd.DataFrame, decisions: pd.DataFrame) -> None:
         here = traces[traces["name"] == name]
         channel_lines(ax, here, steps=name == "MSPRT", **style)
         ax.plot([], [], color="0.3", label=name, **style)
-    ax.axhline(THRESHOLD_NATS, color="k", lw=0.8, ls=":", label="threshold −ln .85")
+    ax.axhline(THRESHOLD_NATS, color="k", lw=0.8, ls=":", label="threshold −ln 0.85")
     ax.plot(decisions["time_ms"], decisions["value"], "ko", ms=3.5, zorder=3, label="decision")
     ax.axhspan(CIRCUIT.readable_nats[1], OUT_SHOWN, color="0.94", lw=0, zorder=0)
-    ax.text(END_MS - 20, OUT_SHOWN - 0.06, "beyond what the circuit reads", ha="right", va="top",
+    ax.text(END_MS - 20, OUT_SHOWN - 0.06, "outside the readable range", ha="right", va="top",
             fontsize=7, color="0.4")  # fmt: skip
     ax.set(ylabel=f"OUT (nats, gain {GAIN:g})", xlabel="time from onset (ms)", xlim=(0, END_MS))
     ax.set_ylim(0, OUT_SHOWN)

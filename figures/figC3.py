@@ -53,7 +53,7 @@ def tactile(taps: pd.DataFrame) -> Folds:
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
-    """Compare on every condition; write measures and curves, and single trials beside them."""
+    """Compare under every condition; write measures and curves, and single trials separately."""
     measures, trials = [], []
     read = read_table(taps)
     for name, evidence in conditions(settings, read):
@@ -73,7 +73,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                 rng=stream(settings.seed, "bootstrap"),
                 truth=evidence.truth,
                 accuracies=ACCURACIES,
-                # Trials are many, taps are few: the interval is that of six folds of taps.
+                # There are many trials but few taps, so the interval is over six folds of taps.
                 groups=groups,
             )
             measures.append(found.assign(condition=name, model=label, what="measure"))
@@ -102,7 +102,7 @@ def _trials(test: Tradeoff, other: Tradeoff) -> pd.DataFrame:
 
 
 def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figure:
-    """Draw decision times, measures with the decoder's beside, and speed against accuracy."""
+    """Draw decision times, measures of circuit and cortical decoder, and speed-accuracy curves."""
     table, single = read_table(data), read_table(trials)
     figure, axes = plt.subplots(3, 4, figsize=(7.2, 6.4), height_ratios=[1.15, 1, 1.15])
     for ax, (name, colour) in zip(axes[0], COLOURS.items(), strict=True):
@@ -147,7 +147,7 @@ def _scatter(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
 
 def _measures(ax: Axes, rows: pd.DataFrame) -> None:
     for i, (name, colour) in enumerate(COLOURS.items()):
-        # Side by side: where both are 1, neither mark hides the other.
+        # Side by side, so that marks do not overlap when both are 1.
         for label, aside, face in ((CIRCUIT, -0.045, colour), (DECODER, 0.045, "w")):
             here = where(rows, condition=name, model=label)
             x = np.arange(len(here)) + 0.2 * (i - 1.5) + aside

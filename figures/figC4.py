@@ -1,4 +1,4 @@
-"""Figure C4: what numbers of cells, noise and every number of the table do to the circuit."""
+"""Figure C4: effects of cell numbers, noise and every number of the table on the circuit."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
 AT, HIGHEST = 0.95, 0.96
 AT_ACCURACY: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
-"""Where edited circuits are compared."""
+"""Accuracy at which edited circuits are compared."""
 SHOWN = 14
 SPAN_MS = 50.0
-# Where a change is asked how far it moves OUT: about the thresholds.
+# OUT at which shifts due to changes are evaluated: near the thresholds.
 OUTS = (0.15, 0.3, 0.6)
-# A posterior of .85 in the circuit's nats: where the scatter of OUT is measured.
+# A posterior of 0.85 in the circuit's nats, at which the noise of OUT is measured.
 ODDS = float(np.log(0.85 / 0.15))
 
 
@@ -73,14 +73,14 @@ def neurons(settings: Settings, *, output: Path) -> None:
 
 
 def wiring(settings: Settings, *, output: Path) -> None:
-    """Compare circuits of other noise, or without a part, by populations, N = 4."""
+    """Compare circuits with other noise or without a component, with populations, N = 4."""
     evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 1.0)
     table = load_circuit(DEFAULT, 4)
     edited = {
         "Poisson cortex": table.with_cell("ctx", cv=1.0),
         "cells alike": table.with_heterogeneity(0.0),
-        "shared noise .05 nats": correlated(table, 0.05),
-        "shared noise .1 nats": correlated(table, 0.1),
+        "shared noise 0.05 nats": correlated(table, 0.05),
+        "shared noise 0.1 nats": correlated(table, 0.1),
         "GPe at its rest": table.clamp("GPe"),
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
@@ -91,9 +91,9 @@ def wiring(settings: Settings, *, output: Path) -> None:
 
 
 def numbers(settings: Settings, *, output: Path) -> None:
-    """Change the numbers of the table by 20 %, N = 2: those that move its fixed point most.
+    """Change the numbers of the table that move its fixed point most by 20 %, N = 2.
 
-    By populations with noise; those that move it most of all in spikes too.
+    With populations and noise; the most effective ones also in spikes.
     """
     evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
     table = load_circuit(DEFAULT)
@@ -115,7 +115,7 @@ def with_edits(
     seed: int,
     **more: Any,
 ) -> pd.DataFrame:
-    """Return the comparison of edited circuits by populations with noise, and of some in spikes."""
+    """Compare edited circuits with populations and noise, and some also in spikes."""
     parts = []
     for kind, names in ((Population, edits), (Ensemble, in_spikes)):
         engine = kind(settle_ms=BRIEF_MS)
@@ -146,7 +146,7 @@ def _noise(ax: Axes, table: pd.DataFrame) -> None:
     ax.loglog(n, sd, "o", ms=4, label="measured")
     each = float(law[-1] * np.sqrt(n[-1]))
     ax.loglog(n, law, color="k", lw=0.8, label=f"linear theory, {each:.3f}/√n")
-    ax.set(xlabel="cells n, over the table's", ylabel="sd of OUT (nats)")
+    ax.set(xlabel="cells n, relative to the table", ylabel="SD of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     _size_ticks(ax)
     ax.legend(loc="lower left")
@@ -162,7 +162,11 @@ def _correlation(ax: Axes, table: pd.DataFrame) -> None:
     for name, style in styles.items():
         here = where(rows, model=name)
         bars(ax, here["size"], here, ms=4, lw=0.8, label=name, **style)
-    ax.set(xscale="log", xlabel="cells n, over the table's", ylabel=f"r of times, at accuracy {AT}")
+    ax.set(
+        xscale="log",
+        xlabel="cells n, relative to the table",
+        ylabel=f"r of times, at accuracy {AT}",
+    )
     ax.set(ylim=(0.3, 1.02))
     _size_ticks(ax)
     ax.legend(loc="lower left", handlelength=1.2, fontsize="small")
@@ -190,7 +194,7 @@ def _edits(ax: Axes, table: pd.DataFrame) -> None:
 
 
 def _numbers(ax: Axes, table: pd.DataFrame) -> None:
-    """Show the numbers whose change moves accuracy most, and what a new threshold leaves of it."""
+    """Show the numbers that affect accuracy most, and their residual effect after retuning."""
     by = table.set_index("variant")
     kept = where(by, kind="fixed", measure="expected_accuracy")
     in_spikes, fixed = (where(kept, engine=name)["value"] for name in ("ensemble", "population"))
@@ -202,7 +206,7 @@ def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     known = [k for k, name in enumerate(worst) if name in in_spikes.index]
     spiking = in_spikes[worst[known]] - in_spikes["intact"]
     ax.plot(spiking, places[known], "x", ms=5, color="k", label="the same, in spikes")
-    here, label = tuned.loc[worst], "change of r of times, threshold tuned anew"
+    here, label = tuned.loc[worst], "change of r of times, threshold retuned"
     bars(ax, places - 0.25, here, across=True, fmt="o", ms=3, lw=0.8, label=label)
     for place in places[here["value"].isna().to_numpy()]:
         ax.text(-0.01, place - 0.18, "not reached", ha="right", va="top", fontsize="small")

@@ -1,4 +1,4 @@
-"""Figure C5: lesions of the circuit: what its fixed point says, and what they do to decisions."""
+"""Figure C5: effects of lesions on the circuit's fixed point and on its decisions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOG_ODDS = (1.75, 2.25, 2.75)
 
 
 def steady(settings: Settings, *, output: Path) -> None:
-    """Measure what lesions add to OUT under constant evidence."""
+    """Measure the shift of OUT due to lesions under constant evidence."""
     table = load_circuit(DEFAULT, CHANNELS)
     given = {"seed": settings.seed, "trials": settings.lesioned_trials}
     found = steady_shifts(table, lesions(table), LOG_ODDS, **given)
@@ -31,7 +31,7 @@ def steady(settings: Settings, *, output: Path) -> None:
 
 
 def behaviour(settings: Settings, *, output: Path) -> None:
-    """Let lesioned circuits decide by populations, some in spikes, thresholds kept and tuned."""
+    """Run lesioned circuits with populations and some in spikes, thresholds kept or retuned."""
     table = load_circuit(DEFAULT, CHANNELS)
     rng = stream(settings.seed, "figC5")
     evidence = gaussian_evidence(settings.varied_trials, d_prime=1.0, channels=CHANNELS, seed=rng)
@@ -70,7 +70,7 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
         ax.set(ylim=(-len(names) + 0.4, 0.6))
         ax.set_yticks(list(places.values()), names if ax is axes[1] else [])
     letter(axes[1], "b  threshold kept (a prediction)")
-    letter(axes[3], "c  tuned anew")
+    letter(axes[3], "c  retuned")
     return figure
 
 
@@ -97,7 +97,7 @@ def _shifts(ax: Axes, table: pd.DataFrame) -> None:
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
     ends = [table["value"].min() - 0.02, table["value"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0, label="equality")
-    ax.set(xlabel="fixed point of so many cells (nats)", ylabel="change of OUT, spikes (nats)")
+    ax.set(xlabel="fixed point, finite size (nats)", ylabel="change of OUT, spikes (nats)")
     letter(ax, "a  shift of OUT")
 
 

@@ -33,13 +33,13 @@ EVERY_MS = 5.0
 THEORIES = {MSPRT: "k", "max vs next": "C1", "max vs average": "C2"}
 MARKS = dict(zip(THRESHOLDS, "os^", strict=True))
 SHOWN = 0.25
-"""OUT at which the theories' times are shown beside the traces."""
+"""OUT at which the theories' times are shown with the traces."""
 SHARE = 6
-"""A trial of so many that other figures of circuits have, per design."""
+"""Divisor of the number of trials of the other circuit figures, per design."""
 
 
 def traces(settings: Settings, *, output: Path) -> None:
-    """Run populations without noise, and -ln P, on each design."""
+    """Compute OUT of populations without noise, and -ln P, for each design."""
     parts = []
     for design in designs(CHANNELS):
         evidence = design.evidence(READINGS, kappa=GAIN)
@@ -57,7 +57,7 @@ def traces(settings: Settings, *, output: Path) -> None:
 
 
 def times(settings: Settings, *, output: Path) -> None:
-    """Let both circuits decide in spikes; take off the times of each theory."""
+    """Run decisions of both circuits in spikes, and subtract the times of each theory."""
     parts = []
     for name in CIRCUITS:
         table = load_circuit(name, CHANNELS)
@@ -68,7 +68,7 @@ def times(settings: Settings, *, output: Path) -> None:
 
 
 def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Figure:
-    """Draw OUT on each design beside -ln P, and observed minus theory."""
+    """Draw OUT and -ln P for each design, and observed minus theory."""
     curves, table = read_table(traced), read_table(decided)
     every = designs(CHANNELS)
     figure = plt.figure(figsize=(7.6, 4.9))

@@ -1,8 +1,8 @@
-"""Figure D1: reward finds the trade-off: the gap of the algorithm, dopamine in the circuit.
+"""Figure D1: reward learning of the trade-off, by the algorithm's gap and by dopamine.
 
-One learner, two deciders. The algorithm's plays the gap of an SPRT; the circuit's plays a level of
-dopamine, and neither gap nor posterior nor a test is known to it. Circuits of rates and of
-populations with noise learn; what the latter learned is scored in spikes.
+The same learner with two models. In the algorithm its action is the gap of an SPRT; in the circuit
+it is a dopamine level, without access to a gap, posterior or test. Rate circuits and populations
+with noise learn; the levels learned by the latter are scored in spikes.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from figures.common import BRIEF_MS, COLOUR, Settings, key, letter, run
 
 STEP_MS = 50.0
 STARTS = (1, -2)
-"""Where tonic dopamine starts, of the levels played: too careful, too hasty."""
+"""Initial levels of tonic dopamine: too cautious, too hasty."""
 TRIALS = 3.0
-"""Trials of a circuit, as a share of what the figures of circuits have."""
+"""Trials of a circuit, as a fraction of those of the other circuit figures."""
 SPIKING_TRIALS = {1.5: 0.75, 2.0: 2.0}
-"""The same in spikes: on 2 mm trials are shorter, and so few err that it takes more of them."""
+"""The same in spikes: at 2 mm trials are shorter, and errors so rare that more are needed."""
 LEVELS, SCORED = 16, 4
-"""Levels that are played; quantiles of the learned ones at which spikes score, beside the starts
-and the best."""
+"""Levels to choose from; quantiles of the learned levels scored in spikes, in addition to the
+initial and the best ones."""
 RUNS = 20
 KEPT = 120
 COLUMNS = ["run", "learned_level", "regret", "period_mm"]
@@ -59,7 +59,7 @@ def population(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> None:
-    """Score in spikes, on fresh evidence, what populations learned."""
+    """Score the levels learned by populations in spikes, on fresh evidence."""
     model = _model(settings, Ensemble(settle_ms=BRIEF_MS))
     model = replace(model, seed=settings.seed + 1)
     parts = []
@@ -91,7 +91,7 @@ def _outcomes(
     name: str,
     levels: np.ndarray,
 ) -> LevelOutcomes:
-    """Return the outcomes of each level on evidence of its own, learned from or scored on."""
+    """Return the outcomes of each level on separate evidence, for learning or for scoring."""
     drawn = source(read_table(taps), SameDifferent(period_mm=period), fold=0).draw
     rng = stream(settings.seed, "figD1", name, period)
     share = SPIKING_TRIALS[period] if model.engine.spiking else TRIALS
@@ -104,7 +104,7 @@ def _learn(settings: Settings, taps: Path, engine: Engine, output: Path) -> None
     levels = playable_levels(model, LEVELS)
     parts = []
     for period in PERIODS[engine.id]:
-        # What is scored has noise of its own too.
+        # Scoring also uses separate noise.
         outcomes, fresh = (
             _outcomes(settings, taps, replace(model, seed=seed), period, name, levels)
             for name, seed in (("learned", settings.seed), ("scored", settings.seed + 1))
@@ -131,10 +131,10 @@ def _learn(settings: Settings, taps: Path, engine: Engine, output: Path) -> None
 def draw(
     settings: Settings, gap: Path, rates: Path, noisy: Path, spiking: Path, *, output: Path
 ) -> Figure:
-    """Draw what is learned, trial by trial, and what it costs in the end."""
+    """Draw the course of learning, trial by trial, and the final cost."""
     figure, axes = plt.subplots(1, 4, figsize=(7.4, 2.9), width_ratios=[1, 1, 1, 0.9])
     algorithm = read_table(gap)
-    # The circuits were given the readings of one fold.
+    # The circuits received the readings of one fold.
     algorithm = algorithm[algorithm["fold"] == 0]
     _gap(axes[0], algorithm)
     _levels(axes[1], read_table(rates))
@@ -147,13 +147,13 @@ def draw(
 
 
 def _marks() -> list[Line2D]:
-    """Return the marks that no grating's colour belongs to."""
+    """Return the marks that do not depend on the grating."""
     black: dict[str, Any] = {"color": "k", "lw": 0.8}
     return [
         Line2D([], [], lw=0.4, color="0.3", label="one run"),
         Line2D([], [], **black, ls=":", label="a-c: optimum, d: 3 %"),
         Line2D([], [], ls="", marker="o", ms=2, color="0.3", label="d: one run"),
-        Line2D([], [], ls="", marker="_", ms=6, color="0.3", label="d: never having learned"),
+        Line2D([], [], ls="", marker="_", ms=6, color="0.3", label="d: without learning"),
     ]
 
 
@@ -198,7 +198,7 @@ def _regret(
     ax.axhline(3, ls=":", lw=0.8, color="k")
     ax.set(yscale="log", ylabel="cost beyond the optimum (%)")
     ax.set_xticks(range(len(deciders)), list(deciders), rotation=30, ha="right")
-    letter(ax, "d  cost in the end")
+    letter(ax, "d  final cost")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Figure D2: dopamine moves the threshold: level to posterior, and speed to accuracy."""
+"""Figure D2: dopamine sets the threshold: posterior by level, and speed-accuracy trade-off."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from figures.common import Settings, bars, key, letter, run, where
 
 COLOURS = {2: "C0", 4: "C1"}
 EARLY = 0.02
-"""Share of responses before the first reading above which noise is said to decide."""
+"""Share of responses before the first reading above which decisions are attributed to noise."""
 ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble", "s", "spikes"))
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Let all circuits decide at levels across their working range, N = 2 and 4."""
+    """Run decisions of all circuits at levels across their working range, N = 2 and 4."""
     trials, every = settings.circuit_trials // 2, settings.spiking_levels
     found = levels_against_msprt(settings.seed, trials, every)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the map, the speed-accuracy curve, and accuracy beside the MSPRT's in equal time.
+    """Draw the map, the speed-accuracy curve, and accuracy relative to the MSPRT at equal time.
 
     Lines in the map are the fixed point. Levels at which more than 2 % of responses come before
-    the first reading are crossed out: there noise decides.
+    the first reading are crossed out, because there decisions are made by noise.
     """
     table = read_table(data)
     figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.8))
@@ -50,17 +50,17 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         _tradeoff(axes[1], rows, colour)
         _gap(axes[2], rows, colour)
     axes[0].axhspan(0.75, 0.99, color="0.95", zorder=0)
-    axes[0].set(xlabel="dopamine (1: normal)", ylabel="posterior of what is chosen", xscale="log")
+    axes[0].set(xlabel="dopamine (1: normal)", ylabel="posterior of the choice", xscale="log")
     axes[0].set_xticks([0.6, 0.8, 1, 1.25, 1.6, 2], ["0.6", "0.8", "1", "1.25", "1.6", "2"])
     axes[0].minorticks_off()
     if (table.loc[table["measure"] == "premature", "value"] > EARLY).any():
-        axes[0].plot([], [], "kx", ms=6, mew=0.8, label="noise decides")
+        axes[0].plot([], [], "kx", ms=6, mew=0.8, label="decided by noise")
     axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", xlim=(0, 5), ylim=(0.5, 1.0))
     axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
     axes[2].axhline(0, lw=0.8, color="0.6")
-    axes[2].set_xlabel("posterior of what is chosen")
-    axes[2].set_ylabel("accuracy minus the MSPRT's\nin equal time")
-    titles = ("a  dopamine to posterior", "b  speed and accuracy", "c  beside the MSPRT")
+    axes[2].set_xlabel("posterior of the choice")
+    axes[2].set_ylabel("accuracy minus the MSPRT's\nat equal time")
+    titles = ("a  dopamine to posterior", "b  speed and accuracy", "c  versus the MSPRT")
     for ax, title in zip(axes, titles, strict=True):
         letter(ax, title)
     key(figure, axes[0], ncols=6, columnspacing=1.4)

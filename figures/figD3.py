@@ -1,7 +1,7 @@
-"""Figure D3: a world that changes: the gap and dopamine follow; and the trial after an error.
+"""Figure D3: gap and dopamine track a changing environment; and the trial after an error.
 
-The step of learning stays where it is, for what is to be learned moves: the cost of an error, or
-the grating.
+The learning rate stays constant, because the target of learning (the cost of an error, or the
+grating) changes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ EXPLORED: dict[str, Any] = {"first_share": 0.08, "last_share": 0.08}
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
-    """Let algorithm and rate circuit learn in worlds that switch, and see what errors leave."""
+    """Train algorithm and rate circuit in switching environments; measure post-error effects."""
     read = read_table(taps)
     periods = {period for world in WORLDS.values() for period, _ in world}
     sources = {p: source(read, SameDifferent(period_mm=p), fold=0) for p in periods}
@@ -72,7 +72,7 @@ def _drawn(readings: Source, settings: Settings, period_mm: float) -> Evidence:
 
 
 def _algorithm(sources: dict[float, Source], settings: Settings, name: str) -> pd.DataFrame:
-    """Learn the gap of an SPRT in a world that switches."""
+    """Learn the gap of an SPRT in a switching environment."""
     world, every = WORLDS[name], _block(settings)
     learned = learn(
         switching([_sprt(sources[p], xi, settings, name) for p, xi in world], every),
@@ -91,7 +91,7 @@ def _algorithm(sources: dict[float, Source], settings: Settings, name: str) -> p
 def _circuit(
     outcomes: dict[float, LevelOutcomes], settings: Settings, name: str, policy: GaussianPolicy
 ) -> pd.DataFrame:
-    """Learn the level of dopamine in a world that switches."""
+    """Learn the level of dopamine in a switching environment."""
     world, every = WORLDS[name], _block(settings)
     draws = [stream(settings.seed, "figD3", name, i, "trials") for i in range(RUNS)]
     learned = learn(
@@ -107,7 +107,7 @@ def _circuit(
 def _after_errors(
     outcomes: LevelOutcomes, settings: Settings, carried: float, policy: GaussianPolicy
 ) -> pd.DataFrame:
-    """Learn a level with the last reward carried over, and see the trial after an error."""
+    """Learn a level with the last reward carried over, and measure the trial after an error."""
     learned = learn_level(
         outcomes,
         xi=settings.xi,
@@ -154,7 +154,7 @@ def _course(learned: Learned, best: list[float], every: int) -> pd.DataFrame:
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw what is played in worlds that switch, and the trial after an error."""
+    """Draw learned values in switching environments, and the trial after an error."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), width_ratios=[1, 1, 0.6])
     titles = {"xi": "a  cost of an error: 50 or 400", "grating": "b  grating of 2.0 or 1.5 mm"}

@@ -1,8 +1,8 @@
-"""Figure D4: every experiment that ships: what others found, as numbers, and what the circuit does.
+"""Figure D4: all built-in experiments: published results and the circuit's results.
 
-Predictions and published numbers stand in the experiments' files and were committed before the
-first run. What is found is found by the population engine on all trials of a file. What spikes do
-beside it, on fewer trials, is a score's table.
+Predictions and published numbers are in the experiments' files and were committed before the first
+run. The results are those of the population engine on all trials of a file; results in spikes, with
+fewer trials, come from a score's table.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ PANELS = {
     ("mean_ms", PERCENT): ("change of time, %", (-140.0, 420.0)),
     ("accuracy", "change"): ("change of accuracy", (-0.34, 0.23)),
 }
-"""What is drawn of every experiment, and the ends of its axis."""
+"""Measures drawn for every experiment, and their axis limits."""
 LINEAR_PERCENT = 20.0
-"""Up to here the axis of times is linear, beyond it logarithmic."""
+"""The time axis is linear up to here, and logarithmic beyond."""
 TICKS_PERCENT = (-100, -20, -10, 0, 10, 20, 100, 300)
 SIZE = 6.0
 PER_LINE = 2
-"""Predictions written in one line."""
+"""Number of predictions per line."""
 
 
 def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
-    """Run every experiment by populations, and hold it and its spikes to what was found."""
+    """Run every experiment with populations; compare it and its spikes with published results."""
     in_spikes = read_table(spikes)
     parts = []
     for file, experiment in shipped().items():
         share = settings.circuit_trials / FULL.circuit_trials
-        # Where one truth alone counts, half of the trials are left.
+        # If only one truth counts, half of the trials remain.
         trials = max(round(share * experiment.task.trials), 240)
         one = replace(experiment, task=replace(experiment.task, trials=trials))
         found = {
@@ -104,7 +104,7 @@ def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figur
 
 
 def _at(ax: Axes, side: str, **more: Any) -> dict[str, Any]:
-    """Return the coordinates of a text beside the panel, in its rows."""
+    """Return the coordinates of a text next to the panel, in its rows."""
     across = ax.get_yaxis_transform()
     return {"transform": across, "ha": side, "va": "center", "fontsize": SIZE, **more}
 

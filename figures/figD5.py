@@ -1,9 +1,9 @@
-"""Figure D5: less dopamine, a stronger loop of STN and GPe: spectra in spikes and in closed form.
+"""Figure D5: low dopamine strengthens the STN-GPe loop: spectra in spikes and in closed form.
 
-Dopamine acts at the terminals of STN in GPe and of GPe in STN: the less of it, the more both weigh.
-Spectra are counted from spikes and stand beside the linear theory of noise about the fixed point,
-which has no number that was fitted to them. Monkeys that lost their dopamine oscillate lower, at
-8-15 Hz: beside it stands by how much the loop would have to be slower for that.
+Dopamine acts at the terminals of STN in GPe and of GPe in STN: the less dopamine, the stronger both
+pathways. Spectra of spikes are compared with the linear theory of noise about the fixed point, none
+of whose parameters were fitted to them. Dopamine-depleted monkeys oscillate more slowly, at 8-15
+Hz; the figure also shows how much slower the loop would have to be for that.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ DRIVES = {"rest": (0.0, 0.0), "evidence": (1.0, -1.0)}
 BEGIN_MS, SECONDS = 1000.0, 4
 BAND_HZ = (13.0, 30.0)
 PARKINSONIAN_HZ = (8.0, 15.0)
-"""Oscillations of GPe, GPi and STN of monkeys that lost their dopamine; Nambu & Tachibana 2014."""
+"""Oscillations of GPe, GPi and STN in dopamine-depleted monkeys; Nambu & Tachibana 2014."""
 FOUND_HZ = np.arange(4.0, 60.5, 0.5)
 LINE = np.round(np.arange(0.45, 1.26, 0.05), 2)
-"""Levels of the closed form's lines."""
+"""Dopamine levels of the closed-form curves."""
 LOW = 0.5
-"""The level whose frequency is looked at."""
+"""The level at which the frequency is examined."""
 FACTORS = np.round(np.arange(0.8, 2.41, 0.1), 1)
 SLOWED = {"both": (1, 1), "delays": (1, 0), "time constants": (0, 1)}
-"""What the factor multiplies."""
+"""Quantities multiplied by the factor."""
 
 
 def compute(settings: Settings, *, output: Path) -> None:
@@ -119,7 +119,7 @@ def closed(table: Circuit) -> pd.DataFrame:
 
 
 def turning(table: Circuit) -> complex:
-    """Return growth (1/s, below 0: decay) and frequency (Hz) of the slowest root above 5 Hz."""
+    """Return growth (1/s, negative for decay) and frequency (Hz) of the slowest root above 5 Hz."""
     root = next(root for root in roots(table) if root.imag > 2 * np.pi * 5)
     return complex(root.real, root.imag / (2 * np.pi))
 
@@ -135,7 +135,7 @@ def slowed(table: Circuit, delays: float, taus: float) -> Circuit:
 
 
 def frequencies(table: Circuit) -> pd.DataFrame:
-    """Return the frequency at which STN's power is highest, for each factor."""
+    """Return the peak frequency of STN's power for each factor."""
     fine = np.arange(4.0, 40.0, 0.1)
     rows = []
     for name, (of_delays, of_taus) in SLOWED.items():
@@ -147,7 +147,7 @@ def frequencies(table: Circuit) -> pd.DataFrame:
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw spectra, their power and MSN's rate at each level, and what sets the frequency."""
+    """Draw spectra, power and MSN rates at each level, and the determinants of the frequency."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.4, 4.8))
     for ax, nucleus in zip(axes[0], NUCLEI, strict=False):
@@ -222,14 +222,14 @@ def _frequency(ax: Axes, rows: pd.DataFrame) -> None:
         below: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "top"}
         ax.annotate(f"x {factor:.2f}", (factor, hz), (-3, -3), fontsize=7, **below)
     ax.axvline(1, lw=0.6, color="0.6")
-    ax.set(xlabel="factor on the loop of STN and GPe", ylabel=f"peak of STN at {LOW:g} (Hz)")
+    ax.set(xlabel="factor on the STN-GPe loop", ylabel=f"peak of STN at {LOW:g} (Hz)")
     ax.set_xlim(0.8, 2.4)
     ax.legend(loc="upper right")
     letter(ax, "e  what sets the frequency")
 
 
 def _key(table: pd.DataFrame) -> list[Line2D | Patch]:
-    """Return the levels with the posterior at which each decides, and the marks."""
+    """Return the levels with their posteriors at the decision, and the marks."""
     known, growth = (
         table[table["measure"] == name].set_index("level")["value"]
         for name in ("stopping_posterior", "growth")
@@ -245,8 +245,8 @@ def _key(table: pd.DataFrame) -> list[Line2D | Patch]:
         Line2D([], [], color="0.3", lw=1, ls=":", label="closed form, under evidence"),
         Line2D([], [], **grey, marker="o", ms=3, label="spikes at rest"),
         Line2D([], [], **grey, marker="o", ms=3, mfc="w", label="spikes under evidence"),
-        Patch(color="0.88", lw=0, label="a, b, e: 8-15 Hz, monkeys\nthat lost their dopamine"),
-        Patch(color="0.92", lw=0, label="c, d: fixed point decides\nnothing"),
+        Patch(color="0.88", lw=0, label="a, b, e: 8-15 Hz, dopamine-\ndepleted monkeys"),
+        Patch(color="0.92", lw=0, label="c, d: no decision at\nthe fixed point"),
     ]
     return handles
 

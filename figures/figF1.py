@@ -1,4 +1,4 @@
-"""Figure F1: the sequential test and the circuit held to monkeys and people; from the score."""
+"""Figure F1: the sequential test and the circuit fitted to monkeys and people; from the score."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ RESAMPLES = 400
 
 
 def spread(settings: Settings, *, output: Path) -> None:
-    """Resample the times of monkeys: standard errors of their quantiles and of their spread."""
+    """Bootstrap standard errors of the quantiles and SDs of monkeys' response times."""
     choices = read_choices(MONKEYS, strength="coherence")
     rows = []
     for who in choices.people():
@@ -51,7 +51,7 @@ def spread(settings: Settings, *, output: Path) -> None:
 
 
 def draw(settings: Settings, cells: Path, spreads: Path, *, output: Path) -> Figure:
-    """Draw accuracy, mean times and quantiles: a column per monkey, and one of people."""
+    """Draw accuracy, mean times and quantiles: one column per monkey, and one for people."""
     table, errors = read_table(cells), read_table(spreads)
     monkeys, people = (where(table, data=data) for data in (MONKEYS, PEOPLE))
     names = sorted(monkeys["participant"].unique())
@@ -90,7 +90,7 @@ def _monkey(column: Any, table: pd.DataFrame, errors: pd.DataFrame) -> None:
 
 
 def _people(column: Any, table: pd.DataFrame) -> None:
-    """Show what people did against what both models say, a colour per person."""
+    """Show people's data against the predictions of both models, one colour per person."""
     kinds = ({"accuracy": "o"}, {"mean_s": "o"}, QUANTILES)
     labels = ("observed share correct", "observed mean time (s)", "observed quantiles (s)")
     for ax, marks, label in zip(column, kinds, labels, strict=True):
@@ -105,7 +105,7 @@ def _people(column: Any, table: pd.DataFrame) -> None:
         ax.plot([low, high], [low, high], color="0.8", lw=0.8, zorder=0)
         ax.set(xlim=(low, high), ylim=(low, high), ylabel=label)
         ax.yaxis.set_major_locator(ax.xaxis.get_major_locator())
-    column[-1].set_xlabel("said by the model")
+    column[-1].set_xlabel("model")
     column[-1].plot([], [], "o", ms=4.5, mew=0.6, color="0.3", mfc="none", label="people, test")
     column[-1].plot([], [], "o", ms=2.5, color="0.3", label="people, circuit")
 

@@ -1,4 +1,4 @@
-"""Figure F2: the criterion that falls within a trial, and what cells of STN can do in it."""
+"""Figure F2: a criterion that falls within a trial, and its possible origin in STN cells."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ SECONDS = 2.0
 NUCLEI = ("STN_onset", "SNr")
 TICKS = (-100, -10, 0, 10, 100)
 STEP_S = 0.1
-"""Width in time of a mean of the evidence at decisions."""
+"""Width of time bins in which evidence at decisions is averaged."""
 FEWEST = 20
-"""Decisions that such a mean takes."""
+"""Minimum number of decisions in such a bin."""
 MOST_EVIDENCE = 1.5
-"""Top of the panels of the criterion."""
+"""Upper limit of the criterion panels."""
 SHORT = {
     TEST: "test, constant gap",
     CIRCUIT: "circuit, threshold alone",
@@ -52,7 +52,7 @@ SHORT = {
 
 
 def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
-    """Run the fitted circuit of both monkeys: rates in time, and evidence at decisions."""
+    """Run the circuit fitted to each monkey: rates over time, and evidence at decisions."""
     table = read_table(parameters)
     parts = []
     for who in sorted(table.loc[table["data"] == MONKEYS, "participant"].unique()):
@@ -72,9 +72,9 @@ def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
 
 
 def rates(model: str, values: dict[str, float], settings: Settings) -> pd.DataFrame:
-    """Return rates above rest in time, Hz, means over both channels and all coherences.
+    """Return rates above rest over time, Hz, averaged over channels and coherences.
 
-    No trial ends with its decision.
+    Trials continue after the decision.
     """
     table = fitted_table(model, values)
     rest = resting_hz(table)
@@ -91,9 +91,9 @@ def rates(model: str, values: dict[str, float], settings: Settings) -> pd.DataFr
 
 
 def criterion(model: str, values: dict[str, float], settings: Settings) -> pd.DataFrame:
-    """Return the mean evidence for the choice at decisions, by the time of the response.
+    """Return the mean evidence for the choice at decisions, by response time.
 
-    Without coherence, so that none is added while the circuit answers.
+    At zero coherence, so that no evidence accrues during the circuit's own delay.
     """
     table = fitted_table(model, values)
     trials = 4 * settings.circuit_trials
@@ -118,14 +118,14 @@ def draw(
     above = [[figure.add_subplot(grid[row, k]) for k in range(2)] for row in range(2)]
     for name, *column in zip(names, *above, strict=True):
         _spread(column, *(where(one, participant=name) for one in (monkeys, errors)))
-    for row, label in zip(above, ("sd of times (s)", "quantiles of times (s)"), strict=True):
+    for row, label in zip(above, ("SD of times (s)", "quantiles of times (s)"), strict=True):
         share_height(row)
         row[0].set_ylabel(label)
     letter(above[0][0], f"a  monkey {names[0]}")
     letter(above[0][1], f"b  monkey {names[1]}")
     right = figure.add_subplot(grid[:2, 2])
     _left_out(right, better)
-    letter(right, "c  trials that were left out")
+    letter(right, "c  held-out trials")
     below = [figure.add_subplot(grid[2, k]) for k in range(3)]
     for ax, name in zip(below, names, strict=False):
         _criterion(ax, where(did, participant=name, kind="criterion"))
@@ -157,7 +157,7 @@ def _spread(column: list[Any], table: pd.DataFrame, errors: pd.DataFrame) -> Non
 
 
 def _left_out(ax: Any, table: pd.DataFrame) -> None:
-    """Show by how much each model predicts left-out trials better than the constant gap."""
+    """Show how much better each model predicts held-out trials than the constant gap."""
     people = table[["data", "participant"]].drop_duplicates()
     people = people.sort_values("data", key=lambda data: data != MONKEYS, kind="stable")
     shown = [model for model in SHORT if model != TEST]
@@ -183,7 +183,7 @@ def _left_out(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _criterion(ax: Any, rows: pd.DataFrame) -> None:
-    """Show the evidence that a decision takes at each time: gap, fixed point, and simulated."""
+    """Show the evidence needed for a decision at each time: gap, fixed point, and simulation."""
     for model in (TEST, FALLING):
         gap = where(rows, model=model)
         ax.plot(gap["time_s"], gap["value"], **STYLE[model])

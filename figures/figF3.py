@@ -1,4 +1,4 @@
-"""Figure F3: stimulation of STN with and without conflict, and what in the circuit it may move."""
+"""Figure F3: STN stimulation with and without conflict, and its possible targets in the circuit."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ MOVES = {
     "nothing": ("nothing", "0.5"),
     "threshold": ("threshold", "C0"),
     "dopamine": ("dopamine", "C3"),
-    "stn_loss": ("a part of STN", "C1"),
-    "gpe_loss": ("a part of GPe", "C2"),
+    "stn_loss": ("loss of STN", "C1"),
+    "gpe_loss": ("loss of GPe", "C2"),
 }
-"""What stimulation moves, as the score calls it; how it is shown, and its colour."""
+"""The parameter changed by stimulation (the score's name), its label and colour."""
 EFFECTS = ("high", "low", "interaction")
 EFFECT_LABELS = ("with\nconflict", "without", "difference")
-MEASURES = (("mean_s", "change of mean time (s)"), ("accuracy", "change of share correct"))
+MEASURES = (("mean_s", "change of mean time (s)"), ("accuracy", "change of accuracy"))
 
 
 def draw(settings: Settings, cells: Path, moves: Path, *, output: Path) -> Figure:
@@ -37,7 +37,7 @@ def draw(settings: Settings, cells: Path, moves: Path, *, output: Path) -> Figur
     letter(axes[0, 0], "a  time, stimulation on minus off")
     letter(axes[1, 0], "b  accuracy, stimulation on minus off")
     _summed(axes[0, 1], summed, table["participant"].nunique())
-    letter(axes[0, 1], "c  trials that were left out")
+    letter(axes[0, 1], "c  held-out trials")
     _each(axes[1, 1], table)
     letter(axes[1, 1], "d  the same, person by person")
     key(figure, axes[0, 0], ncols=6, columnspacing=1.2)
@@ -46,14 +46,14 @@ def draw(settings: Settings, cells: Path, moves: Path, *, output: Path) -> Figur
 
 
 def effects(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return what stimulation changes, with and without conflict, and the difference of both.
+    """Return the effects of stimulation with and without conflict, and their difference.
 
     Parameters
     ----------
     rows : DataFrame
         One row per person and condition.
     name : str
-        The column that is compared.
+        The column to compare.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def _effects(ax: Any, table: pd.DataFrame, measure: str) -> None:
 
 
 def _summed(ax: Any, table: pd.DataFrame, people: int) -> None:
-    """Show by how much each move predicts better than none, summed over people."""
+    """Show how much better each change predicts than none, summed over people."""
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     shown = [move for move in MOVES if move != "nothing"]
     for k, move in enumerate(shown):
@@ -97,11 +97,11 @@ def _summed(ax: Any, table: pd.DataFrame, people: int) -> None:
                     ha="center", fontsize=6)  # fmt: skip
     ax.set_yticks(-np.arange(len(shown)), [MOVES[move][0] for move in shown])
     ax.margins(x=0.25)
-    ax.set(ylim=(0.6 - len(shown), 0.6), xlabel="better than moving nothing (nats)")
+    ax.set(ylim=(0.6 - len(shown), 0.6), xlabel="better than no change (nats)")
 
 
 def _each(ax: Any, table: pd.DataFrame) -> None:
-    """Show the same of each person, a line per person, in the order of the best move."""
+    """Show the same for each person, one line per person, sorted by the best change."""
     each = table.drop_duplicates(["participant", "moved"])
     wide = each.pivot(index="participant", columns="moved", values="better_nats")
     shown = [move for move in MOVES if move != "nothing"]
@@ -111,7 +111,7 @@ def _each(ax: Any, table: pd.DataFrame) -> None:
         place = np.arange(len(wide)) + 0.14 * (k - 1.5)
         ax.plot(place, wide[move], "o", ms=3, color=MOVES[move][1])
     ax.set_xticks([])
-    ax.set(xlabel="people, in order", ylabel="better (nats)")
+    ax.set(xlabel="people, sorted", ylabel="better (nats)")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Figure F4: what a fit gives back of the numbers that data were made from, and its intervals."""
+"""Figure F4: parameter recovery of the fits, and the calibration of their intervals."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ LABELS = {
     "bound": "half of the gap (s$^{1/2}$)",
     "threshold_nats": "threshold (nats)",
     "t0_s": "t0 (s)",
-    "t0_sd_s": "sd of t0 (s)",
+    "t0_sd_s": "SD of t0 (s)",
     "lapse": "lapses",
 }
 COLOUR = {"sensitivity": "C0", "bound": "C1", "threshold_nats": "C1", "t0_s": "C2",
           "t0_sd_s": "C3", "lapse": "C4"}  # fmt: skip
 RANKED = 99
-"""Draws among which the score ranks the truth."""
+"""Number of draws among which the score ranks the truth."""
 SHARE = 0.9
-"""Share of the posterior that an interval of the score holds."""
+"""Posterior probability of the score's intervals."""
 SURE = 0.95
 
 
@@ -47,7 +47,7 @@ def draw(settings: Settings, recovered: Path, calibrated: Path, *, output: Path)
     axes[2, 1].sharey(axes[2, 0])
     for ax, by in zip(axes[2], CRITERION, strict=False):
         _ranks(ax, where(table, by=by))
-    axes[2, 0].set_ylabel("share of ranks below, less even")
+    axes[2, 0].set_ylabel("share of ranks below,\nminus uniform")
     axes[2, 1].tick_params(labelleft=False)
     letter(axes[2, 0], "c  ranks, the test")
     letter(axes[2, 1], "d  ranks, the circuit")
@@ -71,10 +71,10 @@ def _recovery(ax: Any, rows: pd.DataFrame, correlation: float, name: str) -> Non
 
 
 def _ranks(ax: Any, table: pd.DataFrame) -> None:
-    """Show how far ranks of the truth among draws are from even, with the 95 % band."""
+    """Show the deviation of ranks of the truth from uniform, with the 95 % band."""
     sets = table["set"].nunique()
     reach = kstwo.ppf(SURE, sets)
-    ax.axhspan(-reach, reach, color="0.93", lw=0, zorder=-1, label="95 % band of even ranks")
+    ax.axhspan(-reach, reach, color="0.93", lw=0, zorder=-1, label="95 % band of uniform ranks")
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     place = np.arange(RANKED + 1)
     for name, rows in table.groupby("parameter", sort=False):
@@ -101,7 +101,7 @@ def interval(inside: float, sets: int) -> Array:
 
 
 def _coverage(ax: Any, table: pd.DataFrame) -> None:
-    """Show the share of sets whose interval holds the truth."""
+    """Show the share of data sets whose interval contains the truth."""
     ax.axhline(SHARE, color="0.6", lw=0.8, ls=":")
     names: list[str] = []
     for by, mark, move in (("test", "o", -0.12), ("circuit", "s", 0.12)):

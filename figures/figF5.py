@@ -1,7 +1,7 @@
-"""Figure F5: rates of the circuit held to monkeys' choices, in the windows of a recording of STN.
+"""Figure F5: rates of the circuit fitted to monkeys' choices, in the windows of STN recordings.
 
-The circuit is the one with cells of STN that are driven at onset, with the numbers that its fit to
-each monkey's choices and times gave; no rate went into that fit.
+The circuit with STN cells driven at onset, with the parameters fitted to each monkey's choices and
+response times; rates were not fitted.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from figures.windows import (
 NUCLEI = ("STN", "STN_onset", "GPe", "SNr")
 SECONDS = 2.5
 AFTER_MS, BEFORE_MS = 80.0, 100.0
-"""From the decision to the response; and, in another split of t0, from motion to evidence.
+"""Time from decision to response; and, for another split of t0, from motion to evidence.
 
-Cells of LIP come to one level about 80 ms before the saccade (Roitman & Shadlen 2002); that all of
-the rest lies before the evidence is an assumption.
+LIP cells reach a common level about 80 ms before the saccade (Roitman & Shadlen 2002); that the
+remainder of t0 precedes the evidence is an assumption.
 """
 SPLITS = ("80 ms after the decision", "100 ms before the evidence")
 COLOUR = {True: "C0", False: "C1"}
@@ -43,7 +43,7 @@ FILLS = ["C2", "C4", "C3"]
 
 
 def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
-    """Run the fitted circuit of each monkey at five coherences; average rates in the windows."""
+    """Run the circuit fitted to each monkey at five coherences; average rates in the windows."""
     table, parts = read_table(parameters), []
     for who in sorted(table.loc[table["data"] == MONKEYS, "participant"].unique()):
         values = fitted(table, who, ONSET)
@@ -62,18 +62,18 @@ def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
 def seen_from_motion(
     did: Followed, before_ms: float, t0_ms: float, rest: dict[str, float]
 ) -> pd.DataFrame:
-    """Return rates in the windows, on the clock of a recording: 0 is the onset of motion.
+    """Return rates in the windows, with time 0 at motion onset as in recordings.
 
     Parameters
     ----------
     did : Followed
-        The circuit, on its own clock: 0 is the onset of evidence.
+        The circuit's activity, with time 0 at the onset of evidence.
     before_ms : float, ms
-        From motion to evidence; rates are those at rest.
+        From motion to evidence; until then the circuit is at rest.
     t0_ms : float, ms
-        All of the non-decision time.
+        Total non-decision time.
     rest : dict of float
-        Rates at rest, Hz.
+        Resting rates, Hz.
     """
     step = did.time_ms[1] - did.time_ms[0]
     before = round(before_ms / step)
@@ -84,13 +84,13 @@ def seen_from_motion(
         for name in NUCLEI
     }
     at = did.at_ms + t0_ms
-    # A trial whose last window goes beyond the end is left out.
+    # Trials whose last window extends beyond the end are left out.
     whole = at + ABOUT_MS <= time[-1]
     return averaged(rates, time, np.where(whole, did.choice, -1), at, rest)
 
 
 def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> Figure:
-    """Draw a row per nucleus and a column per window, and the likeness to the three patterns."""
+    """Draw a row per nucleus and a column per window, and the similarity to the three patterns."""
     whole = read_table(data)
     table = where(whole, split=SPLITS[0])
     names = sorted(table["participant"].unique())
@@ -113,7 +113,7 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
     letter(axes[0, 0], "a  100-300 ms")
     letter(axes[0, 1], "b  300-500 ms")
     letter(axes[0, 2], "c  response ± 100 ms")
-    letter(axes[0, 3], "d  likeness")
+    letter(axes[0, 3], "d  similarity")
     finish_rows(axes, NUCLEI, percent, [f"{each:.3g}" for each in percent], "coherence (%)")
     key(figure, axes[0, 0], axes[0, 3], ncols=3)
     say_if_older(figure, parameters)
@@ -121,7 +121,7 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
 
 
 def _likeness(ax: Any, rows: pd.DataFrame, names: list[str]) -> None:
-    """Show the correlation with each pattern, a bar per monkey, and of the other split of t0."""
+    """Show the correlation with each pattern, one bar per monkey, and for the other split of t0."""
     for k, name in enumerate(names):
         found, other = (
             likeness(where(rows, participant=name, split=split), STRENGTHS) for split in SPLITS
@@ -130,9 +130,9 @@ def _likeness(ax: Any, rows: pd.DataFrame, names: list[str]) -> None:
         fill = FILLS if k == 0 else ["w"] * len(found)
         ax.barh(place, list(found.values()), height=0.28, edgecolor=FILLS, lw=0.8, color=fill)
         ax.plot(list(other.values()), place, "k|", ms=7, mew=1.4)
-    ax.plot([], [], "s", color="0.4", label=f"likeness, monkey {names[0]}")
-    ax.plot([], [], "s", color="0.4", mfc="w", label=f"likeness, monkey {names[1]}")
-    ax.plot([], [], "k|", ms=7, mew=1.4, label=f"likeness, {BEFORE_MS:.0f} ms to evidence")
+    ax.plot([], [], "s", color="0.4", label=f"similarity, monkey {names[0]}")
+    ax.plot([], [], "s", color="0.4", mfc="w", label=f"similarity, monkey {names[1]}")
+    ax.plot([], [], "k|", ms=7, mew=1.4, label=f"similarity, {BEFORE_MS:.0f} ms to evidence")
     name_patterns(ax, list(found))
 
 

@@ -35,7 +35,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                 rng = stream(settings.seed, "figN1", period, count, fold)
                 evidence = readings.draw(settings.sweep_trials // 6, settings.t_max, rng=rng)
                 trace = Msprt().run(evidence)
-                # The lowest of these posteriors lie below chance of few alternatives.
+                # The lowest of these posteriors are below chance for few alternatives.
                 counts = tally(trace, evidence.truth, -np.log(POSTERIORS), checked=False)
                 row: dict[str, Any] = {"period_mm": period, "orientations": count, "fold": fold}
                 row |= {"posterior": POSTERIORS, "trials": counts.trials}
@@ -54,13 +54,13 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
             here = where(table, period_mm=period, orientations=count)
             folds = here.groupby("posterior")
             mean = folds[["mean_steps", "accuracy"]].mean()
-            # Where the prior alone is enough, no reading is taken: not shown.
+            # Points at which the prior alone decides, without readings, are not shown.
             mean = mean[mean["mean_steps"] > 0]
             colour = plt.get_cmap("viridis")((count - 2) / 7)
             style = {"color": colour, "label": f"N = {count}", "lw": 1.2, "marker": ".", "ms": 3}
             speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], None, **style)
             ax.axhline(1 / count, color=colour, lw=0.7, ls=":")
-            # Trials are many, taps are few: the interval is that of six folds of taps.
+            # There are many trials but few taps, so the interval is over six folds of taps.
             half = t.ppf(0.975, FOLDS - 1) * folds["accuracy"].sem().iloc[-1]
             ends.append((mean["mean_steps"].iloc[-1], mean["accuracy"].iloc[-1], half, colour))
         _bars(ax, ends)
@@ -76,7 +76,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 def _bars(ax: Axes, ends: list[tuple[float, float, float, Any]]) -> None:
     """Draw the intervals of the last points (steps, accuracy, half, colour).
 
-    Where several lines end together their bars stand side by side to the right.
+    If several lines end at the same place, their bars are drawn side by side to the right.
     """
     width = max(steps for steps, *_ in ends)
     together = [end for end in ends if end[0] > 0.97 * width]

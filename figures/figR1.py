@@ -1,4 +1,4 @@
-"""Figure R1: the same test on real taps of an edge."""
+"""Figure R1: the sequential test on real taps of an edge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ T_MAX = 30
 
 
 def compute(settings: Settings, recordings: Path, *, output: Path) -> None:
-    """Decode held-out real taps, and decide on them."""
+    """Decode held-out real taps, and make decisions from them."""
     taps = decoded_edges(settings.seed, recordings)
     error_sd = wrapped((taps["edge_deg"] - taps["yaw_deg"]).to_numpy(), 360).std()
     table = decide(settings, taps).assign(error_sd_deg=error_sd)
@@ -55,7 +55,7 @@ def _score(settings: Settings, readings: Source, rng: np.random.Generator) -> pd
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw accuracy against mean taps: the mean over folds of the taps, and the range of folds."""
+    """Draw accuracy against mean taps: the mean and range over folds of taps."""
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.2, 3.0))
     for i, difference in enumerate(DIFFERENCES_DEG):
@@ -72,7 +72,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     ax.legend(
         title="difference of the edge's yaw (±0.5°)", loc="lower right", bbox_to_anchor=(1, 0.12)
     )
-    letter(ax, f"real TacTip taps on an edge, decoder error sd {sd:.1f}°")
+    letter(ax, f"real TacTip taps on an edge, decoder error SD {sd:.1f}°")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Figure S1: do stated posteriors hold?  Calibration of one reading's likelihood on unseen taps."""
+"""Figure S1: are posteriors calibrated? Likelihood of single readings on held-out taps."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.likelihood import Density, calibration
 from figures.common import Settings, key, letter, run, where
 
-# Fitting a t density takes a twentieth of a second, hence half of the usual folds.
+# Fitting a t density takes 50 ms, hence half of the usual folds.
 FORMS = {"kde": Density(kind="kde"), "t": Density(kind="t", inner_folds=5)}
 LOOKS = {"kde": ("kernel density", "C0", -0.008), "t": ("Student t density", "C1", 0.008)}
-"""Name, colour and place beside the stated posterior, so that no mark hides another."""
+"""Label, colour and horizontal offset, so that marks do not overlap."""
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
@@ -33,7 +33,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             truth = np.concatenate(
                 [np.full(len(x), i) for s in sources for i, x in enumerate(s.log_likelihood)]
             )
-            # Pairs share taps: an interval counts taps, of which there are far fewer.
+            # Pairs share taps, so intervals are over taps, of which there are far fewer.
             rows = calibration(values, truth)
             taps_scored = sum(int(np.sqrt(len(s.log_likelihood[1]))) for s in sources)
             rows["count"] *= 2 * taps_scored / rows["count"].sum()
@@ -42,7 +42,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw a panel a grating, both forms."""
+    """Draw one panel per grating, with both densities."""
     table = read_table(data)
     shown = settings.calibrated_mm
     figure, axes = plt.subplots(1, len(shown), figsize=(7.2, 2.2), sharex=True, sharey=True)

@@ -24,7 +24,7 @@ LETTERS = {"simulated": ("a  ", "b  ", "c  ", "d  "), "real": ("e  ", "f  ", "g 
 
 
 def compute(settings: Settings, simulated: Path, real: Path | None = None, *, output: Path) -> None:
-    """Let test, learner and circuit decide on decoded taps of each sensor."""
+    """Run test, learner and circuit on decoded taps of each sensor."""
     given: dict[str, Any] = {
         "trials": settings.circuit_trials, "step_ms": STEP_MS, "seed": settings.seed,
         "learner": Learner(episodes=settings.episodes),

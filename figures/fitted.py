@@ -1,7 +1,7 @@
-"""Models held to monkeys and people as figures show them: names, colours, and the circuit itself.
+"""Models fitted to monkeys and people: names and colours in figures, and runs of the circuit.
 
-The tables of ``benchmarks.scores.fits`` have the parameters; here the fitted circuit is run on new
-evidence with all its rates kept.
+The parameters are in the tables of ``benchmarks.scores.fits``; here the fitted circuit is run on
+new evidence, with all rates recorded.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ STYLE: dict[str, dict[str, Any]] = {
     DOPAMINE: {"color": "C3", "lw": 1.1},
     ONSET: {"color": "C1", "lw": 1.1},
 }
-"""How each model's line looks: of two that agree the thin one lies on the thick one."""
+"""Line style of each model: if two agree, the thin line is on top of the thick one."""
 DATA: dict[str, Any] = {"color": "k", "marker": "o", "ms": 3, "ls": "", "lw": 0.8, "zorder": 4}
 QUANTILES = {"q10_s": "v", "q50_s": "o", "q90_s": "^"}
-"""Quantiles of times that are drawn, and their marks."""
+"""Quantiles of times shown, and their markers."""
 STRENGTHS = (0.032, 0.064, 0.128, 0.256, 0.512)
 SAMPLE_MS = 5.0
 
 
 def places(strength: pd.Series) -> Array:
-    """Return where strengths stand on a logarithmic axis: none at half the weakest."""
+    """Return the positions of strengths on a logarithmic axis, with zero at half the weakest."""
     some = strength[strength > 0].min()
     return np.where(strength > 0, strength, some / 2)
 
 
 def mark_strengths(ax: Any, strength: pd.Series) -> None:
-    """Put every strength, per cent, under a logarithmic axis."""
+    """Label a logarithmic axis with every strength, per cent."""
     ax.set_xscale("log")
     shown = [f"{100 * s:.3g}" for s in strength]
     ax.set_xticks(places(strength), shown)
@@ -61,14 +61,14 @@ def mark_strengths(ax: Any, strength: pd.Series) -> None:
 
 
 def mark_quantiles(ax: Any, data: pd.DataFrame, errors: pd.DataFrame) -> None:
-    """Draw quantiles of times of one monkey, and put its strengths under the panel.
+    """Draw the RT quantiles of one monkey, and label the strengths.
 
     Parameters
     ----------
     ax : Axes
-        Where.
+        Axes to draw on.
     data, errors : DataFrame
-        Columns strength and ``QUANTILES``; the latter, standard errors, in the same order.
+        Columns strength and ``QUANTILES``; ``errors`` has standard errors, in the same order.
     """
     for name, mark in QUANTILES.items():
         style = DATA | {"marker": mark}
@@ -78,13 +78,13 @@ def mark_quantiles(ax: Any, data: pd.DataFrame, errors: pd.DataFrame) -> None:
 
 
 def fitted(parameters: pd.DataFrame, who: str, model: str) -> dict[str, float]:
-    """Return the parameters that a model was fitted with to somebody, by name."""
+    """Return the fitted parameters of a model for a subject, by name."""
     rows = where(parameters, participant=who, model=model)
     return dict(zip(rows["parameter"], rows["value"].astype(float), strict=True))
 
 
 def fitted_table(model: str, values: dict[str, float]) -> Circuit:
-    """Return the default circuit, or the one with fitted cells of STN that are driven at onset."""
+    """Return the default circuit, or the one with fitted STN cells that are driven at onset."""
     table = load_circuit(DEFAULT, 2)
     if model != ONSET:
         return table
@@ -93,20 +93,20 @@ def fitted_table(model: str, values: dict[str, float]) -> Circuit:
 
 @dataclass(frozen=True)
 class Followed:
-    """What a fitted circuit did.
+    """The activity and decisions of a fitted circuit.
 
     Parameters
     ----------
     rates_hz : dict of array (trials, samples, 2), Hz
-        Of each population.
+        Rates of each population.
     time_ms : array (samples,), ms
         From the onset of evidence.
     choice : int array (trials,)
-        -1 where there was none.
+        Choice; -1 if there was none.
     at_ms : array (trials,), ms
-        When it decided; NaN where it did not.
+        Decision time; NaN if there was none.
     evidence : array (trials,), sqrt(s)
-        What had been read for the choice, less for the other one, by then; NaN where it did not.
+        Evidence for the choice minus that for the other one at that time; NaN without a choice.
     """
 
     rates_hz: dict[str, npt.NDArray[Any]]
@@ -124,7 +124,7 @@ def follow(
     seconds: float,
     seed: int,
 ) -> Followed:
-    """Return what a circuit does with its fitted threshold, as it was simulated for the fit.
+    """Run a circuit with its fitted threshold, simulated as for the fit.
 
     Evidence comes every 10 ms, as in ``bgmodel.fitting.crossings``: Gaussian, of unit variance per
     second in the difference of the channels, and with a drift of the sensitivity times the
@@ -133,13 +133,13 @@ def follow(
     Parameters
     ----------
     table : Circuit
-        With two channels.
+        A circuit with two channels.
     values : dict of float
-        The fit: sensitivity and threshold_nats are read.
+        Fitted parameters; sensitivity and threshold_nats are used.
     strength : float
         Coherence.
     trials, seconds, seed :
-        How many, how long (s), and the key of evidence and noise.
+        Number of trials, their duration (s), and the seed of evidence and noise.
     """
     readings = math.ceil(seconds / BIN_S)
     rng = stream(seed, "fitted", f"{strength:g}")
@@ -148,14 +148,14 @@ def follow(
     read = (steps + np.array([drift, -drift]) * BIN_S / 2).cumsum(axis=1)
     model = BasalGanglia(table, Population(sample_ms=SAMPLE_MS), seed=seed)
     with warnings.catch_warnings():
-        # As for the fit: a random walk leaves any range.
+        # As in the fit: a random walk eventually leaves any range.
         warnings.simplefilter("ignore", RangeWarning)
         done = model.run_drive(NOISE_NATS * read, 1000 * BIN_S)
     trace = Trace(done.output_nats, done.time_ms, step_ms=1000 * BIN_S)
     decided = first_crossing(trace, values["threshold_nats"], forced=False)
     there = decided.choice >= 0
     at_ms = np.where(there, decided.time_ms, np.nan)
-    # A tick at the very end of a reading still hears that one.
+    # A tick at the very end of a reading still receives that reading.
     last = np.ceil(np.where(there, decided.time_ms, 1000 * BIN_S) / (1000 * BIN_S) - 1e-9) - 1
     last = np.clip(last, 0, readings - 1).astype(np.int64)
     apart = (read[:, :, 0] - read[:, :, 1])[np.arange(trials), last]

@@ -1,4 +1,4 @@
-"""What all figures stand on: contact library, trained decoder, decoded held-out taps."""
+"""Prerequisites of all figures: contact library, trained decoder, decoded held-out taps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRAINING = Training()
 
 
 def library(settings: Settings, *, output: Path) -> None:
-    """Solve the contact library into the cache, and leave a note that it is there."""
+    """Compute the contact library into the cache, and write a marker file."""
     plan = contact_library(workers=1).plan
     with replacing(output) as partial:
         partial.write_text(f"{plan}\n")
@@ -42,10 +42,10 @@ def decoder(settings: Settings, done: Path, *, output: Path) -> None:
 
 
 def yaws() -> dict[float, bool]:
-    """Return every yaw that a task asks for; True for the two of same/different."""
+    """Return every yaw used by a task; True for the two of same/different."""
     both = set(SameDifferent().yaws_deg)
     every = {yaw for count in range(2, 9) for yaw in Orientations(count).yaws_deg}
-    # Thirds and sevenths differ in their last digits from one count to another.
+    # The last digits of thirds and sevenths depend on the number of alternatives.
     exact = {float(Fraction(yaw).limit_denominator(1000)) for yaw in every | both}
     return {yaw: yaw in both for yaw in sorted(exact)}
 
@@ -62,7 +62,7 @@ def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> N
             decoded = network.decode(taps)
             parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**decoded))
     table = pd.concat(parts, ignore_index=True).drop(columns="strength")
-    # A tenth of a degree is far below any error of the decoder, and packs small.
+    # A tenth of a degree is far below any decoder error, and compresses well.
     for name in ("psi_deg", "orientation_deg"):
         table[name] = table[name].round(1).astype(np.float32)
     for name in ("period_mm", "yaw_deg"):

@@ -1,8 +1,8 @@
-"""Rates in the three windows in which STN cells of monkeys were read, by choice and strength.
+"""Rates by choice and strength in the three windows of recordings from monkey STN.
 
-Branam, Gold & Ding 2024 read 203 cells of the subthalamic nucleus in 100-300 and 300-500 ms after
-the onset of motion and within 100 ms of the saccade, for both choices and five coherences, and told
-three kinds apart: each cell is 30 numbers.
+Branam, Gold & Ding 2024 recorded 203 cells of the subthalamic nucleus, 100-300 and 300-500 ms after
+the onset of motion and within 100 ms of the saccade, for both choices and five coherences (30
+numbers per cell), and distinguished three types.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ def averaged(
     at_ms: Array,
     rest: Mapping[str, float],
 ) -> pd.DataFrame:
-    """Return mean rates above rest, Hz, of a channel in each window, by the choice that is made.
+    """Return mean rates above rest, Hz, of a channel in each window, by choice.
 
-    The first two windows are of trials that respond after them.
+    The first two windows include only trials whose response is later.
 
     Parameters
     ----------
     rates : dict of array (trials, samples, 2), Hz
-        Of each nucleus that is asked for; channels are alike.
+        Rates of each nucleus; channels are equivalent.
     time_ms : array (samples,), ms
-        When rates are read, from the onset of motion.
+        Sample times, from the onset of motion.
     choice : int array (trials,)
-        0 or 1; a trial without a choice counts nowhere.
+        0 or 1; trials without a choice are ignored.
     at_ms : array (trials,), ms
-        When the response is made.
+        Response times.
     rest : dict of float
-        Rates at rest, Hz.
+        Resting rates, Hz.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def averaged(
     for name, each in rates.items():
         for window, (inside, counted) in seen.items():
             for own in PREFERRED:
-                # Each channel's cells prefer its choice: both are read, one trial each.
+                # The cells of each channel prefer its choice: use both channels of every trial.
                 values = np.concatenate(
                     [
                         _mean(each[..., k], inside)[counted & (choice == (k if own else 1 - k))]
@@ -81,10 +81,10 @@ def _mean(rates: npt.NDArray[Any], inside: npt.NDArray[np.bool_]) -> npt.NDArray
 
 
 def patterns(strengths: Sequence[float]) -> dict[str, Array]:
-    """Return the patterns of three theories of STN, (windows, choices, strengths), simplified.
+    """Return simplified patterns of three theories of STN, (windows, choices, strengths).
 
-    The first is modulated by choice and strength, and positive before the response; the second
-    early and the same for both choices; the third rises with time and strength, not choice.
+    The first is modulated by choice and strength, and positive before the response; the second is
+    early and the same for both choices; the third rises with time and strength, but not choice.
     """
     strength = np.array(strengths) / max(strengths)
     sign = np.array([1.0, -1.0])[None, :, None]
@@ -103,7 +103,7 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
     Parameters
     ----------
     rows : DataFrame
-        Columns window, own, strength and hz. A mean that no trial has counts nowhere.
+        Columns window, own, strength and hz. Means without trials are ignored.
     strengths : sequence of float
         In the order of the patterns.
     """
@@ -119,18 +119,18 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
 def finish_rows(
     axes: Any, labels: Iterable[str], strengths: Sequence[float], ticks: Sequence[str], what: str
 ) -> None:
-    """Label panels: a row per nucleus, a column per window, and one of the likeness.
+    """Label panels: one row per nucleus, one column per window, and one for the similarity.
 
     Parameters
     ----------
     axes : array of Axes (nuclei, 4)
-        Whose rates are drawn.
+        Panels.
     labels : iterable of str
         Name of each nucleus.
     strengths, ticks : sequence of float, sequence of str
-        Where the ticks of strength stand, and their text.
+        Positions of the ticks of strength, and their labels.
     what : str
-        What strength is.
+        Axis label of strength.
     """
     for row, label in zip(axes, labels, strict=True):
         for ax in row[:3]:
@@ -146,7 +146,7 @@ def finish_rows(
 
 
 def name_patterns(ax: Any, names: Sequence[str]) -> None:
-    """Name the bars of the likeness to each pattern, from the top."""
+    """Label the bars of similarity to each pattern, from the top."""
     ax.axvline(0, color="0.6", lw=0.8)
     ax.set(xlim=(-1, 1), ylim=(-0.6, len(names) - 0.4))
     ax.invert_yaxis()
@@ -154,7 +154,7 @@ def name_patterns(ax: Any, names: Sequence[str]) -> None:
 
 
 def share_height(axes: Iterable[Any]) -> None:
-    """Give panels one range of heights, labelled at the first alone."""
+    """Give panels a common vertical range, with labels only on the first."""
     axes = list(axes)
     low = min(ax.get_ylim()[0] for ax in axes)
     high = max(ax.get_ylim()[1] for ax in axes)

@@ -124,7 +124,7 @@ BAD_USE = {
     "circuit run d.txt": "output must end in .parquet or .csv",
     "circuit run d.csv --evidence x.csv --channels 4": "channels is for evidence that is drawn",
     "circuit run d.csv --period-mm 1.5": "period_mm is for same-different, orientation",
-    "circuit run d.csv --engine rate --edits 'neurons 3'": "says nothing to the rate engine",
+    "circuit run d.csv --engine rate --edits 'neurons 3'": "has no effect in the rate engine",
     "circuit run d.csv --engine population --spikes s.csv": "engine has no spikes: leave --spikes",
     "circuit run d.csv --trials 1e12": "of memory",
     "circuit run d.csv --edits 'neurons 1e9' --engine ensemble": "of memory",

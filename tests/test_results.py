@@ -111,7 +111,9 @@ def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path):
     with pytest.raises(ValueError, match=r"^x.md.j2 needs the table y: `make score` writes it$"):
         pages.rendered(template, tmp_path)
     write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv")
-    with pytest.raises(ValueError, match=r"^x.md.j2 shows what its tables do not hold .* anew$"):
+    with pytest.raises(
+        ValueError, match=r"^x.md.j2 uses values that its tables do not contain .* again$"
+    ):
         pages.rendered(template, tmp_path)
 
 

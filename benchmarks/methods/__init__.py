@@ -1,1 +1,1 @@
-"""Models and fits that only scores compare with: none of the package needs them."""
+"""Models and fits used only for comparison in scores; the package does not need them."""

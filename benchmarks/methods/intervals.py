@@ -1,4 +1,4 @@
-"""Evidence from intervals between spikes: lognormal, as of cells in the monkey's area MT."""
+"""Evidence from interspike intervals, lognormal as in monkey MT cells."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Intervals:
-    """Lognormal intervals of one kind of cell.
+    """Lognormal interspike intervals of one type of cell.
 
     Parameters
     ----------
     mean_ms, sd_ms : float, ms
-        Of the intervals themselves.
+        Mean and SD of the intervals themselves.
     """
 
     mean_ms: float
@@ -65,25 +65,25 @@ NULL = {
 def interval_evidence(
     trials: int, steps: int, coherence: float, *, rng: np.random.Generator, hypotheses: int = 2
 ) -> Evidence:
-    """Draw intervals of one cell a direction, and what each says of its direction.
+    """Draw intervals of one cell per direction, and the log likelihoods of the directions.
 
-    A reading is an interval of every cell: that of the true direction is of ``PREFERRED``, the
-    others are of ``NULL``. ``log p(reading | H_i)`` is, up to a shared constant, the log of the
-    ratio of both densities at the interval of cell i. Readings are counted: ``step_ms`` is 1.
+    A reading is one interval of every cell, from ``PREFERRED`` for the true direction and from
+    ``NULL`` for the others. ``log p(reading | H_i)`` is, up to a common constant, the log ratio of
+    both densities at the interval of cell i. Time is counted in readings: ``step_ms`` is 1.
 
     Parameters
     ----------
     trials, steps, hypotheses : int
         Shape of the result. Truth is balanced: trial k belongs to hypothesis k mod N.
     coherence : float
-        Of the dots: one of ``PREFERRED``.
+        Motion coherence: one of ``PREFERRED``.
     rng : numpy.random.Generator
         The source of every random number.
 
     Raises
     ------
     ValueError
-        If nothing was recorded at a coherence.
+        If there are no recordings at this coherence.
     """
     if coherence not in PREFERRED:
         there = ", ".join(f"{each:g}" for each in PREFERRED)

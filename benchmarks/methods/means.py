@@ -1,4 +1,4 @@
-"""Palmer's fit: accuracy and mean times by the closed form of a test with a constant gap."""
+"""Palmer's fit of accuracy and mean times by the closed form of a test with a constant gap."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from circuits.errors import InputError
 
 
 class MeansFit(NamedTuple):
-    """The closed form that accuracy and mean times are nearest to.
+    """The closed form that best fits accuracy and mean times.
 
     ``bound``, sqrt(s); ``sensitivity``, 1/sqrt(s) per unit of strength; ``t0_s``, s; ``mean_s``,
-    ``sd_s`` and ``accuracy`` (cells,) are what it says, the spread that of its decisions alone.
+    ``sd_s`` and ``accuracy`` (cells,) are its predictions, the SD that of decision times alone.
     """
 
     bound: float
@@ -30,19 +30,19 @@ class MeansFit(NamedTuple):
 def fit_means(design: Design) -> MeansFit:
     """Return the closed form under which choices and mean times are most likely.
 
-    Choices are binomial, and the mean time of each strength is Gaussian with the standard error
-    that the times there have (Palmer, Huk & Shadlen 2005). Times of both responses are taken
-    together: the closed form says that they are alike.
+    Choices are binomial, and the mean time of each strength is Gaussian with its observed standard
+    error (Palmer, Huk & Shadlen 2005). Times of both responses are pooled, because the closed form
+    predicts that they are identically distributed.
 
     Parameters
     ----------
     design : Design
-        By strength alone: conditions would need criteria of their own.
+        By strength only: conditions would need separate criteria.
 
     Raises
     ------
     ValueError
-        If there are conditions, or trials without a response, which have no place in a mean.
+        If there are conditions, or trials without a response, which a mean cannot include.
     """
     from scipy.optimize import minimize
 
@@ -66,7 +66,7 @@ def fit_means(design: Design) -> MeansFit:
         drift = sensitivity * design.strength
         said = np.clip(passage.accuracy(drift, bound), 1e-12, 1 - 1e-12)
         off = (passage.mean_time_s(drift, bound) + t0 - mean) / error
-        speaks = design.strength > 0  # nothing is right without evidence
+        speaks = design.strength > 0  # without evidence no response is correct
         choices = right * np.log(said) + (trials - right) * np.log1p(-said)
         return float((off**2).sum() / 2 - choices[speaks].sum())
 

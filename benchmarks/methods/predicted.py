@@ -1,4 +1,4 @@
-"""How well a model predicts trials that it was not fitted to."""
+"""Predictive accuracy of a model on held-out trials (cross-validation)."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FOLDS_SEED = 24_301
 
 @dataclass(frozen=True)
 class Predicted:
-    """How well each trial is predicted by the fit to the other folds.
+    """Log likelihood of each trial under the fit to the other folds.
 
     Parameters
     ----------
     each : array (trials,), nats
         Log likelihood of each trial.
     without : array (parts, trials), nats
-        The same with each part of the model's simulated trials left out in turn; no row where the
+        The same with each part of the model's simulated trials left out in turn; no rows if the
         model is exact.
     """
 
@@ -37,7 +37,7 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Better:
-    """By how much one model predicts better than another.
+    """Advantage of one model's predictions over another's.
 
     Parameters
     ----------
@@ -64,19 +64,18 @@ def predicted(
 ) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
-    The same seed divides the same trials alike for every model, so that two can be compared trial
-    by trial.
+    With the same seed all models have the same folds, so that they can be compared trial by trial.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Model, design, and what is free.
+        Model, design, and free parameters.
     start : array, optional
-        Where each search begins, as the optimum for all trials; those of ``optimum`` if left out.
+        Start of each search, such as the optimum for all trials; by default those of ``optimum``.
     folds : int
-        Into how many parts the trials are divided, each cell evenly.
+        Number of parts into which the trials of each cell are divided evenly.
     seed : int
-        Of the division.
+        Seed of the division.
     tell : function, optional
         Called with the number of folds done.
     """
@@ -100,12 +99,12 @@ def predicted(
 
 
 def better_by(first: Predicted, second: Predicted) -> Better:
-    """Return by how many nats one model predicts better than another.
+    """Return the advantage of one model's predictions over another's, nats.
 
     Parameters
     ----------
     first, second : Predicted
-        Of the same trials and folds. Parts of simulated trials have the same evidence in both.
+        Predictions of the same trials and folds, with the same evidence in parts of simulations.
     """
     apart = first.each - second.each
     sampling = float(apart.std(ddof=1) * math.sqrt(len(apart)))

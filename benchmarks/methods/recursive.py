@@ -1,4 +1,4 @@
-"""The recursive MSPRT: evidence goes round a loop of cortex, basal ganglia and thalamus."""
+"""The recursive MSPRT: evidence recirculates through cortex, basal ganglia and thalamus."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.checks import whole
 
 LOOP_READINGS = 3
-"""Readings that evidence takes round the loop: one each to basal ganglia, thalamus and cortex."""
+"""Delay of the loop, readings: one each to basal ganglia, thalamus and cortex."""
 
 
 @dataclass(frozen=True)
 class RecursiveMsprt:
     """The rMSPRT of Caballero, Humphries & Gurney (2018), in readings.
 
-    Cortex sums the log likelihoods of its last readings, and adds what thalamus sends back; basal
-    ganglia subtract, and thalamus is what they let pass, with cortex's mean; each a reading late::
+    Cortex sums the log likelihoods of its last readings and adds the feedback from thalamus; basal
+    ganglia subtract from cortex's mean, which gives thalamus; each step takes one reading::
 
         cortex_i(t)   = y_i(the last readings) + thalamus_i(t - 1) + baseline
         OUT_i(t)      = -cortex_i(t - 1) + ln sum_j exp cortex_j(t - 1)
         thalamus_i(t) = feedback mean_j cortex_j(t - 1) - OUT_i(t - 1)
 
-    What is common to all channels cancels in OUT, and cortex's own part comes back after three
-    readings. So where it sums three, each reading counts once, and OUT is the MSPRT's one reading
-    late; where it sums more or fewer, readings count more than once or are lost.
+    Input common to all channels cancels in OUT, and cortex's own activity returns after three
+    readings. If cortex sums three readings, each counts once, and OUT is the MSPRT's delayed by one
+    reading; if it sums more or fewer, readings count more than once or are lost.
 
     Parameters
     ----------
     window : int, optional
         Readings that cortex sums; all of them if None.
     loop : bool
-        Whether thalamus sends anything back.
+        Whether there is feedback from thalamus.
     baseline : float, nats
         Drive of cortex; OUT does not depend on it.
     feedback : float

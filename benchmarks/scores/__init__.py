@@ -1,1 +1,1 @@
-"""What the model does on seeds that tuned nothing."""
+"""Performance of the model on held-out seeds."""

@@ -9,7 +9,7 @@ from benchmarks.scores.pieces import main
 NAMES = [name for _, name, _ in iter_modules(scores.__path__) if not name.startswith("_")]
 FOUND = [import_module(f"benchmarks.scores.{name}") for name in NAMES]
 MODULES = (*(module for module in FOUND if hasattr(module, "SCORE")), hssm_check)
-"""Every module of this folder that has a score, and the one outside it."""
+"""All modules with a score: those of this folder, and one outside it."""
 
 if __name__ == "__main__":
     main(*(module.SCORE for module in MODULES))

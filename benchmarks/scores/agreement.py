@@ -1,9 +1,9 @@
-"""The circuit against the MSPRT on scoring seeds: make score.
+"""Comparison of the circuit with the MSPRT on scoring seeds: make score.
 
-Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each a
-decoder of the circuit's own cortical spikes. Simulated taps are those of six folds, and their
-intervals those of folds. These seeds tuned nothing. The coarse form leaves out
-readings every 500 ms, which take ten times as long.
+All kinds of evidence, readings every 50 and every 500 ms, two cortical codes; each also with a
+decoder of the circuit's own cortical spikes. Simulated taps come from six folds, and their
+intervals are over folds. Evaluated on held-out seeds. The coarse form omits readings every 500 ms,
+which take ten times as long.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from circuits.engines import Ensemble
 
 SCORING_SEED = 40_001
 GAIN = 0.5
-"""Another gain that is scored, nats in the circuit per nat of evidence."""
+"""A second gain, nats in the circuit per nat of evidence."""
 TRIALS, COARSE_TRIALS, SLOW_TRIALS = 2000, 200, 200
 MORE_TRIALS = {
     "Gaussian, d' 1, N = 2": 10_000,
@@ -46,7 +46,7 @@ MORE_TRIALS = {
     "same/different, 1.5 mm": 5000,
     "4 orientations, 2 mm": 5000,
 }
-"""Where the correlation of times is near what is asked: 2 000 trials know it to +-.03."""
+"""More trials if the correlation of times is near its target: 2 000 determine it to +-0.03."""
 WITH_BASELINES = "Gaussian, d' 0.5"
 """Evidence on which the baselines' loss of accuracy is shown."""
 Draw = Callable[..., Evidence]
@@ -72,7 +72,7 @@ class Condition(NamedTuple):
     draw: Callable[[], Evidence]
     seconds: float
     usual: bool
-    """Whether the circuit is as it is, and readings come every 50 ms."""
+    """Whether the circuit is unedited and readings come every 50 ms."""
 
 
 def gaussian(hypotheses: int, d_prime: float) -> Draw:
@@ -98,7 +98,7 @@ def kinds() -> Iterator[Kind]:
 
 
 def read(source: Callable[[], Source | Folds], *given: Any, **named: Any) -> Evidence:
-    """Draw evidence from a source that is made when it is first asked for."""
+    """Draw evidence from a source that is created on first use."""
     return source().draw(*given, **named)
 
 
@@ -128,7 +128,7 @@ def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condit
             yield one(", Poisson cortex", table.with_cell("ctx", cv=1.0), usual)
             apart = table.with_heterogeneity(0.1).with_connections(0.25)
             yield one(", 10 % spread, 25 % connections", apart, usual, times=4)
-            # What the levels of dopamine take for the non-decision time.
+            # The levels of dopamine use this as the non-decision time.
             if gain_of(table) != GAIN:
                 yield one(f", gain {GAIN:g}", table, usual, gain=GAIN)
         if not fast:
@@ -158,7 +158,7 @@ def drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
 
 
 def groups_of(name: str, trials: int) -> npt.NDArray[np.intp] | None:
-    """Return the fold of each trial of taps: whole folds are drawn for its interval."""
+    """Return the fold of each trial of taps; intervals resample whole folds."""
     tapped = name.startswith(("same/different", "4 orient", "8 orient", "real taps"))
     return np.arange(trials) % FOLDS if tapped else None
 

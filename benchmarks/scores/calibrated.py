@@ -1,9 +1,9 @@
-"""Calibration of taps: posteriors beside the share of choices that are right.
+"""Calibration of taps: posteriors compared with the share of correct choices.
 
-If the likelihoods are right, the share of right choices among decisions with a posterior p is p,
-and the MSPRT with the criterion P errs in at most 1 - P of the decisions that cross it. Taps are
-simulated ones of gratings and real ones of an edge; likelihoods are fitted on other taps than those
-that are scored.
+If the likelihoods are correct, the share of correct choices among decisions with a posterior p is
+p, and the MSPRT with the criterion P errs in at most 1 - P of the decisions that cross it. Taps are
+simulated ones of gratings and real ones of an edge; likelihoods are fitted and scored on different
+taps.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TACTILE = (2, 4, 8)
 """Alternatives: orientations of a grating, or differences of an edge's yaw."""
 GRATINGS_MM = (2.0, 2.5)
 SPACING_DEG = 5.0
-"""Between the yaw differences of pairs of real taps."""
+"""Spacing of the yaw differences of pairs of real taps."""
 EDGE = f"real taps, edge {SPACING_DEG:g} degrees"
 TAPS = 60
 TRIALS, COARSE_TRIALS = 12_000, 1200
@@ -100,9 +100,9 @@ def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
 
 
 def calibration(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
-    """Return the calibration curve: share right over the posterior of the most probable.
+    """Return the calibration curve: share correct by posterior of the most probable alternative.
 
-    The posteriors after all numbers of taps in ``AFTER`` share bins of width .1.
+    The posteriors after all numbers of taps in ``AFTER`` share bins of width 0.1.
     """
     after = evidence.posterior[:, AFTER, :]
     assert evidence.truth is not None
@@ -146,7 +146,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return criteria and calibration as they are."""
+    """Return criteria and calibration unchanged."""
     return {name: (name, found) for name, found in made.items()}
 
 

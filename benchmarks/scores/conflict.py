@@ -1,10 +1,10 @@
-"""The experiments on conflict, asked of the circuit with the numbers of Cavanagh's patients.
+"""The experiments on conflict, run with the circuit fitted to Cavanagh's patients.
 
-The circuit is fitted to each of 14 patients, sensitivity free by conflict, and stimulation takes a
-part of STN's output. The medians over patients make one person, whose decisions are simulated
-anew, on evidence that neither the fits nor their stored trials saw, and paired: what stimulation
-does is then known to a few ms. The size of what STN loses was set by the patients' times; how the
-change divides between conflict and none, and what it does to accuracy, was not.
+The circuit is fitted to each of 14 patients, with a sensitivity per level of conflict, and with
+stimulation as a partial loss of STN's output. The median parameters define one subject, whose
+decisions are simulated on new evidence, used neither for the fits nor in their stored trials, and
+paired, so that the effect of stimulation is known to a few ms. The size of the loss was fitted to
+the patients' times; the difference between conflict levels and the effect on accuracy were not.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from circuits.anatomy import DEFAULT
 from circuits.declaration.edits import Edits
 
 SCORING_SEED = 71_001
-"""Of the evidence and the noise of the decisions."""
+"""Seed of the evidence and the noise of the decisions."""
 DECISIONS, COARSE_DECISIONS = 10_000, 500
 SECONDS = 0.006
-"""CPU time of a decision, about, in all conditions."""
+"""Approximate CPU time per decision in all conditions."""
 FITS_SECONDS = 150
 MEASURED = ("accuracy", "mean_ms")
 INTERACTION = "high less low"
 EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
-"""The shipped experiment that asks a level of conflict."""
+"""The built-in experiment for each level of conflict."""
 
 
 def patients(trials: int) -> pd.DataFrame:
@@ -55,11 +55,11 @@ def patients(trials: int) -> pd.DataFrame:
 
 
 def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
-    """Return an experiment with the numbers of a person: what it decides on, and where.
+    """Return an experiment with a subject's parameters: evidence and threshold.
 
     With sensitivity v, in 1/sqrt(s), and noise of n nats after a second, the two channels of a
-    Gaussian problem of R readings a second have a separation of d' = 2 v / sqrt(R), and a nat of
-    its evidence is n / 2 v of the circuit's.
+    Gaussian problem with R readings per second have a separation of d' = 2 v / sqrt(R), and a nat
+    of its evidence is n / 2 v of the circuit's.
     """
     v = numbers[f"sensitivity[conflict={conflict}]"]
     task = Stimuli(
@@ -95,7 +95,7 @@ def of_the_data() -> pd.DataFrame:
 
 
 def decided(trials: int, decisions: int, workers: int) -> pd.DataFrame:
-    """Return the changes by the loss in the person of medians, beside those of patients."""
+    """Return the effects of the loss in the median subject and in the patients."""
     numbers = patients(trials).median()
     rows = []
     for conflict in EXPERIMENTS:

@@ -1,11 +1,11 @@
-"""The tests beside other tools: PyDDM, ssm-simulators and psignifit on the same problems.
+"""Cross-checks of the tests against PyDDM, ssm-simulators and psignifit on the same problems.
 
 Needs the extra ``compare``. Decisions are those of ``Sprt``, ``Race`` and ``Lca`` by
 ``first_crossing``; the calls of the other tools are in ``other_tools.py``. Times are whole
-readings: for a Kolmogorov-Smirnov test each is spread evenly over its last reading, so that there
-are no ties. The points of a grid are judged together, by what their p-values are where nothing
-differs: the smallest with Bonferroni's correction, a test that they are uniform, and the sum of
-squared z. Each table has controls, wrong on purpose.
+readings; for a Kolmogorov-Smirnov test each is spread uniformly over its last reading to avoid
+ties. The points of a grid are judged jointly by the null distribution of their p-values: the
+smallest with Bonferroni's correction, a test of uniformity, and the sum of squared z. Each table
+has controls that are wrong on purpose.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TOOLS = ("pyddm", "ssms", "psignifit")
 SEPARATIONS, BOUNDS, STARTS = (0.03, 0.05), (0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 0.4)
 """The grid: d per reading; bounds, nats; where Z starts, as a share of the bound."""
 COARSE_D = 0.5
-"""A separation at which one reading is not small beside the bound."""
+"""A separation at which one reading is not small relative to the bound."""
 WRONG = 1.03
 """Factor on the drift in controls."""
 TRIALS, COARSE_TRIALS, NUMBERS = 20_000, 2000, 10_000_000
@@ -103,7 +103,7 @@ def held(correct: Array, readings: Array, ends: Ends, times: Array) -> dict[str,
 
 
 def walks(d: float, share: float, trials: int) -> pd.DataFrame:
-    """Return one row per bound and solution, beside the simulation's error rate and mean."""
+    """Return one row per bound and solution, with the simulation's error rate and mean."""
     rows = []
     for theta in BOUNDS:
         at = d, theta, share * theta
@@ -182,7 +182,7 @@ def psychometric(bound: float, bias: float, repeats: int, trials: int) -> pd.Dat
     """Return threshold and width of data sets by psignifit, and by this project's own fit.
 
     Readings have the mean k (c + bias) and sd 1, and the test stops at +-bound, in sd. Response 1
-    then has the chance 1 / (1 + exp(-2 (bound + .5826) k (c + bias))).
+    then has the probability 1 / (1 + exp(-2 (bound + 0.5826) k (c + bias))).
     """
     rows = []
     width = np.log(19) / ((bound + OVERSHOOT) * GAIN)

@@ -1,4 +1,4 @@
-"""What came of the experiments that ship, on the seeds in their files: make score.
+"""Results of the built-in experiments, on the seeds in their files: make score.
 
 Populations on all trials of a file; spikes on fewer, as measures for figure D4.
 """
@@ -33,7 +33,7 @@ def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
         found.append(beside_published(experiment, measures).assign(row=EFFECT))
     known = {"name": experiment.name, "published": experiment.published}
     known |= {"source": experiment.source, "trials": experiment.task.trials}
-    # A published number has a column of its own.
+    # Published numbers are in a separate column.
     numbers = {"published": "published_value"}
     return pd.concat([part.rename(columns=numbers) for part in found]).assign(**known)
 
@@ -59,7 +59,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the outcomes of all predictions, effects beside the published, measures in spikes."""
+    """Return outcomes of predictions, effects with published values, and measures in spikes."""
     ends = {"low": "value_low", "high": "value_high"}
     ends |= {"published_low": "published_value_low", "published_high": "published_value_high"}
     found = made["predictions"].rename(columns=ends)

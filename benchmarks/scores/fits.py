@@ -43,7 +43,7 @@ PREDICTED = [
 def fitted_circuit(
     mechanism: Mechanism, trials: int, seconds: float, noise_nats: float = 2.0
 ) -> CircuitModel:
-    """Return the default circuit as a model; what it decides is kept with the pieces."""
+    """Return the default circuit as a model; its simulations are stored with the pieces."""
     return CircuitModel(
         load_circuit(DEFAULT, 2), mechanism=mechanism, seconds=seconds, trials=trials,
         noise_nats=noise_nats, folder=OUT / "stored",

@@ -49,19 +49,19 @@ SPIKING = {2: 600, 4: 600, 8: 300}
 """Trials in spikes, by alternatives."""
 TRIALS, COARSE_TRIALS, TACTILE_TRIALS = 5000, 500, 1998
 CENTRED = "population, mean taken off"
-"""The control: the mean over channels is taken off outside the circuit."""
+"""The control: the mean over channels is subtracted outside the circuit."""
 ACCURACIES = (0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.97)
 HICK = (0.9, 0.95)
 """Accuracies at which a line is fitted over ln N."""
 STRENGTHS = (0.125, 0.25, 0.5, 1.0)
-"""d' of the trials for quantiles; every likelihood is that of d' .5."""
+"""d' of the trials for quantiles; likelihoods always assume d' = 0.5."""
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 FEWEST_RESPONSES = 30
 """With fewer responses than this, their quantiles are left out."""
 
 
 def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SEED) -> Evidence:
-    """Draw the Gaussian problem; the likelihoods are those of d' .5 at any d'."""
+    """Draw the Gaussian problem; likelihoods assume d' = 0.5 at any d'."""
     rng = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
     given = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
     found = gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
@@ -147,8 +147,8 @@ def gaussian(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
 def quantiles(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
     """Return quantiles of times of right and wrong responses at one threshold, by strength.
 
-    The threshold of each decider is that of accuracy .9 at d' .5, found on other trials; spikes
-    take the threshold of populations.
+    The threshold of each model gives accuracy 0.9 at d' = 0.5 on other trials; spikes use the
+    threshold of populations.
     """
     tuned = deciders(drawn(min(trials, 1000), alternatives, D_PRIME, TUNING_SEED), 0)
     rows: list[dict[str, Any]] = []

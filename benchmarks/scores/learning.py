@@ -1,9 +1,9 @@
 """Dopamine that learns, scored on fresh trials: make score.
 
 The rate circuit on three gratings and on Gaussian evidence, the spiking one on two gratings, from
-both ends of the usable levels. What is learned is held to the best of these levels, found by
-exhaustive search, and to the optimum of the abstract test with the circuit's usual non-decision
-time. This seed tuned nothing.
+both ends of the usable levels. The learned level is compared with the best of these levels, found
+by exhaustive search, and with the optimum of the abstract test with the circuit's usual
+non-decision time. Evaluated on a held-out seed.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from circuits.engines import Ensemble, Rate
 SCORING_SEED = 40_006
 XI, T_MAX, STEP_MS = 50.0, 30, 50.0
 LATENCY_MS = LATENCIES_MS[2]
-"""Non-decision time. Beside the highest level OUT rests near the threshold and the circuit is
-faster than that: where it comes out ahead of the test, its latency is shorter, not its decisions
-better."""
+"""Non-decision time. Near the highest level OUT rests close to the threshold and the circuit is
+faster than this: if it outperforms the test there, it is because of a shorter latency, not of
+better decisions."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 12}
@@ -73,7 +73,7 @@ def kinds() -> dict[str, Draw]:
 
 
 def drawn(draw: Draw, trials: int, name: str) -> Evidence:
-    """Return trials of their own stream."""
+    """Return trials from a separate random stream."""
     rng = stream(SCORING_SEED, "learning", name)
     return draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
 
@@ -129,7 +129,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the number of runs that end near the best level, and their reward beside the test."""
+    """Return the number of runs that end near the best level, and their reward versus the test."""
     found = made["runs"]
     found = found.assign(near=found["regret"] < NEAR)
     by = ["engine", "kind", "start_level", "after"]

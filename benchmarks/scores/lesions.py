@@ -1,8 +1,8 @@
-"""What edits do to OUT beside theory, and what the circuit needs, on scoring seeds: make score.
+"""Effects of edits on OUT versus theory, and control circuits, on scoring seeds: make score.
 
-Shifts of OUT under held evidence in spikes, beside the fixed points of three sets of laws; the
-scatter of OUT and whose noise it is, by theory; and three controls, each without a part that
-computes, beside max-vs-average.
+Shifts of OUT under constant evidence in spikes, compared with the fixed points of three sets of
+laws; the noise of OUT and its sources, by theory; and three controls, each without one
+computational component, compared with max-vs-average.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HELD, COARSE_HELD = 40, 10
 TRIALS, COARSE_TRIALS = 1000, 200
 LAWS = {"table": "exact_nats", "cells": "own_laws_nats", "finite": "finite_nats"}
 POSTERIOR = 0.85
-"""Where the scatter of OUT is told."""
+"""Condition in which the noise of OUT is computed."""
 
 
 def shifts(trials: int) -> pd.DataFrame:
@@ -46,7 +46,7 @@ def shifts(trials: int) -> pd.DataFrame:
 
 
 def controls(trials: int, workers: int) -> pd.DataFrame:
-    """Return the cost of each part that is left out, and max-vs-average beside the MSPRT."""
+    """Return the cost of removing each component, and of max-vs-average versus the MSPRT."""
     table = load_circuit(TABLE, CHANNELS)
     edited = {
         "GPe held at its rest": table.clamp("GPe"),
@@ -60,7 +60,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))
     other = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
-    # Max-vs-average has no circuit to be held to: only its extra time says something.
+    # Max-vs-average has no circuit to compare with, so only its extra time is informative.
     other = other[other["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
     return pd.concat([change, other], ignore_index=True)
 

@@ -1,7 +1,7 @@
 """Levels of dopamine as thresholds, scored: make score.
 
-Figure D2 on a seed that tuned nothing: the posterior at each level of dopamine, and accuracy in
-equal time beside the MSPRT and the MSPRT at the circuit's gain.
+Figure D2 on a held-out seed: the posterior at each level of dopamine, and accuracy at equal time
+compared with the MSPRT and the MSPRT at the circuit's gain.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SECONDS = 1.0
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
 NOISE = 0.02
-"""Where more responses than this share come before the first reading, noise decides."""
+"""Above this share of responses before the first reading, decisions are attributed to noise."""
 REFERENCES = {"": MSPRT, "own_": MSPRT_AT_GAIN}
 
 

@@ -1,9 +1,9 @@
-"""The shipped network of the circuit's likelihood beside fresh simulations, on a scoring seed.
+"""The built-in network of the circuit's likelihood versus new simulations, on a scoring seed.
 
-``python -m benchmarks.scores.likelihood``. A million trials are simulated anew and read at random
-parameters, as a fit reads them. The error is the mean of ``|log p_network - log p_simulated|`` over
-trials as they were simulated, with the network's own Gaussian t0 in closed form. A million trials
-have an error of their own: half of what two halves of them differ by.
+``python -m benchmarks.scores.likelihood``. A million new trials are simulated and evaluated at
+random parameters, as in a fit. The error is the mean of ``|log p_network - log p_simulated|`` over
+the simulated trials, with the network's Gaussian t0 in closed form. The simulations have an error
+too: half the difference between two halves of the trials.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED = 24_502
 TRIALS, COARSE_TRIALS = 143_000, 4_000
-"""At each of the seven drifts."""
+"""Trials at each of the seven drifts."""
 SECONDS = 5.0
 SETS = 20
 T0_S = (0.1, 0.6)
@@ -37,7 +37,7 @@ BINS = 500
 
 
 def model_of(trials: int, seed: int) -> CircuitModel:
-    """Return the model of the default circuit with so many trials at each drift."""
+    """Return the model of the default circuit with ``trials`` trials at each drift."""
     folder = OUT / "crossings"
     return CircuitModel(
         load_circuit(DEFAULT, 2), seconds=SECONDS, trials=trials, seed=seed, folder=folder

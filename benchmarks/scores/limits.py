@@ -1,10 +1,10 @@
-"""What keeps the default circuit's decision times from those of the MSPRT: make score.
+"""Why the default circuit's decision times differ from those of the MSPRT: make score.
 
-Populations decide as they are, with six times the cells in cortex, and with six times the cells
-everywhere else; then the circuit without noise, as it is and with all its delays and time constants
-halved. By the attenuation of a correlation (Spearman 1904) r of times is that without noise, times
-the square root of r of the circuit with itself under other noise. Nothing is chosen by these
-numbers.
+Decisions of populations, unedited, with six times the cells in cortex, and with six times the cells
+everywhere else; then of the circuit without noise, unedited and with all delays and time constants
+halved. By the attenuation of a correlation (Spearman 1904), r of times is that without noise, times
+the square root of r between two runs of the circuit with different noise. These numbers were not
+used to choose parameters.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from circuits.circuit import Circuit
 from circuits.engines import engine_of
 
 TIMES = 6
-"""So many times the cells."""
+"""Factor on the number of cells."""
 TRIALS, COARSE_TRIALS = 5000, 500
 AS_IT_IS = "as_it_is"
 

@@ -1,11 +1,11 @@
 """Loss of STN in the default circuit: acute, recovered, and with a rebound of SNr: make score.
 
-Every circuit decides on the same evidence, with the same noise, at the threshold that the intact
-one was given on other seeds: its accuracy without conflict is about .9 there. The rebound is an
-assumption and its size sets the sign of the change of time, so the whole loss is scored over a
-range of it. ``REBOUND_NATS`` is what leaves the time without conflict about as it is on the tuning
-seeds; of a part of STN that is lost the rebound is that part. In a foreperiod with a ramp of
-expectancy, common to all channels, the responses before the onset count.
+All circuits decide on the same evidence, with the same noise, at the threshold found for the intact
+circuit on other seeds, where its accuracy without conflict is about 0.9. The rebound is an
+assumption, and its size determines the sign of the change of time, so complete loss is scored over
+a range of rebounds. ``REBOUND_NATS`` leaves the time without conflict nearly unchanged on the
+tuning seeds; after partial loss the rebound is the same fraction of it. In a foreperiod with a ramp
+of expectancy, common to all channels, responses before the onset are counted.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ REBOUNDS_NATS = tuple(np.round(np.arange(0, 0.85, 0.1), 1))
 EXPECTED_NATS, EXPECTED_MS = (3.0, 5.0), 800.0
 """Most expectancy by the onset, in the circuit's nats, and the foreperiod."""
 CHANGED = ("accuracy", "mean_ms")
-"""Measures whose change from the intact circuit is told."""
+"""Measures reported as changes from the intact circuit."""
 INTACT, ACUTE, RECOVERED = "intact", "acute", "recovered"
 
 
@@ -60,7 +60,7 @@ class Task(NamedTuple):
 
 
 TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48))
-"""Thresholds from the tuning seeds: accuracy .9 without conflict."""
+"""Thresholds from the tuning seeds, for an accuracy of 0.9 without conflict."""
 
 
 def evidence(task: Task, conflict: float, trials: int) -> Evidence:

@@ -1,9 +1,9 @@
-"""The project's problems as PyDDM, ssm-simulators and psignifit state them.
+"""The project's problems formulated for PyDDM, ssm-simulators and psignifit.
 
 The unit of time is a reading, and the unit of an accumulator the standard deviation of a reading.
 Each mapping is then exact but for one: PyDDM's time is continuous. There a walk with increments of
 mean d^2/2 and standard deviation d and bounds at +-theta is a diffusion of drift 1/2 and unit noise
-in the time d^2 t, with bounds moved out by the mean overshoot, .5826 d (Siegmund 1979). The
+in the time d^2 t, with bounds moved out by the mean overshoot, 0.5826 d (Siegmund 1979). The
 variance of the overshoot is a quarter of that of a reading; by Wald's second identity the walk
 takes a quarter of a reading longer for it.
 """
@@ -229,7 +229,7 @@ def by_psignifit(strength: Array, right: Array, trials: Array) -> dict[str, floa
     Returns
     -------
     dict
-        ``threshold``, where the function is .5, and ``width``, from .05 to .95, each also as
+        ``threshold``, where the function is 0.5, and ``width``, from 0.05 to 0.95, each also as
         NAME_low and NAME_high.
     """
     import psignifit

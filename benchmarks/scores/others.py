@@ -1,9 +1,9 @@
-"""Published circuits under one protocol: what each computes, and which known changes it shows.
+"""Published circuits under one protocol: what each computes, and which known effects it shows.
 
-Every circuit gets the same evidence. At equal accuracy it is compared with the MSPRT; designed
-trials tell which test its times follow; at one threshold it meets conflict, losses of STN and of
-GPe, and more and less dopamine. The expected changes were written down before anything was run. A
-circuit whose unit is not nats gets the gain of ``GAINS`` with which it is fastest at accuracy .9,
+All circuits receive the same evidence. At equal accuracy they are compared with the MSPRT; designed
+trials show which test their times follow; at one threshold they are tested with conflict, loss of
+STN and of GPe, and more and less dopamine. The expected changes were written down before any run. A
+circuit whose unit is not nats gets the gain of ``GAINS`` with which it is fastest at accuracy 0.9,
 on trials of another seed.
 """
 
@@ -191,7 +191,7 @@ def computes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
 
 
 def changes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
-    """Return the effects of each edit at the threshold of accuracy .9, beside the expected."""
+    """Return the effects of each edit at the threshold of accuracy 0.9, and the expected ones."""
     model, decided = tuned(entrant, alternatives)
     threshold = decided.setting(ACCURACY)
     given = {conflict: drawn(alternatives, conflict, trials) for conflict in (0.0, CONFLICT)}
@@ -300,7 +300,7 @@ def _piece(
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return decisions, changes and verdicts as they are."""
+    """Return decisions, changes and verdicts unchanged."""
     return {name: (name, found) for name, found in made.items()}
 
 

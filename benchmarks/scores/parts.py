@@ -1,8 +1,8 @@
-"""What each part of the default circuit is for, on raw evidence: make score.
+"""The role of each component of the default circuit, on raw evidence: make score.
 
-The circuit without a part that computes (controls: the test must fail) and without one that cancels
-what channels share, by populations, beside itself on the same trials: the change of each measure of
-agreement with the MSPRT at equal accuracy.
+The circuit without a computational component (controls: the test must fail) or without one that
+cancels common input, compared with the intact circuit on the same trials, with populations: the
+change of each measure of agreement with the MSPRT at equal accuracy.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ EDITS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
     "fast inhibition held (ctx_inh)": ("part", _held("ctx_inh")),
     "indirect pathway held (D2)": ("part", _held("D2")),
 }
-"""What is held stands still at its rate at rest: what it sends is there, and tells nothing."""
+"""Held nuclei fire at their constant resting rate: they keep their tone but carry no signal."""
 
 
 def changes(

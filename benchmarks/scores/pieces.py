@@ -1,9 +1,9 @@
-"""What all scores share: pieces that are kept, how long is left, and the tables that pages read.
+"""Shared by all scores: stored pieces, estimates of the remaining time, and tables for pages.
 
-A score is made of pieces, one condition each. A finished piece lies in ``benchmarks/out`` with its
-trials, its seed and its circuits, and is computed again only where one of these is another. Once
-all pieces are there, the tables of the pages are written to ``docs/results``. ``--fast`` is the
-coarse form of all: fewer trials, kept in ``benchmarks/out/fast``.
+A score consists of pieces, one condition each. A finished piece is stored in ``benchmarks/out``
+with its trials, seed and circuits, and is computed again only if one of these changes. Once all
+pieces are finished, the tables of the pages are written to ``docs/results``. ``--fast`` is the
+coarse form, with fewer trials, stored in ``benchmarks/out/fast``.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def main(*scores: Score) -> None:
 
 
 def wide(found: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
-    """Return a table with a row per index and each measure beside the others.
+    """Return a table with one row per index and one column per measure.
 
     Parameters
     ----------

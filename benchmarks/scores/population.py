@@ -1,9 +1,10 @@
-"""The population engine beside spikes, on scoring seeds: python -m benchmarks.scores.population.
+"""The population engine versus spikes, on scoring seeds: python -m benchmarks.scores.population.
 
-Both decide on the same evidence with noise of their own; beside the difference stands that of two
-noise seeds of spikes, which no engine can fall below. No constant of the population engine was
-fitted to spikes, and these seeds tuned nothing. Before the evidence both are at rest for a second:
-spikes start from a burst that they forget in about as long. Figure P2 is drawn from the tables.
+Both decide on the same evidence with independent noise; the difference is compared with that
+between two noise seeds of spikes, which no engine can fall below. No constant of the population
+engine was fitted to spikes, and the seeds are held out. Before the evidence both are at rest for a
+second, because spikes start from a burst that takes about as long to decay. Figure P2 is drawn from
+the tables.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ EDITED, EDITED_AT, EDITED_D_PRIME = (2, 4), 0.9, 0.5
 """Alternatives, posterior and d' of the edits."""
 BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
 SIZES = (0.1, 0.3, 1.0, 3.0)
-"""Numbers of cells whose scatter is told, over the table's."""
+"""Numbers of cells, relative to the table, for which the noise of OUT is measured."""
 HELD_NATS = (0.0, 0.6, 1.2)
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
 TIMES = ("mean_ms", "sd_ms")

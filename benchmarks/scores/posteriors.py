@@ -1,7 +1,7 @@
-"""What the default circuit does at a posterior, and how far a loss may go: make score.
+"""Behaviour of the default circuit by posterior, and after losses: make score.
 
-For users who write an experiment: accuracy, time and late trials at each posterior, and what is
-left of them after a loss of STN or of GPe. By populations, two alternatives, the default gain.
+For users who write an experiment: accuracy, time and late trials at each posterior, and their
+values after loss of STN or GPe. With populations, two alternatives and the default gain.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ READINGS, STEP_MS, D_PRIME = 240, 50.0, 0.5
 LATE_MS = 60 * STEP_MS
 """A time that is called late: an experiment would need more readings than this."""
 ASKED = (0.6, 0.7, 0.75, 0.8, 0.82, 0.85, 0.9, 0.93)
-"""Posteriors that are asked of the circuit as it is."""
+"""Posteriors at which the unedited circuit is evaluated."""
 AT = 0.82
 """What experiments decide at unless they say another."""
 LOST = (0.05, 0.1, 0.15, 0.2, 0.3, 0.5)

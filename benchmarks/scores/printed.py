@@ -1,6 +1,6 @@
-"""What the authors of a published circuit print, and what its table gives, before it is compared.
+"""Published numbers of published circuits, and those of their tables, as a check.
 
-Intervals are those of a mean over seeds, each with connections of its own. What is exact has none.
+Intervals are those of a mean over seeds, each with different connections. Exact values have none.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def exact(seeds: int) -> Iterator[dict[str, Any]]:
     what = "OUT + ln P, the farthest from 0 of 200 drives, four channels"
     where = "equations of section 3"
     yield {"circuit": "bogacz_gurney", "what": what, "printed": "0", "where": where, "value": off}
-    # STN: S = 6 (.25 - GPe), GPe = .9 S + .2; SNr = .9 S - .3 GPe + .2.
+    # STN: S = 6 (0.25 - GPe), GPe = 0.9 S + 0.2; SNr = 0.9 S - 0.3 GPe + 0.2.
     total = 0.3 / 6.4
     by_hand = 0.9 * total - 0.3 * (0.9 * total + 0.2) + 0.2
     rest = run(anatomy.gpr(6), np.zeros((1, 1, 6)), engine="algebra", step_ms=1.0).output_nats
@@ -117,7 +117,7 @@ def exact(seeds: int) -> Iterator[dict[str, Any]]:
 
 
 def rows(name: str, seeds: int) -> pd.DataFrame:
-    """Return printed numbers of a circuit beside those of its table."""
+    """Return published numbers of a circuit and those of its table."""
     made = {"humphries": humphries, "stewart": stewart, "exact": exact}[name]
     return pd.DataFrame([{"circuit": name, "seeds": seeds} | row for row in made(seeds)])
 
@@ -130,7 +130,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the numbers as they are."""
+    """Return the numbers unchanged."""
     ends = {"low": "value_low", "high": "value_high"}
     return {"numbers": ("numbers", made["numbers"].rename(columns=ends))}
 

@@ -1,9 +1,9 @@
-"""The decision times that Bogacz & Gurney (2007) print, figure 3: over alternatives and over gain.
+"""The decision times in figure 3 of Bogacz & Gurney (2007), by alternatives and by gain.
 
-Their problem: one channel has the mean 1.41 a second, the others 0, each with noise of .33 after a
-second, read every ms, and each test decides at the threshold that leaves 1 % errors. All tests see
-the same trials. Levels between which the threshold lies come from trials of another seed. And the
-recursive test of Caballero, Humphries & Gurney (2018) on intervals between spikes.
+Their problem: one channel has a mean of 1.41 per second, the others 0, each with noise of 0.33
+after a second, read every ms, and each test decides at the threshold for 1 % errors. All tests see
+the same trials. Bounds on the threshold come from trials of another seed. Also the recursive test
+of Caballero, Humphries & Gurney (2018) on interspike intervals.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ LOOPS: dict[str, Integrator] = {
     "rMSPRT, 4 readings": RecursiveMsprt(window=4),
     "no loop, 3 readings": RecursiveMsprt(loop=False),
 }
-"""Tests of intervals: the loop takes three readings, and so many are summed unless it says."""
+"""Tests on intervals: the loop takes three readings, and three are summed unless stated."""
 READINGS = {0.032: 800, 0.064: 250, 0.128: 100, 0.256: 40, 0.512: 20}
 """Intervals of each cell in a trial, by coherence: some five times as many as a decision takes."""
 PRINTED_MS = {"UM": 628, "race": 676, "linear GPe": 607, "linear GPe, gain 0.4, a 0.84": 545}
@@ -126,7 +126,7 @@ def at_errors(models: Mapping[str, Integrator], alternatives: int, trials: int) 
 
 
 def recursive(alternatives: int, trials: int) -> pd.DataFrame:
-    """Return readings that the recursive test takes at each coherence, beside the MSPRT's."""
+    """Return the readings taken by the recursive test and the MSPRT at each coherence."""
     rows = []
     for coherence in PREFERRED:
         draw = partial(read, BATCH, alternatives, coherence)

@@ -1,9 +1,9 @@
-"""The default circuit on raw evidence, beside its control and its ceiling: make score.
+"""The default circuit on raw evidence, with a control and the noise ceiling: make score.
 
-Each channel gets its own evidence. Beside it stand the same circuit with the mean over channels
-taken off outside (the control), chance, and the circuit with other noise (the ceiling). Populations
-decide on every kind of evidence; spikes on all but one, beside a decoder of their cortex's own
-spikes. These seeds tuned nothing.
+Each channel receives its own evidence. For comparison: the same circuit with the mean over channels
+subtracted outside (the control), chance, and the circuit with other noise (the noise ceiling).
+Populations decide on every kind of evidence; spikes on all but one, together with a decoder of
+their cortical spikes. Evaluated on held-out seeds.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Whether a fit gives back what data were made from, and whether its intervals hold it.
+"""Parameter recovery of fits, and the coverage of their intervals.
 
-Data sets are decided by the test, from its density, or trial by trial by the default circuit as
-populations, with evidence and noise of their own, which the stored trials of the fit never saw.
-Parameters come from a flat prior within the range of the fits to people and monkeys; trials that
-are not decided by the deadline have no response.
+Data sets are simulated with the test, from its density, or trial by trial with the default circuit
+and the population engine, with evidence and noise that are independent of the fit's stored trials.
+Parameters come from a flat prior over the range of the fits to people and monkeys; trials that are
+undecided at the deadline have no response.
 """
 
 from __future__ import annotations
@@ -197,8 +197,8 @@ def drawn_from(model: Model, values: Mapping[str, float], number: int) -> Design
 def direct(sets: int, trials: int) -> pd.DataFrame:
     """Return log likelihoods of some sets from stored trials, and from trials simulated for them.
 
-    At the truth, and at the parameters of the set after it: what the data say of these two is
-    their difference. The trials are simulated at the very drifts and the threshold.
+    At the truth, and at the parameters of the next set: their difference is the evidence of the
+    data for one over the other. The trials are simulated at exactly these drifts and thresholds.
     """
     model = fitted_circuit(NONE, trials, DEADLINE_S)
     names = [each.name for each in model.parameters]

@@ -1,8 +1,8 @@
 """Every number of the default table up and down, acute and after homeostasis: make score.
 
-What a change does at the threshold that was kept, and what is left of the agreement with the MSPRT
-once the threshold is tuned anew to the same accuracy. After homeostasis each population rests at
-its own old rate again (``Circuit.compensate``); the rule on the weight from STN onto SNr is that of
+The effect of a change with the threshold kept, and the remaining agreement with the MSPRT after the
+threshold is retuned to the same accuracy. After homeostasis each population is back at its old
+resting rate (``Circuit.compensate``); the rule on the weight from STN onto SNr is that of
 ``Circuit.balanced``. By populations, on raw evidence; figure A3 is drawn
 from the table, and ``worst`` does the worst changes again in spikes.
 """
@@ -39,13 +39,13 @@ SHORT = {ACUTE: "acute", BIASES: "biases", BOTH: "both"}
 SHOWN = (0.2, 0.9)
 """The share and the accuracy at which each weight is shown."""
 WORST = 10
-"""So many changes are done again in spikes: those after homeostasis that cost r most."""
+"""Number of changes repeated in spikes: those that reduce r most after homeostasis."""
 STATIC = ("weight", "bias_nats", "gain_hz_per_nat", "baseline_hz")
 """Numbers that act at rest; the others are times and the noise of cells."""
 
 
 class Case(NamedTuple):
-    """So many alternatives, a change by so much, of static numbers or of the others, and when.
+    """Number of alternatives, size of the change, kind of numbers, and recovery.
 
     ``rules`` are ACUTE; BIASES, after homeostasis; or BOTH, after that and the rule on STN->SNr.
     """
@@ -67,7 +67,7 @@ class Case(NamedTuple):
         return {name: self._after(each, table) for name, each in self.acute().items()}
 
     def acute(self) -> dict[str, Circuit]:
-        """Return the changed circuits by name, as they are before any recovery."""
+        """Return the changed circuits by name, before any recovery."""
         found = perturbed(load_circuit(DEFAULT, self.channels), self.fraction).items()
         static = {name: any(f" {field} " in name for field in STATIC) for name, _ in found}
         return {name: each for name, each in found if static[name] == self.static}
@@ -86,7 +86,7 @@ CASES = (
 
 
 def evidence(channels: int, trials: int) -> Evidence:
-    """Draw the evidence of the cases of so many alternatives."""
+    """Draw the evidence of the cases with a number of alternatives."""
     given = {"d_prime": D_PRIME[channels], "t_max": READINGS[channels]}
     rng = stream(SCORING_SEED, "sensitivity", str(channels))
     return gaussian_evidence(trials, channels=channels, seed=rng, **given)

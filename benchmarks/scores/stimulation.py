@@ -1,8 +1,8 @@
-"""What stimulation of STN moves in patients: the default circuit, fitted to choices and times.
+"""Effect of STN stimulation in patients: the default circuit fitted to choices and times.
 
 The patients of Cavanagh et al. (2011) chose under high and low conflict, with the stimulator on
-and off. In each fit one parameter of the circuit may differ with stimulation. Left-out trials say
-which parameter predicts best, and the fitted means whether the times change as the patients' do.
+and off. In each fit one parameter of the circuit may change with stimulation. Held-out trials show
+which parameter predicts best, and the fitted means whether times change as in the patients.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 def _moves(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return each move's predictions over people, and its effects beside the data's."""
+    """Return the predictions of each change over people, and its effects with those in the data."""
     rows = []
     for name, some in cells.groupby("moved", sort=False):
         each = some.drop_duplicates("participant")

@@ -1,4 +1,4 @@
-"""Stop `make figures FAST=1` again and again: it goes on, to the same bytes.
+"""Interrupt `make figures FAST=1` repeatedly and check that it resumes with identical results.
 
 Two clones of what is committed here, both run with this interpreter's environment. One run is left
 alone; the other is stopped at random moments (fixed seed), fifteen times, and then left alone:
@@ -48,10 +48,10 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 def start(folder: Path, cores: int) -> psutil.Popen:
-    """Call ``make figures`` in a clone, in a process group of its own, with our environment."""
+    """Call ``make figures`` in a clone, in a new process group, with our environment."""
     command = ["make", "figures", "FAST=1", f"CORES={cores}", f"VENV={sys.prefix}"]
     for file in ("pyvenv.cfg", "figures.installed"):
-        command += ["-o", f"{sys.prefix}/{file}"]  # what is installed stays as it is
+        command += ["-o", f"{sys.prefix}/{file}"]  # installed packages stay unchanged
     with (folder / "said.txt").open("a") as said:
         return psutil.Popen(
             command,

@@ -1,9 +1,9 @@
 """The worst changes of one number of the default table, again in spikes: make score.
 
-``sensitivity`` finds, by populations, which changes cost r of decision times most once homeostasis
-has brought all rates at rest back; its table names them. Here spikes decide on the first trials
-of the same evidence, each change beside the circuit as it is. Where that table names others than
-before, their pieces are computed anew.
+``sensitivity`` finds, with populations, the changes that reduce r of decision times most after
+homeostasis has restored all resting rates; its table names them. Here they are repeated in spikes
+on the first trials of the same evidence, each compared with the unedited circuit. If the table
+names other changes than before, their pieces are computed again.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return each change, in spikes and beside it by populations."""
+    """Return each change, in spikes and with populations."""
     found = made["changes"].drop(columns="accuracy")
     for name in MEASURES:
         new = {f"{name}{end}": f"{name}_spikes{end}" for end in ("", "_low", "_high")}

@@ -1,1 +1,1 @@
-"""Speed, side by side with what a user would pick instead."""
+"""Speed compared with the alternatives that a user might choose."""

@@ -1,10 +1,10 @@
-"""The engines side by side, and how the compiled one grows: make benchmark.
+"""Comparison of the engines, and scaling of the compiled one: make benchmark.
 
-Every number comes from a process of its own, and all are taken in turn, in rounds, so that what
-else the machine does falls on all alike. Of a cost the least over rounds counts; an engine is held
-to the ensemble's runs just before and after it, the median over rounds; what grows is a mean of
-two, each size of trials through 2 000 or more. CPU time of the run alone: compiling and building
-Brian2's networks is not in it, wiring the ensemble's is. Cost is CPU nanoseconds a cell and tick.
+Every measurement runs in a separate process, in turn and in rounds, so that other load on the
+machine affects all equally. Costs are minima over rounds; an engine is compared with the ensemble's
+runs just before and after it, by the median over rounds; scaling is a mean of two, with at least
+2 000 trials per point. CPU time of the run only: it excludes compiling and building Brian2's
+networks, and includes the ensemble's wiring. Cost is in CPU nanoseconds per cell and tick.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ REPEATS = 3
 ROUNDS = 5
 """Of the engines side by side."""
 TRIALS_IN_ALL = 2000
-"""So many trials, or one call if that has more, go into a point of cost against trials."""
+"""Minimum number of trials per point of the curve of cost against trials."""
 
 
 def drive(trials: int, channels: int) -> Any:
@@ -60,7 +60,7 @@ def cells_of(circuit: Any) -> int:
 
 
 def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
-    """Measure the compiled engine; the mean of so many times."""
+    """Measure the compiled engine, averaged over repetitions."""
     from circuits.engines import Ensemble
 
     engine = Ensemble(settle_ms=SETTLE_MS, workers=workers, rates=False)
@@ -68,7 +68,7 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
 
 
 def population(trials: int = 5000, **which: Any) -> dict[str, float]:
-    """Measure the population engine, as if each of its cells had ticks of .1 ms."""
+    """Measure the population engine, as if each of its cells had ticks of 0.1 ms."""
     from circuits.engines import Population
 
     return _compiled(Population(settle_ms=SETTLE_MS, rates=False), circuit_of(**which), trials)
@@ -190,7 +190,7 @@ SCALING: list[tuple[str, str, dict[str, Any]]] = [
 
 
 def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
-    """Measure once, in a process of its own; add its peak memory, MB."""
+    """Measure once, in a separate process; add its peak memory, MB."""
     command = [sys.executable, "-m", "benchmarks.speed.circuits", kind, json.dumps(options)]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     done = subprocess.run(

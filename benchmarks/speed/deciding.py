@@ -1,9 +1,9 @@
-"""The abstract tests beside plain numpy, ssm-simulators and PyDDM: make benchmark.
+"""The abstract tests compared with plain numpy, ssm-simulators and PyDDM: make benchmark.
 
-The work: Gaussian evidence of separation d = 0.5 a reading, 50 readings at most, 40 gaps up to 8
-nats. Here and in numpy all gaps see the same trials; ssm-simulators draws its own and runs a gap at
-a time, and PyDDM simulates nothing: it solves a diffusion at each gap. CPU seconds of one process,
-best of three, as trials per CPU-second with all gaps served.
+The task: Gaussian evidence with separation d = 0.5 per reading, at most 50 readings, 40 gaps up to
+8 nats. Here and in numpy all gaps use the same trials; ssm-simulators draws its own and runs one
+gap at a time, and PyDDM solves a diffusion at each gap without simulation. CPU seconds of one
+process, best of three, as trials per CPU-second for all gaps together.
 """
 
 from __future__ import annotations

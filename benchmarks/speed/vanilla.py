@@ -1,7 +1,7 @@
-"""The same circuit as one would first write it in Brian2: every cell and every synapse, one trial.
+"""A straightforward Brian2 version of the circuit: every cell and every synapse, one trial.
 
-All-to-all synapses, Brian2's own noise, no relays: what the engines are compared with. The slow
-common mode stays at rest.
+All-to-all synapses, Brian2's own noise, no relays: the reference for the speed of the engines. The
+slow common mode stays at rest.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What the spiking circuit was tuned on, with seeds that never score."""
+"""Tuning of the spiking circuits, on seeds not used for scores."""

@@ -1,11 +1,11 @@
-"""The cortical code of spiking_msprt, tuned: how far above silence it rests, and its Hz a nat.
+"""Tuning of the cortical code of spiking_msprt: its distance from silence and its Hz per nat.
 
 ``python -m benchmarks.tuning.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on
 tuning seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies
 of ``benchmarks.tuning.filters``, over the lowest four and the highest three of them: with six times
-the cells of one population, which tells whose noise counts, and with other cortical codes. A code
-that rests lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers
-fall silent sooner.
+the cells of one population, which shows whose noise matters, and with other cortical codes. A code
+with a lower resting rate is less noisy at the same Hz per nat, because the variance is proportional
+to the rate, but losing channels fall silent sooner.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The filters of spiking_msprt's read-out, tuned: OUT for many of them from one run of spikes.
+"""Tuning of spiking_msprt's read-out filters: OUT for many filters from one spiking run.
 
 ``python -m benchmarks.tuning.filters [--channels 2] [--d-prime 1] [--gain 0.7]`` runs the table on
 tuning seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and
 the read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its
 own noise and gets what the new filters change in its input. Printed: r of decision times against
-the MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
-lowest four and the highest three of them.
+the MSPRT at the circuit's gain, mean over accuracies of 0.885 to 0.975 in steps of 0.01, over the
+lowest four, and over the highest three.
 """
 
 from __future__ import annotations

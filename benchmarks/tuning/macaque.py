@@ -1,10 +1,10 @@
-"""What the macaque's table was tuned on: the table as it is beside its neighbours, tuning seeds.
+"""Tuning of the macaque's table: comparison with its neighbours, on tuning seeds.
 
 ``python -m benchmarks.tuning.macaque [--channels 2] [--d-prime 0.5] [--trials 2000]`` prints, for
 each variant, by the population engine and on raw evidence: how far OUT moves when all channels
-rise or fall by a nat (held evidence, without noise), how much STN's rate rises with conflict (0 to
-.9, d' 1, mean of 150-600 ms), r of decision times against the MSPRT at the circuit's gain, and the
-extra time. Kept was what holds r up without losing the rise of STN, at rates of the animal.
+rise or fall by a nat (constant evidence, without noise), how much STN's rate rises with conflict (0
+to 0.9, d' = 1, mean of 150-600 ms), r of decision times against the MSPRT at the circuit's gain,
+and the extra time. Kept: high r, with the rise of STN and the animal's rates.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ COMMON_MS = (250.0, 1000.0)
 
 
 def neighbours(table: Circuit) -> dict[str, Circuit]:
-    """Return the table and what was tried beside it."""
+    """Return the table and the variants tried."""
     slow = table.population("GPe_ctx").tau_ms
     found = {"as it is": table}
     for tau_ms in KERNELS_MS:
@@ -67,7 +67,7 @@ def step_response(table: Circuit, size: float) -> tuple[float, float]:
 
 
 def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
-    """Return the rise of STN's mean rate in 150-600 ms from conflict 0 to .9, a share."""
+    """Return the relative rise of STN's mean rate in 150-600 ms from conflict 0 to 0.9."""
     means = []
     for conflict in (0.0, 0.9):
         rng = stream(seed, "conflict", channels)

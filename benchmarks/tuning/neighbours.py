@@ -1,12 +1,12 @@
-"""What spiking_msprt was tuned on: the table as it is beside its neighbours, on tuning seeds.
+"""Tuning of spiking_msprt: comparison of the table with its neighbours, on tuning seeds.
 
 ``python -m benchmarks.tuning.neighbours [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for
-every variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune
-and never score; those of ``benchmarks.scores.agreement`` score and never tune. The row with the
-highest correlation of decision times was kept whose latency stays within 65 ms and whose rates at
-rest are those of the animal; within the error of 500 trials many are as good. The filters in front
-of OUT and the usual gain were tuned with ``benchmarks.tuning.filters``, the cortical code with
-``benchmarks.tuning.cortex``: both tell closer ones apart.
+every variant, its resting rates and a comparison with the MSPRT at its gain. These seeds are used
+only for tuning, those of ``benchmarks.scores.agreement`` only for scores. Among variants with a
+latency of at most 65 ms and the animal's resting rates, the one with the highest correlation of
+decision times was kept; many are equally good within the error of 500 trials. The filters before
+OUT and the default gain were tuned with ``benchmarks.tuning.filters``, the cortical code with
+``benchmarks.tuning.cortex``, which resolve smaller differences.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ STEP_MS = 50.0
 
 
 def tuning_evidence(trials: int, channels: int, d_prime: float, seed: int) -> Evidence:
-    """Return Gaussian evidence for tuning, long enough for an accuracy of .98."""
+    """Return Gaussian evidence for tuning, long enough for an accuracy of 0.98."""
     steps, rng = int(60 / d_prime), stream(seed, "tuning", channels)
     return gaussian_evidence(trials, d_prime=d_prime, channels=channels, t_max=steps, seed=rng)
 
@@ -80,7 +80,7 @@ def steeper_d1(table: Circuit, gain_hz_per_nat: float) -> Circuit:
 
 
 def neighbours(table: Circuit) -> dict[str, Circuit]:
-    """Return what was tried beside the table."""
+    """Return the variants tried in addition to the table."""
 
     def common(acts_ms: float) -> Circuit:
         return table.with_population("common", tau_ms=10 * acts_ms)

@@ -1,4 +1,4 @@
-"""How strong evidence may be: where decisions of the macaque's table stop getting faster, and why.
+"""Largest usable strength of evidence: where decisions of the macaque's table stop speeding up.
 
 ``python -m benchmarks.tuning.strength [--trials 200]`` prints three tables: the stability of the
 loop of STN and GPe against its activity, decision times against d' with one part of the circuit

@@ -1,7 +1,7 @@
-"""THE TABLES: every nucleus, every pathway, every number with its source; one table a file.
+"""THE TABLES: every nucleus, every pathway and the source of every number; one circuit per file.
 
-Weights are in nats: what a nat of the source's activity adds to the target's input. Rates follow
-from each row's baseline and gain. Where a source is "assumed" or "tuned", that is what it is.
+Weights are in nats of input to the target per nat of activity of the source. Rates follow from
+each row's baseline and gain. "assumed" and "tuned" mark values without a published source.
 """
 
 from __future__ import annotations
@@ -40,28 +40,28 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table i
 
 
 def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
-    """Return a circuit by name, or from a table's file.
+    """Load a circuit by name or from a file.
 
     Parameters
     ----------
     name : str or path
-        The path of a file that ends in .toml, or the name of a table:
+        The path of a .toml file, or the name of a circuit:
 
-        - "macaque": a macaque's basal ganglia in spikes, driven by raw evidence;
+        - "macaque": spiking basal ganglia of the macaque, driven by raw evidence;
         - "spiking_msprt": spiking cells that compute the MSPRT;
         - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
         - "appendix_b": the exact circuit with all pathways (their appendix B);
         - "linear_gpe": the same circuit with a linear GPe, which is not exact;
-        - "gpr": action selection by rates (Gurney, Prescott & Redgrave 2001);
-        - "humphries": action selection in spikes (Humphries, Stewart & Gurney 2006);
-        - "stewart": the weights of "gpr" in spikes (Stewart, Choo & Eliasmith 2010).
+        - "gpr": action selection, rate-based (Gurney, Prescott & Redgrave 2001);
+        - "humphries": action selection, spiking (Humphries, Stewart & Gurney 2006);
+        - "stewart": the weights of "gpr" in spiking cells (Stewart, Choo & Eliasmith 2010).
     channels : int, optional
-        Number of alternatives; unless given, 2, or that of the file.
+        Number of alternatives; by default 2, or the number in the file.
 
     Raises
     ------
     ValueError
-        If there is none of that name, with the names that there are; or as ``table_reader.read``.
+        If the name is unknown (the message lists the known names), or as ``table_reader.read``.
     """
     named = isinstance(name, (str, Path))
     require(named, "circuit", "must be a name or the path of a .toml file", name)

@@ -1,4 +1,4 @@
-"""Rows of a circuit written in columns: the names of the fields once, above the values."""
+"""Rows of a circuit written in columns: field names once, in a header above the values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from circuits.declaration.rows import Population, Projection
 
 Row = TypeVar("Row", Population, Projection)
 NAMES: dict[type, tuple[str, ...]] = {Population: ("name",), Projection: ("source", "target")}
-"""The columns that tell rows apart: every part begins with them."""
+"""The columns that identify a row; every part begins with them."""
 
 
 def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Row, ...]:
@@ -19,27 +19,27 @@ def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Ro
     kind : type
         ``Population`` or ``Projection``.
     *parts : tuples
-        The table, in one part or in several that stand below each other. The first entry of a part
-        is its header, names of fields between blanks; each other entry is a row of values. The
-        first part has all rows; a later one has those that differ from the defaults of its columns.
+        The table, in one or more parts. The first entry of a part is its header, field names
+        separated by blanks; each other entry is a row of values. The first part contains all rows;
+        later parts contain only rows that differ from the defaults of their columns.
 
     Raises
     ------
     ValueError
-        If a row has another number of values than its header, a part does not begin with the
-        columns that name a row, or a later part has a row that the first has not.
+        If a row does not have as many values as its header, a part does not begin with the
+        columns that identify a row, or a later part has a row that is missing from the first.
     """
     names = NAMES[kind]
     found: dict[tuple[Any, ...], dict[str, Any]] = {}
     for number, (header, *lines) in enumerate(parts):
         columns = tuple(str(header).split())
         if columns[: len(names)] != names:
-            raise ValueError(f"a part begins with {' '.join(names)}, got {header!r}")
+            raise ValueError(f"a part must begin with {' '.join(names)}, got {header!r}")
         for line in lines:
             if len(line) != len(columns):
                 raise ValueError(f"{line[0]}: {len(columns)} columns, got {len(line)} values")
             key = tuple(line[: len(names)])
             if number and key not in found:
-                raise ValueError(f"{header!r} has a row {'->'.join(key)}, the first part has none")
+                raise ValueError(f"{header!r} has a row {'->'.join(key)}, the first part does not")
             found.setdefault(key, {}).update(zip(columns, line, strict=True))
     return tuple(kind(**row) for row in found.values())

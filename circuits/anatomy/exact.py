@@ -1,4 +1,4 @@
-"""The exact tables of Bogacz & Gurney 2007, where OUT = -ln P, and one whose GPe is linear."""
+"""The exact circuits of Bogacz & Gurney 2007, where OUT = -ln P, and one with a linear GPe."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ def appendix_b(
     Parameters
     ----------
     channels : int
-        Alternatives.
+        Number of alternatives.
     w_gpe_stn, w_gpe_snr : float
-        Magnitudes of GPe's weights, 0..1; they add to 1.
+        Magnitudes of GPe's weights, 0..1; they sum to 1.
     w_d2_gpe, w_d1_snr : float
         Magnitudes of the striatal weights; ``w_d1_snr = 1 + w_d2_gpe``.
 
     Raises
     ------
     ValueError
-        If the weights break either constraint.
+        If the weights violate either constraint.
     """
     check_channels(channels)
     w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
@@ -51,7 +51,7 @@ def appendix_b(
     _check_weights(w_gpe_stn, w_gpe_snr, w_d2_gpe, w_d1_snr)
     simple = w_gpe_snr == 0 and w_d2_gpe == 0
     source = BG2007 if simple else APPENDIX_B
-    # The source is algebraic: what only dynamics and Hz need is ours.
+    # The source is algebraic: time constants, delays and gains in Hz are our assumptions.
     row, path = f"{source}; tau and gain in Hz assumed", f"{source}; delay assumed"
     ctx = f"y = g* Y, {BG2007}; gain in Hz assumed"
     line, unit = Rate(signed=True), Rate()
@@ -59,7 +59,7 @@ def appendix_b(
     populations = rows(Population, (
         "name  cell  baseline_hz gain_hz_per_nat transmitter receptor transfer  pooled tau_ms cite",
         ("ctx", line, 0,         10,             GLUTAMATE,  "",       "linear", False, 0.0,   ctx),
-        # The direct leg lasts as long as the one through STN: only so OUT has no dip in passing.
+        # The direct pathway takes as long as the one through STN, or OUT would dip transiently.
         ("D1",  line, 0,         10,             GABA,       "D1",     "linear", False, 5,     row),
         ("D2",  line, 0,         10,             GABA,       "D2",     "linear", False, 10,    row),
         ("STN", unit, 0,         8,              GLUTAMATE,  "",       "exp",    False, 5,     row),
@@ -96,7 +96,7 @@ def appendix_b(
 
 
 def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
-    """Raise ValueError unless the weights cancel Sigma, as the exact family does."""
+    """Raise ValueError unless the weights cancel Sigma, as they must in the exact family."""
     if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
         given = f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
         said = f"w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got {given}"
@@ -106,14 +106,14 @@ def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr
 
 
 def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
-    """Return the circuit whose GPe is linear, ``GPe = slope * Sigma``; Bogacz & Gurney 2007.
+    """Return the circuit with a linear GPe, ``GPe = slope * Sigma`` (Bogacz & Gurney 2007).
 
-    Their figure's best is slope .84 with the evidence scaled by .4.
+    The best values in their figure are a slope of 0.84 and evidence scaled by 0.4.
     """
     require(slope > 0, "slope", "must be > 0", slope)
     exact = bogacz_gurney(channels)
     linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
-    # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.
+    # Up to a loop gain slope * Sigma of 4, as in the exact circuit; oscillations begin at 4.5.
     reach = (0.0, 4 + math.log(4 / slope))
     about = f"GPe linear in its input; {BG2007}"
     return replace(linear, name="linear_gpe", about=about, range_nats=reach, unedited=None)

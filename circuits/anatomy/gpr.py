@@ -1,4 +1,4 @@
-"""The table of Gurney, Prescott & Redgrave 2001: saliences in, one rate per channel that falls."""
+"""The circuit of Gurney, Prescott & Redgrave 2001: selected channels have a low output rate."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ ASSUMED = "1 is 100 Hz, assumed"
 
 
 def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
-    """Return the circuit of Gurney, Prescott & Redgrave 2001, rates that follow ramps of 0 to 1.
+    """Return the circuit of Gurney, Prescott & Redgrave 2001: rate units with ramps from 0 to 1.
 
-    Saliences 0..1 come in; the output of each channel, SNr and GPi, is a rate of 0..1. A channel is
-    selected where its output falls below a threshold, in the same unit. No posterior follows from
-    either. The thresholds of the ramps are negative biases here. Tau is 1/k of the authors'
-    code (ModelDB 83560; k = 25 per s); a port of the model to SpineML has 10 ms.
+    Inputs are saliences, 0..1; the output of each channel (SNr and GPi) is a rate, 0..1. A channel
+    is selected when its output falls below a threshold, in the same unit. Neither input nor output
+    defines a posterior. The ramps' thresholds are negative biases here. Tau is 1/k of the authors'
+    code (ModelDB 83560; k = 25 per s); a SpineML port of the model uses 10 ms.
 
     Parameters
     ----------
     channels : int
-        Alternatives; six in the paper.
+        Number of alternatives; six in the paper.
     dopamine : float
         lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
     """

@@ -1,4 +1,4 @@
-"""The table of Humphries, Stewart & Gurney 2006: spiking cells that select, shunting linearised."""
+"""The circuit of Humphries, Stewart & Gurney 2006: spiking action selection, linear shunting."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ DISTAL = f"GABA, distal, {CODE}; gates as at rest"
 CLAMP = f"GABA near the soma, {CODE}; no gates"
 BOTH = f"GABA, {CODE}; gates as at rest"
 
-HZ = 100.0  # an activity of 1, as in gpr
-SALIENCE_HZ = 40.0  # a salience of 1
-TONIC_HZ, PALLIDAL_HZ = 3.0, 30.0  # of cortex, and of GPe and SNr, "30-30-12" in the code
-SYNAPSES = 16.0  # 64 cells, a quarter of them, per nucleus; of all channels where it is diffuse
+HZ = 100.0  # rate at an activity of 1, as in gpr
+SALIENCE_HZ = 40.0  # rate added by a salience of 1
+TONIC_HZ, PALLIDAL_HZ = 3.0, 30.0  # tonic rates of cortex, and of GPe and SNr ("30-30-12")
+SYNAPSES = 16.0  # a quarter of the 64 cells of a nucleus; over all channels if diffuse
 PSP_MV, NMDA_PSP_MV = 3.0, 0.1
 AMPA_MS, NMDA_MS, GABA_MS = 2.0, 100.0, 3.0
-CLAMP_MV = -20.0  # where shunting drives a cell, above rest
+CLAMP_MV = -20.0  # potential to which shunting drives a cell, relative to rest
 HEIGHT = 0.5  # inhibition that closes a gate, in units of one spike of each synapse
 
-# Noise is .3 mV per step of .1 ms; rest_mv and mv_per_nat are fit_current's for 100 Hz per unit.
+# Noise is 0.3 mV per 0.1 ms step; rest_mv and mv_per_nat are from fit_current, 100 Hz per unit.
 # fmt: off
 #         tau_ms  noise_mv  threshold_mv  reset_mv  refractory_ms  rest_mv  mv_per_nat
 MSN = Lif(25,     3.361,    30,           0,        2,             20.58,   70.06)
@@ -42,10 +42,10 @@ SNR = Lif(8,      1.909,    30,           0,        2,             24.34,   17.3
 
 
 def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
-    """Return the area of a postsynaptic potential by its peak, mV ms.
+    """Return the area of a postsynaptic potential, mV ms, from its peak.
 
-    An exponential current through a membrane. The authors look for the peak no later than one
-    membrane time constant after the spike, which a slow current outlasts.
+    An exponential current charges a membrane. The authors look for the peak no later than one
+    membrane time constant after the spike; slow currents peak later.
     """
     late_ms = log(synapse_ms / membrane_ms) / (1 / membrane_ms - 1 / synapse_ms)
     peak_ms = min(late_ms, membrane_ms)
@@ -54,16 +54,16 @@ def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
 
 
 class Target(NamedTuple):
-    """The target of a synapse: its cell, and its inhibition at rest.
+    """The target of a synapse: its cell and its inhibition at rest.
 
     Parameters
     ----------
     cell : Lif
         The target's cell.
     intrinsic_mv : float
-        Its potential without synapses: intrinsic current times resistance.
+        Potential without synaptic input: intrinsic current times resistance.
     proximal_hz, somatic_hz : float
-        Spikes per second at its proximal and somatic synapses at rest.
+        Spikes per second arriving at its proximal and somatic synapses at rest.
     """
 
     cell: Lif
@@ -73,14 +73,14 @@ class Target(NamedTuple):
 
     @property
     def bias(self) -> float:
-        """The intrinsic current as a bias of the cell's fitted line, nats."""
+        """The intrinsic current, as a bias on the cell's fitted line, nats."""
         return (self.intrinsic_mv - self.cell.rest_mv) / self.cell.mv_per_nat
 
     @property
     def closed_s(self) -> float:
         """Fraction of a gate closed per proximal or somatic spike per second, s.
 
-        The height is that of GPe, the median over nuclei: 13.36 synapses of either sort.
+        Scaled for GPe, the median over nuclei: 13.36 synapses of either kind.
         """
         here = psp_area(PSP_MV, GABA_MS, self.cell.tau_ms) / self.cell.tau_ms
         of_gpe = psp_area(PSP_MV, GABA_MS, GPE.tau_ms) / GPE.tau_ms
@@ -92,14 +92,14 @@ class Target(NamedTuple):
         return (1 - self.closed_s * self.proximal_hz) * (1 - self.closed_s * self.somatic_hz)
 
     def excited(self, peak_mv: float, synapse_ms: float, source_hz: float = HZ) -> float:
-        """Return the weight of glutamate's synapses, by the peak of one postsynaptic potential."""
+        """Return the weight of glutamatergic synapses, from the peak of one EPSP."""
         area = self.gate * psp_area(peak_mv, synapse_ms, self.cell.tau_ms)
         return SYNAPSES * 1e-3 * area * source_hz / self.cell.mv_per_nat
 
     def inhibited(self, distal: float) -> float:
-        """Return the weight, negative, of synapses of GABA, a fraction ``distal`` of them distal.
+        """Return the (negative) weight of GABAergic synapses, a fraction ``distal`` of them distal.
 
-        The others inject the clamping current, ``clamp - intrinsic``, by the mean of both gates.
+        The others inject the clamping current, ``clamp - intrinsic``, scaled by the mean gate.
         """
         area = self.gate * psp_area(PSP_MV, GABA_MS, self.cell.tau_ms)
         clamp_mv = (self.intrinsic_mv - CLAMP_MV) * self.closed_s / 2
@@ -110,35 +110,35 @@ class Target(NamedTuple):
 def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     """Return the spiking circuit of Humphries, Stewart & Gurney 2006.
 
-    Saliences of 0 to 1 raise Poisson spikes of cortex from 3 to 43 Hz; the output of each channel
-    is the rate of its 64 cells of SNr, 1 at 100 Hz. The authors call a channel selected where that
-    lies below 5 Hz, here .05. No posterior follows. Cells, synapses, delays, connections and
-    intrinsic currents are those of the authors' code (ModelDB 83559), weights follow from the peaks
-    of its postsynaptic potentials. A salience of 1 as 40 Hz and the read-out of 50 ms are assumed,
-    and the lines of ``rate`` and ``algebra`` are fitted to single cells: their rates at rest differ
-    from those of the circuit in spikes.
+    Saliences of 0 to 1 raise the rate of cortical Poisson spikes from 3 to 43 Hz; the output of
+    each channel is the rate of its 64 SNr cells, in units of 100 Hz. The authors call a channel
+    selected when that rate is below 5 Hz, 0.05 here. It is not a posterior. Cells, synapses,
+    delays, connections and intrinsic currents are those of the authors' code (ModelDB 83559);
+    weights follow from the peaks of its postsynaptic potentials. The 40 Hz per unit of salience and
+    the 50 ms read-out filter are assumed. The lines used by the ``rate`` and ``algebra`` engines
+    are fitted to single cells, so their resting rates differ from those of the spiking circuit.
 
-    A linear sum takes the place of shunting. There, inhibition near the soma injects a current
-    that clamps the cell, which is additive and is kept, and closes two gates for all that arrives
-    further out: the gates are held where the tonic rates of the code, 30 Hz in GPe and SNr, put
-    them. Left out as well: the lowest potential of -20 mV, the rebound current of STN, which needs
-    -10 mV, and the skew of STN's time constants; instead all constants of a cell vary by the 10 %
-    that the code gives tau and R. NMDA's currents come from the mean over cells, as populations of
-    their own. Connections have a fixed in-degree, and cells may reach themselves.
+    Shunting inhibition is linearised. In the original, inhibition near the soma injects a current
+    that clamps the cell, which is additive and is kept, and closes two gates for all input that
+    arrives further out; here the gates are fixed at the values set by the tonic rates of the code,
+    30 Hz in GPe and SNr. Also left out are the lowest potential of -20 mV, the rebound current of
+    STN, which needs -10 mV, and the skew of STN's time constants; instead all constants of a cell
+    vary by the 10 % that the code gives tau and R. NMDA currents come from the mean over cells, as
+    separate populations. Connections have a fixed in-degree and may include autapses.
 
     Parameters
     ----------
     channels : int
-        Alternatives; three in the paper.
+        Number of alternatives; three in the paper.
     dopamine : float
         lambda, 0..1: cortical weights are ``1 + lambda`` onto D1, ``1 - lambda`` onto D2 and
         ``1 - lambda / 4`` onto STN; those of D2 and STN onto GPe, and of GPe onto STN,
-        ``1 - lambda / 2``. ``Circuit.dopamine`` moves cortical weights onto D1 and D2 alone.
+        ``1 - lambda / 2``. ``Circuit.dopamine`` changes only cortical weights onto D1 and D2.
     """
     check_channels(channels)
     check_range(0, 1, dopamine=dopamine)
     half = 1 - 0.5 * dopamine
-    of_gpe = half * SYNAPSES * PALLIDAL_HZ  # spikes per second that reach a cell of STN
+    of_gpe = half * SYNAPSES * PALLIDAL_HZ  # GPe spikes per second that reach an STN cell
     mutual = SYNAPSES * PALLIDAL_HZ / 2  # half of them proximal, half somatic
     msn = Target(MSN, -10.5)
     stn = Target(STN, 19.8, 0.4 * of_gpe, 0.3 * of_gpe)
@@ -221,6 +221,6 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
         reference_nats=0.0,
         readout_tau_ms=50.0,
         range_nats=(-float("inf"), 1.0),
-        most_channels=16,  # beyond, a cell would get less than one synapse of each other channel
+        most_channels=16,  # beyond, a cell would get less than one synapse from each other channel
         about=f"spiking cells select the channel of the largest salience; {HUMPHRIES}",
     )

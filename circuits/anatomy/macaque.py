@@ -1,4 +1,4 @@
-"""THE TABLE of a macaque's basal ganglia: raw evidence in, spikes, every number with its source."""
+"""THE TABLE of the macaque basal ganglia, spiking and driven by raw evidence, with all sources."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ MOST_LEAD_NATS = {
 }  # fmt: skip
 """Largest lead per 100 ms by number of alternatives, measured (benchmarks/tuning/strength.py).
 
-Up to it at most 2.5 % of decisions come 400 ms or more after those of the fixed point, at a
-posterior of 0.9. With few alternatives the delays of the loop of STN and GPe limit it, which
-oscillates above Sigma = 5.1; with many, the highest rate of cortex does.
+Up to this lead, at most 2.5 % of decisions come 400 ms or more after those of the fixed point, at
+a posterior of 0.9. With few alternatives the limit is set by the delays of the STN-GPe loop, which
+oscillates above Sigma = 5.1; with many, by the highest cortical rate.
 """
 SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; rest assumed"
 TO_SLOW = "input from STN, gain, time assumed"
@@ -42,42 +42,44 @@ TO_CTX = "GPe to frontal cortex, Saunders et al. 2015, mouse; delay assumed"
 
 
 def macaque(channels: int = 2) -> Circuit:
-    """Return the circuit that gets raw evidence and cancels inside what its channels share.
+    """Return the circuit driven by raw evidence, which cancels input common to all channels.
 
-    Each channel's cortex gets its own evidence. What is common to all channels moves STN's sum
-    Sigma, and three parts of the circuit keep it out of OUT. (1) With ``G = Sigma - ln Sigma`` in
-    GPe, of which STN gets the share w and SNr the rest, ``ln Sigma = S - w G`` and SNr hears
-    ``Sigma - (1 - w) G = S``, at every S (Bogacz & Gurney 2007, appendix B). The loop's gain is
-    ``w (Sigma - 1)``: the smaller w, the wider the range of S in which it is stable. (2)
-    Interneurons of cortex take at once from what is common all but ``1 / (1 + 1.25)``. (3) Cells of
-    GPe that project to cortex bring Sigma back to its rest, with a gain of 10 in 500 ms.
+    The cortex of each channel receives that channel's evidence. Input common to all channels moves
+    STN's sum Sigma, and three parts of the circuit keep it out of OUT. (1) With
+    ``G = Sigma - ln Sigma`` in GPe, of which STN receives the share w and SNr the rest,
+    ``ln Sigma = S - w G`` and SNr receives ``Sigma - (1 - w) G = S``, at every S (Bogacz & Gurney
+    2007, appendix B). The loop's gain is ``w (Sigma - 1)``: the smaller w, the wider the range of
+    S in which it is stable. (2) Fast cortical interneurons reduce the common input to
+    ``1 / (1 + 1.25)`` of its size. (3) GPe cells that project to cortex return Sigma to its resting
+    value, with a gain of 10 and within 500 ms.
 
-    D1 fires .4 nats above its silence at rest, for any number of channels, so that it can follow
-    when all channels fall together. STN->SNr is slow, so that a step of all channels reaches SNr
-    through STN about when it does through D1. All cells are renewal processes whose rate follows
-    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent. Rivals that
-    are silent count as if they stood at 0, and OUT lies too high by about ``(N - 2) / N exp(-2.2)``
-    nats, .055 for N = 4: only more spikes of cortex at rest would mend it.
+    At rest D1 is 0.4 nats above the point where it falls silent, for any number of channels, so
+    that it can follow when all channels fall together. STN->SNr is slow, so that a step in all
+    channels reaches SNr through STN at about the same time as through D1. All cells are renewal
+    processes whose rate follows their line, so at the fixed point OUT is -ln P wherever no cortical
+    channel is silent. Silent competitors count as if they were at 0, which makes OUT too high by
+    about ``(N - 2) / N exp(-2.2)`` nats, 0.055 for N = 4; only higher resting rates of cortex
+    would correct this.
 
-    Dopamine steepens D1's and flattens D2's line about rest, and at terminals weakens the loop of
-    STN and GPe: the less of it, the nearer the loop comes to oscillation (Lindahl & Hellgren
+    Dopamine makes D1's line steeper and D2's flatter about rest, and weakens the STN-GPe loop at
+    its terminals: the less dopamine, the closer the loop is to oscillation (Lindahl & Hellgren
     Kotaleski 2016).
 
-    Rates at rest that lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
-    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot follow a
-    fall; STN 44 / N and SNr 20 + 36 ln N Hz, which depend on the number of alternatives as -ln P
-    does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
+    Some resting rates lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
+    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN at 3 and 5 Hz, because silent ones cannot
+    follow a fall; STN at 44 / N and SNr at 20 + 36 ln N Hz, which depend on the number of
+    alternatives as -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on separate seeds.
     """
     check_channels(channels)
     log_n = log(channels)
     rest, tone, above_floor = 2.2, 3.0, 0.4
     sigma, share, indirect, fast = 2.2, 0.35, 0.1, 1.25
-    # The exponent of STN still sums to y: the rest of it comes through D2 and GPe. What D2 adds to
-    # OUT through GPe's way to SNr, D1 takes away again.
+    # The exponent of STN still sums to y: the remainder arrives through D2 and GPe. D1 subtracts
+    # what D2 adds to OUT through GPe->SNr.
     direct = 1 - indirect * share
     to_d1 = (1 + indirect * (1 - share)) * rest
     top = rest + log_n
-    from_stn = sigma - log(sigma)  # what GPe hears at rest, and dopamine leaves as it is
+    from_stn = sigma - log(sigma)  # GPe's resting input, unchanged by dopamine
     # fmt: off
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
@@ -93,7 +95,7 @@ def macaque(channels: int = 2) -> Circuit:
         "name       transfer      tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
         ("ctx_inh", "linear",     5,      "",       0.0,        0.0),
-        # Dopamine turns about the input at rest: rates at rest stay what they are.
+        # Dopamine rotates the lines about the resting input, so resting rates do not change.
         ("D1",      "linear",     0.0,    "D1",     rest,       above_floor - to_d1),
         ("D2",      "linear",     0.0,    "D2",     rest,       -rest),
         ("STN",     "exp",        5,      "",       0.0,        log(sigma) - rest * direct - log_n),
@@ -101,7 +103,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
     ), (
-        # The spread of the cells' rates is assumed; their mean is that of the line.
+        # The heterogeneity of the cells' rates is assumed; their mean is that of the line.
         "name       heterogeneity published_hz",
         ("ctx",     0.3,   ()),
         ("D1",      0.3,   (0.0, 1.0)),
@@ -126,7 +128,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
         ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        TO_CTX),
     ), (
-        # At terminals dopamine weakens the loop; GPe's activity is 0 at rest.
+        # Dopamine weakens the loop at its terminals; GPe's activity is 0 at rest.
         "source target receptor operating_point_nats",
         ("STN", "GPe", "D2",    from_stn),
         ("GPe", "STN", "D2",    0.0),
@@ -140,9 +142,9 @@ def macaque(channels: int = 2) -> Circuit:
         reference_nats=top,
         readout_tau_ms=30,
         centred=False,
-        # GPe's cells that inhibit cortex have a tone of 3 nats to take away.
+        # The GPe cells that inhibit cortex can remove a tone of at most 3 nats.
         range_nats=(top - tone, inf),
-        # Losers are silent from top nats behind on.
+        # Losing channels are silent once they are top nats behind.
         readable_nats=(log1p((channels - 1) * exp(-top)), log_n),
         max_lead_nats=MOST_LEAD_NATS.get(channels, inf),
         most_channels=12,

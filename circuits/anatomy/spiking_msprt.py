@@ -1,4 +1,4 @@
-"""THE TABLE of spiking cells that computes the MSPRT: every number with its source."""
+"""THE TABLE of a spiking circuit that computes the MSPRT, with the source of every number."""
 
 from __future__ import annotations
 
@@ -29,22 +29,23 @@ SNR = Lif(10,     4,        15,           3,        2,              7.68,   17.0
 
 
 def spiking_msprt(channels: int = 2) -> Circuit:
-    """Return the circuit of spiking cells that computes the MSPRT.
+    """Return the spiking circuit that computes the MSPRT.
 
-    The drive is held where STN's sum Sigma is near ``s0``: there a channel's y is ``top`` less its
-    OUT. Without evidence that is ``s0`` for any number of channels, so that all have the same room
-    below it: a loser that falls silent no longer tells STN how far behind it is. STN and GPe follow
-    ``Sigma = S`` about that point, GPe by a linear ``S - ln S``; a slow, bounded common mode (gain
-    10, acting in 200 ms) takes from every cortical channel what lifts Sigma above ``s0``, which
-    leaves OUT as it is. D1 speaks above ``top - .65`` only, so that MSN are quiet at rest: OUT up
-    to .65 is read. A tenth of the evidence reaches STN through D2 and GPe, the rest directly: the
-    exponent still sums to y. Tuned by ``benchmarks/tuning/neighbours.py`` on its own seeds.
+    The drive is kept where STN's sum Sigma is near ``s0``: there a channel's y is ``top`` less its
+    OUT. Without evidence y is ``s0`` for any number of channels, so that all have the same range
+    below it: a losing channel that falls silent no longer signals to STN how far behind it is. STN
+    and GPe follow ``Sigma = S`` about that point, GPe by a linear ``S - ln S``; a slow, bounded
+    common mode (gain 10, acting within 200 ms) subtracts from every cortical channel whatever
+    raises Sigma above ``s0``, which does not change OUT. D1 fires only above ``top - 0.65``, so
+    that MSN are quiet at rest and OUT can be read up to 0.65. A tenth of the evidence reaches STN
+    through D2 and GPe, the rest directly: the exponent still sums to y. Tuned with
+    ``benchmarks/tuning/neighbours.py`` on separate seeds.
 
     The default gain: near a decision OUT follows the evidence with a slope ``kappa (1 - P)``, P the
-    softmax of ``kappa L``; a higher gain drowns the noise of cortex, and beyond a point that of all
-    others drowns OUT. With two alternatives the slope at accuracies of .90 to .97 stands higher for
-    longer than with four; with eight OUT at .90 lies above what the circuit reads unless the gain
-    is higher. Tuned on seeds of its own with ``benchmarks/tuning/filters.py``.
+    softmax of ``kappa L``. A higher gain drowns out cortical noise, but beyond some gain the noise
+    of the other populations drowns out OUT. With two alternatives the slope at accuracies of 0.90
+    to 0.97 stays high for longer than with four; with eight, OUT at 0.90 lies above the readable
+    range unless the gain is higher. Tuned with ``benchmarks/tuning/filters.py`` on separate seeds.
     """
     check_channels(channels)
     s0 = 2.2
@@ -64,7 +65,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         "name      transfer     tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",    "rectified", 2,      "",       0.0,        0.7),
         ("common", "linear",    2000,   "",       0.0,        0.7 - 10 * s0),
-        # A nat of gain about 0 would move OUT by all of y, about a pivot by what is above it.
+        # Gain changes about 0 would move OUT by all of y; about a pivot, by the part above it.
         ("D1",     "linear",    0.0,    "D1",     top - 1.3,  -(top - 0.65)),
         ("D2",     "linear",    0.0,    "D2",     top - 0.3,  -(top - 0.3)),
         ("STN",    "exp",       5,      "",       0.0,        log(s0) - top + 0.1 * (top - 0.3)),
@@ -93,9 +94,9 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         reference_nats=top,
         readout_tau_ms=28,
         range_nats=(1.0, 12.0),
-        # Losers are silent from top nats behind on.
+        # Losing channels are silent once they are top nats behind.
         readable_nats=(log1p((channels - 1) * exp(-top)), top - (top - 0.65)),
-        # Odds of e^5 are past every threshold; more would only outrun the slow common mode.
+        # Odds of e^5 exceed every threshold; larger deficits would only outrun the common mode.
         max_deficit_nats=5.0,
         most_channels=12,
         default_gain=0.7 if channels == 2 else 0.5 if channels < 8 else 0.6,

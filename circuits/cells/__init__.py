@@ -1,7 +1,7 @@
-"""Cell types, one a file: what turns the input of a channel into spikes or a rate.
+"""Cell types, one per file: they turn the input of a channel into spikes or a rate.
 
-``cell`` says what is asked of a type. A type of your own is one more file: a frozen dataclass under
-``@register``, imported before a table uses it.
+``cell`` defines the interface. To add a cell type, write a frozen dataclass decorated with
+``@register`` and import it before a table uses it.
 """
 
 from circuits.cells.adex import AdEx

@@ -49,9 +49,9 @@ class AdEx(Cell):
     ``tau dV/dt = rest_mv + mv_per_nat x - V + sharpness_mv exp((V - knee_mv)/sharpness_mv) - W +
     noise_mv sqrt(2 tau) xi`` and ``tau_w dW/dt = adaptation (V - leak_mv) - W``; V and W in mV, W
     being the adaptation current over the leak conductance. At ``peak_mv`` it spikes: V goes to the
-    reset, W up by ``jump_mv``. A tick is exact in what is linear and takes the upstroke as it was.
+    reset, W up by ``jump_mv``. A tick is exact in the linear terms; the upstroke is held constant.
 
-    The paper's cell (table 1, over a leak of 30 nS, mV as they are): ``AdEx(tau_ms=9.37,
+    The paper's cell (table 1, divided by a leak of 30 nS; mV unchanged): ``AdEx(tau_ms=9.37,
     noise_mv=..., knee_mv=-50.4, sharpness_mv=2, peak_mv=20, reset_mv=-70.6, refractory_ms=0,
     rest_mv=-70.6, mv_per_nat=..., tau_w_ms=144, adaptation=4/30, jump_mv=2.68, leak_mv=-70.6)``.
 
@@ -62,13 +62,14 @@ class AdEx(Cell):
     noise_mv : float
         Standard deviation of the linear membrane, mV.
     knee_mv, sharpness_mv : float
-        Where the upstroke begins (V_T), and over how many mV (Delta_T).
+        Onset of the upstroke (V_T) and its sharpness (Delta_T), mV.
     peak_mv, reset_mv, leak_mv : float
-        Where a spike is counted, where V goes, and from where adaptation is measured (E_L), mV.
+        Potential at which a spike is counted, reset potential, and the potential relative to which
+        adaptation is measured (E_L), mV.
     rest_mv, mv_per_nat : float
         Mean potential of the linear membrane at x = 0, and its slope.
     adaptation, jump_mv : float
-        W in the steady state per mV of V, a / g_L; what a spike adds to it, b / g_L, mV.
+        Steady-state W per mV of V, a / g_L; increment of W per spike, b / g_L, mV.
     """
 
     tau_ms: float
@@ -115,7 +116,7 @@ class AdEx(Cell):
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the constants of a tick, v in mV from the reset.
 
-        Factors are those of the time constant, of mv_per_nat and of the way from reset to knee.
+        The factors act on the time constant, mv_per_nat and the distance from reset to knee.
         """
         tau, slope, top = factors
         decay, fade = np.exp(-dt_ms / (self.tau_ms * tau)), np.exp(-dt_ms / self.tau_w_ms)

@@ -1,11 +1,11 @@
-"""What every part of the package asks of a cell type, and the list of the types there are.
+"""The interface of cell types, and their registry.
 
-An input ``x`` arrives in nats; a population's row says which rate that stands for, its *line*
+An input ``x`` arrives in nats. A population's row maps it to a rate by its *line*
 ``rate_hz = baseline_hz + gain_hz_per_nat * f(x)``. A cell that hears "hz" fires at that rate by
-construction; one that hears "nats" turns x into a potential and fires as its membrane decides.
+construction; one that hears "nats" turns x into a membrane potential, which determines its spikes.
 
-Each question below has one answer per cell type. What a type does not answer raises one sentence
-that names the type and what it lacks: nothing is taken for something else.
+Each cell type implements the methods below. A method that it does not implement raises an error
+that names the type and the method; there are no fallbacks.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ _RESERVED = (
     "clip exp log sqrt abs int tick_key byte_counts"
 )
 RESERVED = frozenset(_RESERVED.split())
-"""Names that Brian2's texts use for themselves."""
+"""Names reserved by the generated Brian2 code."""
 
 
 class Line(NamedTuple):
-    """A population's line at some inputs, each (S,): Hz, Hz/nat, Hz/nat^2."""
+    """A population's line at inputs (S,): rate (Hz), slope (Hz/nat), curvature (Hz/nat^2)."""
 
     hz: Array
     slope: Array
@@ -51,16 +51,16 @@ class Line(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What a cell does about a small fluctuation of its input; each broadcasts to (S, F).
+    """Response of a cell to a small fluctuation of its input; each field broadcasts to (S, F).
 
     Parameters
     ----------
     gain : array, Hz/nat
-        Modulation of the rate per nat of modulation; complex where it lags.
+        Modulation of the rate per nat of modulation; complex if it lags.
     bend : array, Hz/nat^2
-        What a variance at this frequency adds to the mean rate.
+        Change of the mean rate per unit of input variance at this frequency.
     spectrum : array, Hz
-        Two-sided power of a cell's spikes without any fluctuation.
+        Two-sided power of a cell's spikes without fluctuations.
     """
 
     gain: npt.NDArray[Any]
@@ -69,17 +69,17 @@ class Response(NamedTuple):
 
 
 class BrianText(NamedTuple):
-    """A cell's tick as Brian2 text, in the names of its ``state`` and its ``constants``.
+    """A cell's tick as Brian2 code, using the names of its ``state`` and its ``constants``.
 
     Parameters
     ----------
     tick : str
-        Code of one tick. It may use ``nats`` or ``hz``, whichever the cell hears, and ``dt_s``;
+        Code of one tick. It may use ``nats`` or ``hz``, depending on ``hears``, and ``dt_s``;
         ``ones(word, t_in_timesteps)``, the number of ones among 8 random bits, mean 4, variance 2;
         and ``single``, ``fused``, ``exponential`` of ``circuits.cells.single`` with
         ``chosen(test, yes, no)``.
     spike, reset : str
-        Condition of a spike, and what follows.
+        Condition for a spike, and code that runs after it.
     """
 
     tick: str
@@ -89,20 +89,20 @@ class BrianText(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """A cell type: a frozen dataclass of constants, and its answers.
+    """Base class of cell types: frozen dataclasses of constants with the methods below.
 
     Attributes
     ----------
     spikes : bool
-        Whether it spikes; if not, it passes the rate of its line on.
+        Whether it spikes; if not, it transmits the rate of its line.
     hears : str
-        "nats", its input, which it filters for itself; or "hz", the rate of its line.
+        "nats", the input, which the cell filters itself; or "hz", the rate of its line.
     state : tuple of str
-        Variables of a cell that spikes.
+        State variables of a spiking cell.
     of_rates : tuple of str
-        Constants that act in rates too, not in spikes alone.
+        Constants that also affect rates, not only spikes.
     brian : BrianText
-        Its tick as Brian2 text.
+        Its tick as Brian2 code.
     """
 
     spikes: ClassVar[bool] = True
@@ -113,58 +113,58 @@ class Cell:
 
     @property
     def kind(self) -> str:
-        """Its name in tables and edits: a key of ``CELLS``."""
+        """Name of the type in tables and edits; a key of ``CELLS``."""
         return type(self).__name__
 
     @property
     def lowest_hz(self) -> float:
-        """Lowest rate that its line may stand for."""
+        """Lowest rate that its line may take, Hz."""
         return 0.0
 
     # ---- laws
 
     def membrane_ms(self) -> float:
-        """Return the time constant with which its rate follows its input, for rates and stability.
+        """Return the time constant with which the rate follows its input, for rates and stability.
 
-        Cells that hear a rate have none: 0.
+        It is 0 for cells that hear a rate.
         """
         if self.hears == "hz":
             return 0.0
         return self.lacks("membrane_ms", "the rate engine (and stability)")
 
     def rate_hz(self, x: Array, line_hz: Array) -> Array:
-        """Return the stationary rate at steady inputs x (S,), nats: its own f-I law, Hz."""
+        """Return the stationary rate, Hz, at steady inputs x (S,), nats: the cell's f-I curve."""
         if self.hears == "hz":
             return line_hz
         return self.lacks("rate_hz", 'laws="cells" (and "finite")')
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
-        """Return how it answers small fluctuations about inputs x (S,), at frequencies (F,)."""
+        """Return the response to small fluctuations about inputs x (S,), at frequencies (F,)."""
         return self.lacks("response", 'laws="finite"')
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
-        """Return the cell that such factors (3,) of its constants make, and what its rate is times.
+        """Return the cell with factors (3,) on its constants, and a factor on its rate.
 
-        They are the factors that ``constants`` takes, for populations whose cells differ.
+        For heterogeneous populations; the factors are those that ``constants`` takes.
         """
         return self.lacks("varied", "the population engine, where cells differ,")
 
     # ---- spikes
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the constants of a tick by name, in single precision: all that ``begin`` takes.
+        """Return the constants of a tick by name, in single precision: the arguments of ``begin``.
 
         Parameters
         ----------
         factors : array (3,) or (3, neurons)
-            Of the cells' constants, where cells differ; see ``ticks.cell_factors``.
+            Factors on the cells' constants, for heterogeneity; see ``ticks.cell_factors``.
         dt_ms : float
             One tick.
         """
         return self.lacks("constants", "engines that spike")
 
     begin: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
-    """``(uniform, *constants) -> state``: where a cell starts, from a number in [0, 1)."""
+    """``(uniform, *constants) -> state``: the initial state, from a number in [0, 1)."""
     tick: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
     """``(heard, ones, *state, *constants) -> (fired, *state)``, in words of ``cells.single``.
 
@@ -173,7 +173,7 @@ class Cell:
     """
 
     def lacks(self, answer: str, user: str) -> NoReturn:
-        """Raise the one sentence about an answer that a type does not give."""
+        """Raise the error for a method that this type does not implement."""
         name = type(self).__name__
         raise InputError(f"{user} needs {name}.{answer}, and {name} cells do not have it", "cell")
 
@@ -185,13 +185,13 @@ C = TypeVar("C", bound=type[Cell])
 
 
 def register(kind: C) -> C:
-    """Enter a cell type into ``CELLS``: a class decorator, above ``@dataclass(frozen=True)``.
+    """Register a cell type in ``CELLS``: a class decorator, above ``@dataclass(frozen=True)``.
 
     Raises
     ------
     ValueError
-        If it is no frozen dataclass of type ``Cell``, hears something unknown, has no state
-        although it spikes, or if another type has its name.
+        If it is not a frozen dataclass derived from ``Cell``, ``hears`` is unknown, it spikes but
+        has no state, or the name is taken by another type.
     """
     name = check_kind(kind, Cell, "a cell type")
     must = f"must be one of {', '.join(HEARS)}"
@@ -207,7 +207,7 @@ def register(kind: C) -> C:
 
 
 def check_cell(owner: str, cell: object) -> None:
-    """Raise ValueError if what a population's row calls its cell is of no registered type."""
+    """Raise ValueError if the cell of a population's row is not of a registered type."""
     must = f"must be one of {', '.join(CELLS)}, or of a type entered by circuits.cells.register"
     require(type(cell) in CELLS.values(), "cell", must, cell, owner=owner)
     if isinstance(cell, Cell):
@@ -217,7 +217,7 @@ def check_cell(owner: str, cell: object) -> None:
 
 
 def check_constants(cell: Cell, *above_0: str) -> None:
-    """Raise ValueError unless a spiking cell's constants are finite numbers, and some above 0."""
+    """Raise ValueError unless a spiking cell's constants are finite, and those named above 0."""
     owner, constants = f"the {cell.kind} cell", vars(cell)
     check_types(cell, owner)
     check_finite(owner=owner, **constants)
@@ -231,8 +231,8 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
     Raises
     ------
     ValueError
-        If the type lacks ``begin`` or ``tick``, they take other arguments, or give another number
-        of results than the type has variables.
+        If the type lacks ``begin`` or ``tick``, they take other arguments, or the number of their
+        results does not match the type's state variables.
     """
     blank, name = object.__new__(kind), kind.__name__
     begin = blank.begin or blank.lacks("begin", "engines that spike")
@@ -263,7 +263,7 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
 
 
 def _bare_numbers(function: Callable[..., Any]) -> list[float]:
-    """Return the numbers in a function's text, or behind its global names, that are Python's."""
+    """Return plain Python numbers among a function's literals and global names."""
     code, outside = function.__code__, function.__globals__
     held = [*code.co_consts, *(outside.get(name) for name in code.co_names)]
     return [value for value in held if type(value) in (int, float, bool)]
@@ -275,7 +275,7 @@ def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
     Raises
     ------
     ValueError
-        If they are other ones than those take, not in single precision, or not finite.
+        If the names do not match, or a constant is not in single precision or not finite.
     """
     name, found = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))

@@ -24,7 +24,7 @@ from circuits.checks import whole_ticks
 from circuits.errors import require
 
 OVERSHOOT = 0.5825971579390107
-"""-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
+"""-zeta(1/2)/sqrt(2 pi): overshoot of a sampled walk over a bound, in steps (Siegmund 1985)."""
 
 
 def _begin(
@@ -57,8 +57,8 @@ class Lif(Membrane, Cell):
     """Leaky integrate-and-fire cell with white membrane noise, in mV above a reference.
 
     ``tau dV/dt = rest_mv + mv_per_nat x - V + noise_mv sqrt(2 tau) xi``. The threshold is lowered
-    by the overshoot of a sampled path (Broadie, Glasserman & Kou 1997), so that the rate is that of
-    continuous time to first order in the tick.
+    by the overshoot of a sampled path (Broadie, Glasserman & Kou 1997), so that the rate equals
+    that in continuous time to first order in the tick.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Lif(Membrane, Cell):
     threshold_mv, reset_mv : float
         mV above the reference.
     rest_mv, mv_per_nat : float
-        Mean potential at x = 0, and its slope; ``membrane.fit_current`` finds both for a line.
+        Mean potential at x = 0, and its slope; ``membrane.fit_current`` fits both to a line.
     """
 
     rest_mv: float
@@ -98,7 +98,7 @@ class Lif(Membrane, Cell):
         require(self.reset_mv < self.threshold_mv, "reset_mv", below, self.reset_mv)
 
     def step_mv(self, dt_ms: float, tau: Any = 1.0) -> Any:
-        """Return the sd of a tick's noise, mV; ``tau`` is a factor on the time constant."""
+        """Return the SD of the noise per tick, mV; ``tau`` is a factor on the time constant."""
         return self.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / (self.tau_ms * tau)))
 
     def sampled_threshold_mv(self, dt_ms: float, tau: Any = 1.0, height: Any = 1.0) -> Any:
@@ -109,7 +109,7 @@ class Lif(Membrane, Cell):
         dt_ms : float
             One tick, ms.
         tau, height : float or arrays (neurons,)
-            Factors, cell by cell, on the time constant and on the way from reset to threshold.
+            Factors per cell on the time constant and on the distance from reset to threshold.
         """
         way = (self.threshold_mv - self.reset_mv) * height
         return self.reset_mv + way - OVERSHOOT * self.step_mv(dt_ms, tau)
@@ -121,21 +121,21 @@ class Lif(Membrane, Cell):
         return self.tau_ms
 
     def mean_mv(self, x: Array) -> Array:
-        """Return the mean potential without a threshold at inputs x in nats, mV."""
+        """Return the mean potential without a threshold, mV, at inputs x, nats."""
         return self.rest_mv + self.mv_per_nat * x
 
     def rate_hz(self, x: Array, line_hz: Array) -> Array:
-        """Return Siegert's rate at steady inputs x in nats, Hz."""
+        """Return the rate at steady inputs x, nats, by Siegert's formula, Hz."""
         return lif_rate_hz(self, self.mean_mv(x))
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
-        """Return its answer from the Fokker-Planck equation; the membrane is part of it."""
+        """Return the response from the Fokker-Planck equation; it includes the membrane filter."""
         found = lif_response(self, self.mean_mv(x), frequency_hz)
         gain, bend = self.mv_per_nat * found.gain, self.mv_per_nat**2 * found.bend
         return Response(gain, bend, found.spectrum)
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
-        """Return a cell with another time constant, slope, and way from reset to threshold."""
+        """Return a cell with scaled time constant, slope, and distance from reset to threshold."""
         tau, slope, top = (float(factor) for factor in factors)
         threshold_mv = self.reset_mv + top * (self.threshold_mv - self.reset_mv)
         constants = {"tau_ms": tau * self.tau_ms, "mv_per_nat": slope * self.mv_per_nat}
@@ -144,10 +144,10 @@ class Lif(Membrane, Cell):
     # ---- spikes
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the constants of ``v = decay v + (rest + slope nats + noise_step ones)``, a tick.
+        """Return the constants of a tick, ``v = decay v + (rest + slope nats + noise_step ones)``.
 
-        v is in mV from the reset, in units in which all cells of the population have its
-        threshold; ``ones`` of 8 bits are the noise, and ``rest`` makes up for their mean of 4.
+        v is measured from the reset, scaled so that all cells of the population have the same
+        threshold; the noise is ``ones`` of 8 bits, and ``rest`` corrects for its mean of 4.
         """
         tau, slope, top = factors
         decay = np.exp(-dt_ms / (self.tau_ms * tau))

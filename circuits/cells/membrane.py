@@ -1,4 +1,4 @@
-"""A leaky membrane with a threshold: its exact firing rate, and the current for a wanted line."""
+"""A leaky membrane with a threshold: its exact firing rate, and currents fitted to a line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Membrane:
 
 @cache
 def _legendre() -> tuple[Array, Array]:
-    """Return nodes and weights of the integral in ``lif_rate_hz``."""
+    """Return nodes and weights of the quadrature in ``lif_rate_hz``."""
     nodes, weights = np.polynomial.legendre.leggauss(120)
     return nodes, weights
 
@@ -64,7 +64,7 @@ def lif_rate_hz(cell: Membrane, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float6
     half = (high - low) / 2
     nodes, weights = _legendre()
     u = (high + low)[..., None] / 2 + half[..., None] * nodes
-    # exp(u^2)(1 + erf u), capped where the cell is silent for longer than any run.
+    # exp(u^2)(1 + erf u), capped where the cell stays silent for longer than any run.
     inside = erfcx(np.maximum(-u, -26.0))
     time_ms = cell.refractory_ms + cell.tau_ms * np.sqrt(np.pi) * half * (inside @ weights)
     rate_hz: npt.NDArray[np.float64] = 1000.0 / time_ms
@@ -84,7 +84,7 @@ def lif_mean_mv(cell: Membrane, rate_hz: float) -> float:
 def fit_current(
     cell: Membrane, baseline_hz: float, gain_hz_per_nat: float, range_hz: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the (rest_mv, mv_per_nat) that make the cell's f-I follow a line best.
+    """Return the (rest_mv, mv_per_nat) with which the cell's f-I curve best follows a line.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def fit_current(
     baseline_hz, gain_hz_per_nat : float
         The wanted line ``baseline_hz + gain_hz_per_nat * x``.
     range_hz : (low, high)
-        Rates over which it is fitted, by least squares of the mean potential.
+        Range of rates of the fit, which is by least squares of the mean potential.
     """
     rates = np.linspace(*range_hz, 41)
     means = [lif_mean_mv(cell, rate) for rate in rates]

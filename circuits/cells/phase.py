@@ -34,9 +34,9 @@ def _tick(heard: Any, ones: Any, phi: Any, noise_step: Any, factor: Any) -> tupl
 class Phase(Cell):
     """A phase that diffuses: ``dphi = r dt + cv sqrt(r) dW``, a spike at every whole phi.
 
-    Its intervals are inverse Gaussian with mean 1/r and coefficient of variation cv; its rate is
-    exact. A pacemaker for cv well below 1, a cortical source near .5, nearly Poisson over times
-    longer than an interval at 1.
+    Interspike intervals are inverse Gaussian with mean 1/r and coefficient of variation cv; the
+    rate is exact. Pacemakers have cv well below 1, cortical cells about 0.5; with cv = 1 counts
+    are nearly Poisson over times longer than an interval.
 
     Parameters
     ----------
@@ -63,19 +63,19 @@ class Phase(Cell):
         check_range(0, 1, cv=self.cv)
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the noise of a bit over the root of a tick's mean advance, and the rate's factor.
+        """Return the noise per bit over the root of a tick's mean advance, and the rate factor.
 
-        The first of the factors is that of the rate.
+        The first of the factors acts on the rate.
         """
         noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
         return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
-        """Return the same cell; the first factor is that of its rate."""
+        """Return the same cell; the first factor acts on its rate."""
         return self, float(factors[0])
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
-        """Return the slopes of its line, which it follows at once, and its own power."""
+        """Return the slopes of its line, which it follows without lag, and its power spectrum."""
         own = phase_spectrum(self, line.hz, frequency_hz)
         return Response(line.slope[:, None], line.curvature[:, None] / 2, own)
 
@@ -83,7 +83,7 @@ class Phase(Cell):
 def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:
     """Return the two-sided power of a Phase cell's spikes, (S, F) Hz; 0 for a regular one.
 
-    Its intervals are inverse Gaussian, with the characteristic function
+    The intervals are inverse Gaussian, with the characteristic function
     ``exp((1 - sqrt(1 - 2 i omega cv^2/r))/cv^2)``.
     """
     rate = np.asarray(rate_hz, dtype=np.float64)[:, None]

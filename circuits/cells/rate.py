@@ -1,4 +1,4 @@
-"""A unit of rate: a population too large, or too abstract, for cells."""
+"""A rate unit: a population too large, or too abstract, to be simulated cell by cell."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from circuits.checks import check_types
 @register
 @dataclass(frozen=True)
 class Rate(Cell):
-    """A noiseless unit that passes the rate of its line on.
+    """A noiseless unit that transmits the rate of its line.
 
     Parameters
     ----------
     signed : bool
-        Whether the rate stands for the difference from a tonic level, and so may be negative.
+        Whether the rate is a difference from a tonic level, which may be negative.
     """
 
     signed: bool = False
@@ -32,7 +32,7 @@ class Rate(Cell):
 
     @property
     def lowest_hz(self) -> float:
-        """None where the rate stands for a difference."""
+        """Lowest rate, Hz: 0, or -inf if the rate is a difference."""
         return -np.inf if self.signed else 0.0
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:

@@ -8,5 +8,5 @@ from circuits.arrays import Array, Complex
 
 
 def renewal_spectrum(rate: Array, interval: Complex) -> Array:
-    """Return the power of a renewal process from the transform of its intervals (Cox 1962)."""
+    """Return the power spectrum of a renewal process from its interval transform (Cox 1962)."""
     return np.asarray(rate * (1 - np.abs(interval) ** 2) / np.abs(1 - interval) ** 2)

@@ -1,7 +1,7 @@
 """How a leaky membrane responds to a fluctuating input, and how irregular its spikes are.
 
-All to second order in the fluctuation and exact in the noise of the cells: the stationary density
-of the membrane, its answer to a modulated mean and the answer to that answer (the Fokker-Planck
+Second order in the fluctuation and exact in the noise of the cells: the stationary density of the
+membrane potential, and its first- and second-order responses to a modulated mean (Fokker-Planck
 equation as in Richardson 2007, Phys Rev E 76, 021919).
 """
 
@@ -17,24 +17,24 @@ from circuits.cells.membrane import Membrane
 from circuits.cells.renewal import renewal_spectrum
 
 NODES = 100
-"""Steps from threshold to reset: right to .5 % up to 4 kHz, .2 % up to 300 Hz."""
+"""Steps from threshold to reset: accurate to 0.5 % up to 4 kHz, 0.2 % up to 300 Hz."""
 DEPTH = 5.0
-"""How many sd below mean or reset the membrane is followed."""
+"""Lower end of the density, in SD below the mean or the reset."""
 DEEPEST = 9.0
-"""How many sd below threshold a mean counts at most: from there on a cell is silent."""
+"""Lowest mean considered, in SD below threshold; below it a cell is silent."""
 
 
 class LifResponse(NamedTuple):
-    """What a cell does about a small fluctuation of its mean potential, (..., frequencies).
+    """Response of a cell to a small fluctuation of its mean potential, (..., frequencies).
 
     Parameters
     ----------
     gain : complex array, Hz/mV
-        Modulation of the rate a mV of modulation.
+        Modulation of the rate per mV of modulation.
     bend : array, Hz/mV^2
-        What a variance at this frequency adds to the mean rate.
+        Change of the mean rate per unit of input variance at this frequency.
     spectrum : array, Hz
-        Two-sided power of the spike train without any fluctuation.
+        Two-sided power of the spike train without fluctuations.
     """
 
     gain: Complex
@@ -45,7 +45,7 @@ class LifResponse(NamedTuple):
 def lif_response(
     cell: Membrane, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike
 ) -> LifResponse:
-    """Return how a leaky integrate-and-fire cell answers about its mean potentials.
+    """Return the response of a leaky integrate-and-fire cell about its mean potentials.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ def lif_response(
     mean_mv : array (S,)
         Mean potentials without a threshold, mV.
     frequency_hz : array (F,)
-        From 1e-3 on: below, the spectrum is a difference of two that cancel.
+        At least 1e-3; below, the spectrum is lost to cancellation.
 
     Notes
     -----
-    The membrane's density hops between nodes (Scharfetter & Gummel 1969); what meets the threshold
-    comes back at the reset, the refractory period later. A modulated mean moves the stationary
-    density, and at second order, frequency 0, that first-order density.
+    The density is discretised on nodes (Scharfetter & Gummel 1969); the flux through the threshold
+    re-enters at the reset one refractory period later. A modulated mean acts on the stationary
+    density and, at second order and frequency 0, on the first-order density.
     """
     mean = np.maximum(mean_mv, cell.threshold_mv - DEEPEST * cell.noise_mv)[:, None]
     density = _Density(cell, mean)
@@ -70,11 +70,11 @@ def lif_response(
     omega = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
     push, at_once = density.pushed(rate * passed)
     passing, moved = density.solve(omega, density.injected, push)
-    # The transform of intervals, and what was pushed out with all that comes back later.
+    # The transform of intervals, and the flux pushed out together with all its later returns.
     interval = density.outflow(passing) * np.exp(-omega * held_s)
     gain = (density.outflow(moved) + at_once) / (1 - interval)
     first = moved + gain * np.exp(-omega * held_s) * passing
-    # exp(i omega t) and its conjugate, variance 2, act on the density that each of them made.
+    # exp(i omega t) and its conjugate, variance 2, each act on the density that it produced.
     push, _ = density.pushed(2 * first.real)
     (second,) = density.solve(np.zeros(1), push)
     bend = -rate * density.area(second) / 2
@@ -82,7 +82,7 @@ def lif_response(
 
 
 class _Density:
-    """Density of the potential on nodes from far below to a step below threshold, (nodes, S, F)."""
+    """Density of the potential on nodes up to one step below threshold, (nodes, S, F)."""
 
     def __init__(self, cell: Membrane, mean: Array) -> None:
         tau_s = cell.tau_ms / 1000
@@ -90,7 +90,7 @@ class _Density:
         self.step = (cell.threshold_mv - cell.reset_mv) / NODES
         count = int(np.ceil((cell.threshold_mv - lowest) / self.step))
         above = cell.threshold_mv - self.step * (np.arange(count)[::-1] + 0.5)
-        # Drift over diffusion from node to node; hops up and down, 1/s.
+        # Drift over diffusion from node to node; rates of hops up and down, 1/s.
         power = self.step * (mean - above).T[..., None] / cell.noise_mv**2
         hop = cell.noise_mv**2 / tau_s / self.step**2
         near = np.abs(power) < 1e-9
@@ -101,7 +101,7 @@ class _Density:
         self.injected[count - NODES] = 1 / self.step
 
     def solve(self, omega: npt.NDArray[Any], *sources: npt.NDArray[Any]) -> list[Any]:
-        """Return the densities, modulated at omega, that sources per mV and second keep up."""
+        """Return the densities, modulated at omega, sustained by sources per mV and second."""
         count = len(self.up)
         leave = self.up.copy()
         leave[1:] += self.down[:-1]
@@ -124,7 +124,7 @@ class _Density:
         return found
 
     def pushed(self, density: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """Return the source that a mV more of mean is, and what it drives out at once, 1/s."""
+        """Return the source due to 1 mV more of mean, and the flux that it drives out, 1/s."""
         flux = density.copy()
         flux[:-1] += density[1:]
         flux /= 2 * self.tau_s
@@ -137,5 +137,5 @@ class _Density:
         return np.asarray(self.step * self.up[-1] * density[-1])
 
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return the whole probability."""
+        """Return the total probability."""
         return np.asarray(self.step * density.sum(axis=0))

@@ -1,1 +1,1 @@
-"""A circuit as it is written: rows, courses, edits of rows, and files."""
+"""The declaration of a circuit: rows, courses, edits and files."""

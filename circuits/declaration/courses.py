@@ -1,4 +1,4 @@
-"""The rows of a circuit's third table: what changes within a trial, and when."""
+"""The rows of a circuit's third table: changes within a trial and their times."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from circuits.checks import check_finite, check_range, check_types
 from circuits.errors import InputError, require
 
 DOPAMINE = "dopamine"
-"""What a course says in place of a population's name if it is of the level of dopamine."""
+"""Name used in place of a population's for a course of the dopamine level."""
 POINTS, TAILS = 400, 20.0
-"""Where sums of courses are looked at: so many points, as far as so many time constants."""
+"""Where sums of courses are evaluated: number of points, and range in time constants."""
 NEAR = 1e-9
-"""How near an edge may lie to a tick's and count as that."""
+"""Distance, ticks, within which an edge counts as being on a tick."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """A course in time: of dopamine, or of the input of a population, the same in every trial.
+    """A time course of the dopamine level or of a population's input, the same in every trial.
 
-    Time 0 is when the drive begins; before it, while the circuit settles, there is none. It rises
-    towards its amount from ``from_ms`` on, and decays from what it reached at ``to_ms`` on. Courses
-    of one thing add up.
+    Time 0 is the onset of the drive; courses do not act before it, while the circuit settles. A
+    course rises towards its amount from ``from_ms`` on, and decays from the value it has reached at
+    ``to_ms``. Courses of the same quantity add up.
 
     Parameters
     ----------
     what : str
         "dopamine", or the name of a population.
     amount : float
-        What is added to the level of dopamine, which is 1 at the circuit's own; or nats that are
-        added to the input of every channel of the population, before its filter.
+        Added to the dopamine level, which is normally 1; or nats added to the input of every
+        channel of the population, before its filter.
     from_ms, to_ms : float
-        When it begins and ends, ms; without an end it holds until the trial is over.
+        Begin and end, ms; without an end it lasts until the trial is over.
     rise_ms, decay_ms : float
-        Time constants with which it rises and decays, ms; 0 is a step.
+        Time constants of rise and decay, ms; 0 is a step.
     cite : str
-        Where the numbers come from.
+        Source of the numbers.
     """
 
     what: str
@@ -69,13 +69,13 @@ class Course:
 
     @property
     def reached(self) -> float:
-        """What it reaches at its end."""
+        """The value reached at its end."""
         if not self.rise_ms:
             return self.amount
         return -self.amount * math.expm1(-(self.to_ms - self.from_ms) / self.rise_ms)
 
     def at(self, time_ms: Array) -> Array:
-        """Return its values at times, ms from when the drive begins."""
+        """Return its values at times, ms from the onset of the drive."""
         on = np.full(len(time_ms), float(self.amount))
         if self.rise_ms:
             since = np.clip(time_ms - self.from_ms, 0, None)
@@ -90,7 +90,7 @@ class Course:
     def in_ticks(self, ticks: int, dt_ms: float) -> Array:
         """Return its mean in each of the first ticks of the drive, (ticks,).
 
-        So a pulse shorter than a tick keeps its area, and what is not a step has no lag.
+        A pulse shorter than a tick thus keeps its area, and smooth courses have no lag.
         """
         first, last = (_in_ticks(edge, dt_ms) for edge in (self.from_ms, self.to_ms))
         begins = np.arange(ticks, dtype=np.float64)
@@ -109,13 +109,13 @@ class Course:
 def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least and the largest sum of courses, each with its time, ms.
 
-    Sums are looked at from each edge of a row on: what rises and decays with several time constants
-    may turn anywhere.
+    Sums are evaluated from each edge of a row on, because a sum of several exponentials may have
+    its extremes anywhere.
     """
     edges = sorted({edge for row in courses for edge in (row.from_ms, row.to_ms)} - {math.inf})
     tau = [tau for row in courses for tau in (row.rise_ms, row.decay_ms) if tau] or [1.0]
     since = np.geomspace(min(tau) / POINTS, TAILS * max(tau), POINTS)
-    # The end of a step belongs to what follows: it is reached just before.
+    # The end of a step already has the next value, so the step's is taken just before.
     before = np.nextafter(edges, -math.inf)
     after = (np.array(edges)[:, None] + since).ravel()
     even = np.linspace(edges[0], edges[-1], POINTS)
@@ -126,7 +126,7 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
 
 
 def _in_ticks(time_ms: float, dt_ms: float) -> float:
-    """Return a time in ticks, whole if it is so but for rounding."""
+    """Return a time in ticks, rounded if it is whole except for rounding errors."""
     count = time_ms / dt_ms
     if math.isinf(count):
         return count
@@ -134,5 +134,5 @@ def _in_ticks(time_ms: float, dt_ms: float) -> float:
 
 
 def _area(low: Array, high: Array, tau: float) -> Array:
-    """Return the area below ``exp(-t / tau)`` between times, all in ticks."""
+    """Return the area under ``exp(-t / tau)`` between times, all in ticks."""
     return np.asarray(-tau * np.exp(-low / tau) * np.expm1(-(high - low) / tau))

@@ -1,12 +1,12 @@
-"""Edits of a circuit as text: one line per edit, the same in Python, in a file and at the terminal.
+"""Edits of a circuit as text, one per line, identical in Python, in files and in the terminal.
 
-``VERBS`` lists them, with an example of each. A nucleus is written ``STN``, a pathway ``GPe->STN``;
-``GPe[0]`` and ``ctx->D1[0]`` are those of one channel. A fraction is written ``10%`` or ``0.1``.
+``VERBS`` lists them with examples. A nucleus is written ``STN``, a pathway ``GPe->STN``; ``GPe[0]``
+and ``ctx->D1[0]`` refer to one channel. A fraction is written ``10%`` or ``0.1``.
 
-The order in which edits are written does not matter: those of all nuclei are made first, then rows
-are added and fields set, then nuclei are lesioned, pathways cut and scaled, and dopamine changed;
-compensation is for all of them. No two edits of a list may change the same number, except that a
-row that is added may be lesioned, cut or scaled.
+The order of the lines does not matter: edits of all nuclei are applied first, then rows are added
+and fields set, then nuclei are lesioned, pathways cut and scaled, and dopamine changed;
+compensation comes last. Two edits must not change the same number, except that an added row may be
+lesioned, cut or scaled.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ class Verb:
     """A kind of edit."""
 
     example: str
-    """A line that can be copied."""
+    """An example line."""
     about: str
-    """What it does."""
+    """Description of the edit."""
     of: str = ""
-    """What it names: a nucleus, a pathway, or nothing."""
+    """What follows the verb: a nucleus, a pathway, or nothing."""
     takes: str = ""
-    """The number behind it: a fraction, which may be left out and is then all, a number or none."""
+    """The number at the end: a fraction (optional, by default all), a number, or none."""
     method: str = ""
-    """The method of a circuit that makes the edit, where it is not called as the kind is."""
+    """The method of a circuit that makes the edit, if its name differs from the verb."""
     changes: str = ""
     """The field of rows that it changes."""
 
@@ -121,20 +121,20 @@ VERBS = {
         takes=NUMBER,
     ),
 }
-"""All kinds of edits, in the order in which they are made."""
+"""All kinds of edits, in the order in which they are applied."""
 NOTES = {
     "scale": "scale multiplies what a pathway signals and leaves its tone, the effect of its "
     "source's steady firing; to lose axons, which takes both, use cut",
     "cut": "cut takes a fraction of a pathway's axons, with what they signal and their tone, the "
     "effect of its source's steady firing; to leave the tone, use scale",
 }
-"""What to know about edits that are taken for each other."""
+"""Notes on edits that are easily confused."""
 SAME_NUMBER = {
     "intact_by_channel": "intact",
     "clamped": "intact",
     "factors": "weight",
 }
-"""Fields of rows, and the field that they change in effect."""
+"""Fields of rows that in effect change another field."""
 SET = re.compile(r"([^\s=]+(?:\s*->\s*[^\s=]+)?)(?:\s*=\s*|\s+)(.*)")
 AMOUNT = "amount"
 """The field that makes a row a course; courses of one nucleus add up."""
@@ -147,17 +147,17 @@ class Edit:
     Parameters
     ----------
     text : str
-        The line as it was written.
+        The original line.
     verb : str
         A key of ``VERBS``.
     row : str
-        The nucleus or the pathway; for some verbs none.
+        The nucleus or the pathway; empty for some verbs.
     field : str
-        The field that is set.
+        The field to set.
     channel : int, optional
-        The only channel in which it is made.
+        The channel to edit; by default all.
     value : float or str
-        Its number; as text, the new value of a field, or a new row.
+        Its number; or, as text, the new value of a field, or a new row.
     """
 
     text: str
@@ -179,7 +179,7 @@ class Edit:
 
     @property
     def place(self) -> tuple[object, ...]:
-        """What it edits: edits of one place are the same edit with different values."""
+        """Target of the edit: edits with the same target differ only in their values."""
         own = self.value if self.is_course else None
         return self.verb, self.row, self.field, self.channel, own
 
@@ -203,12 +203,12 @@ class Edit:
         return {SAME_NUMBER.get(name, name) for name in fields}
 
     def _given(self) -> list[str]:
-        """Return the fields that a new row gives."""
+        """Return the fields specified by a new row."""
         return re.findall(r"(\S+?)\s*=", str(self.value))
 
 
 class Edits(tuple[str, ...]):
-    """Edits of a circuit, one line each: the hypothesis.
+    """Edits of a circuit, one per line; together they are the hypothesis.
 
     Raises
     ------
@@ -230,18 +230,18 @@ class Edits(tuple[str, ...]):
     def __get_pydantic_core_schema__(
         cls, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Tell pydantic to read a list of lines."""
+        """Make pydantic read a list of lines."""
         from pydantic_core import core_schema
 
         lines = core_schema.no_info_before_validator_function(_list, handler(tuple[str, ...]))
         return core_schema.no_info_after_validator_function(cls, lines)
 
     def parsed(self) -> list[Edit]:
-        """Return the edits in the order in which they are made."""
+        """Return the edits in the order in which they are applied."""
         return sorted(map(parsed, self), key=lambda edit: [*VERBS].index(edit.verb))
 
     def of(self, *verbs: str) -> list[Edit]:
-        """Return the edits of some kinds, in the order in which they are made."""
+        """Return the edits of some kinds, in the order in which they are applied."""
         return [edit for edit in self.parsed() if edit.verb in verbs]
 
     @property
@@ -250,28 +250,28 @@ class Edits(tuple[str, ...]):
         return bool(self.of("compensate", "rebound"))
 
     def text(self) -> str:
-        """Return the lines in the order in which the edits are made."""
+        """Return the lines in the order in which the edits are applied."""
         return "; ".join(edit.text.strip() for edit in self.parsed())
 
     def notes(self) -> list[str]:
-        """Return a sentence for each kind of edit that is easily taken for another."""
+        """Return a note for each kind of edit that is easily confused with another."""
         return [note for verb, note in NOTES.items() if self.of(verb)]
 
     def replacing(self, lines: Iterable[str], without: Iterable[str] = ()) -> Edits:
-        """Return the edits with others, each in place of the same edit with another value.
+        """Return the edits with further ones, which replace edits of the same target.
 
         Parameters
         ----------
         lines : iterable of str
             Further edits.
         without : iterable of str
-            Edits that are left out, whatever their value.
+            Edits to leave out, regardless of their value.
 
         Raises
         ------
         ValueError
-            If two of the edits change the same number, or one adds a course of a nucleus that has
-            one: it could be meant to replace it.
+            If two edits change the same number, or one adds a course to a nucleus that already has
+            one, because it is unclear whether it should replace that.
         """
         new = {edit.place: edit for edit in map(parsed, Edits(lines))}
         left_out = {parsed(line).place for line in without}
@@ -285,7 +285,7 @@ class Edits(tuple[str, ...]):
 
 
 def _list(given: object) -> tuple[object, ...]:
-    """Return the list of edits that a file gives; ValueError for anything else."""
+    """Return the list of edits in a file; ValueError for anything else."""
     if not isinstance(given, (list, tuple)):
         must = 'must be a list of lines, such as edits = ["lesion STN 10%"]'
         raise InputError.of("edits", must, given)
@@ -293,18 +293,18 @@ def _list(given: object) -> tuple[object, ...]:
 
 
 def overlapping(one: Edit, other: Edit) -> ValueError:
-    """Return the error for two edits of one number."""
+    """Return the error for two edits of the same number."""
     same = "edit the same number, so neither would be its value: keep one of them"
     return InputError(f"{one.text!r} and {other.text!r} {same}", "edits")
 
 
 def parsed(line: str) -> Edit:
-    """Return the edit that a line says.
+    """Parse a line as an edit.
 
     Raises
     ------
     ValueError
-        One sentence with the line as it was written, what is allowed and an example.
+        Naming the line, what is allowed and an example.
     """
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
@@ -313,7 +313,7 @@ def parsed(line: str) -> Edit:
     verb, _, rest = line.strip().partition(" ")
     if verb not in VERBS:
         known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
-        raise InputError(f"{shown(line)}: an edit begins with one of {known}", "edits", line)
+        raise InputError(f"{shown(line)}: an edit must begin with one of {known}", "edits", line)
     kind, rest = VERBS[verb], rest.strip()
     if verb == "add":
         edit = _new_row(line, rest)
@@ -366,7 +366,7 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
 
 
 def _channel_of(line: str, name: str) -> tuple[str, int | None]:
-    """Split "name[channel]"; without brackets it is every channel."""
+    """Split "name[channel]"; without brackets, all channels are meant."""
     row, bracket, rest = name.partition("[")
     if not bracket:
         return row, None

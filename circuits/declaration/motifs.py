@@ -1,4 +1,4 @@
-"""Motifs: nuclei with their pathways, which are added to a circuit by one name."""
+"""Motifs: nuclei with their pathways, added to a circuit under one name."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ FEEDFORWARD = (
     "Gittis et al. 2010, mouse; strength, reach, delay, tau assumed"
 )
 TO_D1, TO_D2 = 0.15, 0.1
-"""Nats that a nat of all FSI takes from D1 and D2: assumed, more from D1 as in mice."""
+"""Inhibition of D1 and D2 by FSI, nats per nat: assumed, stronger onto D1 as in mice."""
 
 
 def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
-    """Return the fast-spiking interneurons of striatum: cortex -> FSI -> D1 and D2.
+    """Return the striatal fast-spiking interneurons: cortex -> FSI -> D1 and D2.
 
     At rest they fire at their baseline, the middle of the macaque's published range (8 to 14 Hz),
-    so that adding them leaves all other resting rates unchanged. Cells of a channel hear its cortex
-    and inhibit D1 and D2 of all channels alike, so they remove an input that all channels share.
+    so that adding them leaves all other resting rates unchanged. The FSI of a channel receive its
+    cortical input and inhibit D1 and D2 of all channels equally, which removes common input.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
     Raises
     ------
     ValueError
-        If the circuit has another unit: the strength of the pathways is in nats.
+        If the circuit's unit is not nats, in which the pathway weights are given.
     """
     circuit.check_nats("striatal_FSI, whose weights are nats,")
     cells = Population(
@@ -62,11 +62,11 @@ def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
 
 
 MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {"striatal_FSI": striatal_fsi}
-"""All motifs by name; each takes the circuit to which it is added."""
+"""All motifs by name; each takes the circuit that it is added to."""
 
 
 def expanded(circuit: CircuitTable, rows: Iterable[Given]) -> Iterator[Given | Row]:
-    """Yield rows as they are given, and for the name of a motif its rows."""
+    """Yield rows unchanged, and for the name of a motif its rows."""
     for row in rows:
         motif = MOTIFS.get(row.strip()) if isinstance(row, str) else None
         if motif is None:

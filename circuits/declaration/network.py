@@ -16,14 +16,14 @@ from circuits.errors import InputError, require, shown
 
 @dataclass(frozen=True, repr=False)
 class Network(Mapping[str, "Population | Projection"]):
-    """Populations in a number of channels, and the projections between them.
+    """Populations, each with a number of channels, and the projections between them.
 
-    It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
-    a projection.
+    It is a mapping of rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]`` a
+    projection.
     """
 
     name: str
-    """What it is called."""
+    """Name of the circuit."""
     populations: tuple[Population, ...]
     """The table of populations."""
     projections: tuple[Projection, ...]
@@ -38,7 +38,7 @@ class Network(Mapping[str, "Population | Projection"]):
         check_rows(self.name, Projection, self.projections)
         object.__setattr__(self, "_known", {p.name: p for p in self.populations})
         if len(self._known) != len(self.populations):
-            raise InputError(f"{self.name}: two populations have one name", "populations")
+            raise InputError(f"{self.name}: two populations have the same name", "populations")
         if len({p.name for p in self.projections}) != len(self.projections):
             said = f"{self.name}: two projections join the same populations"
             raise InputError(said, "projections")
@@ -50,7 +50,7 @@ class Network(Mapping[str, "Population | Projection"]):
             self._check_projection(p)
 
     def _check_projection(self, p: Projection) -> None:
-        """Refuse a weight of the wrong sign, and numbers for other channels than the target's."""
+        """Reject weights of the wrong sign, and factors that do not match the target's channels."""
         channels = self.channels_of(p.target)
         what = self.population(p.source).transmitter
         if p.weight * SIGNS[what] < 0:
@@ -64,7 +64,7 @@ class Network(Mapping[str, "Population | Projection"]):
         Raises
         ------
         ValueError
-            If there is none, with the names that there are.
+            If the name is unknown; the message lists the known names.
         """
         if not isinstance(name, str) or name not in self._known:
             said = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
@@ -72,7 +72,7 @@ class Network(Mapping[str, "Population | Projection"]):
         return self._known[name]
 
     def projection(self, source: str, target: str) -> Projection:
-        """Return a row by its two ends; raises ValueError with the valid names."""
+        """Return a row by its two ends; ValueError lists the known names."""
         if isinstance(source, str) and "->" in source:
             ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
             given = f"must be one nucleus, got {shown(source)}"
@@ -93,14 +93,14 @@ class Network(Mapping[str, "Population | Projection"]):
         return self.projection(source, target)
 
     def __getitem__(self, name: str) -> Population | Projection:
-        """Return a row by its name; KeyError with the names that there are."""
+        """Return a row by its name; KeyError lists the known names."""
         try:
             return self.row(name)
         except ValueError as error:
             raise KeyError(str(error)) from None
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the names of populations, then of projections."""
+        """Iterate over the names of populations, then of projections."""
         yield from (row.name for row in self.populations)
         yield from (row.name for row in self.projections)
 
@@ -109,7 +109,7 @@ class Network(Mapping[str, "Population | Projection"]):
         return len(self.populations) + len(self.projections)
 
     def channels_of(self, name: str) -> int:
-        """Return how many channels a population has."""
+        """Return the number of channels of a population."""
         return 1 if self.population(name).pooled else self.channels
 
     def intact_of(self, name: str) -> Array:
@@ -119,40 +119,39 @@ class Network(Mapping[str, "Population | Projection"]):
         return row.intact * np.array(left, dtype=np.float64)
 
     def axons_of(self, p: Projection) -> Array:
-        """Return the fraction of a pathway's axons that survives, (target channels,)."""
+        """Return the surviving fraction of a pathway's axons, (target channels,)."""
         left = p.intact_by_channel or (1.0,) * self.channels_of(p.target)
         return p.intact * np.array(left, dtype=np.float64)
 
     def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return names of populations; ValueError for one whose cells do not spike."""
+        """Return the names as a tuple; ValueError for a population whose cells do not spike."""
         for name in (chosen := tuple(names)):
             if not self.population(name).spiking:
                 raise InputError(f"{name} has no cells that spike", name)
         return chosen
 
     def joins_cells(self, p: Projection) -> bool:
-        """Return whether a projection joins cells that spike to cells that spike."""
+        """Return whether a projection joins spiking cells to spiking cells."""
         return all(self.population(name).spiking for name in (p.source, p.target))
 
     def is_sparse(self, p: Projection) -> bool:
-        """Return whether each cell of the target hears other cells of the source.
+        """Return whether each target cell receives input from a different set of source cells.
 
-        Where either end passes rates on, there is one input for all cells of a channel.
+        If either end transmits rates, all cells of a channel share one input.
         """
         return p.probability < 1 and self.joins_cells(p)
 
     def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
-        """Return which channels reach which, (target channels, source channels), factors included.
+        """Return the connectivity of channels, (target, source channels), including factors.
 
-        Factors go in here and nowhere else: the pathway is linear, so they are factors on its
-        weight.
+        Factors are applied only here: the pathway is linear, so they multiply its weight.
         """
         pattern = PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
         return np.asarray(pattern * np.array(p.factors)[:, None]) if p.factors else pattern
 
 
 def _check_counts(row: Population | Projection, channels: int, *names: str) -> None:
-    """Refuse fields that hold numbers for channels, and not one for each."""
+    """Reject per-channel fields that do not have one number for each channel."""
     for name in names:
         count = len(getattr(row, name))
         must = f"must hold one number for each of {channels} channels"

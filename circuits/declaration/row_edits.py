@@ -1,18 +1,18 @@
-"""Rows from text: those that are added, and those of which fields are set.
+"""Rows from text: new rows, and rows with changed fields.
 
-A value that is set has the type that the field declares::
+A new value must have the field's declared type::
 
     STN.bias_nats -2.3                  a field of a population
     STN.cell.cv 0.2                     a constant of its cell
     STN.cell Phase                      another type of cell, with its constants as cell.NAME
     STN->GPe.delay_ms 4                 a field of a pathway
 
-A new row is its name and its fields; what is not given is the default, or that of the row which
-it is like; a row with an amount is a course. A value with blanks needs quotes::
+A new row consists of its name and fields. Missing fields take their defaults, or the values of the
+row given as ``like``; a row with an amount is a course. A value with blanks needs quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
-    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or among those added
-    TRN like=STN bias_nats=-1           a population like another, without that one's lesions
+    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, existing or newly added
+    TRN like=STN bias_nats=-1           a population like another, without its lesions
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
@@ -41,10 +41,10 @@ Edited = TypeVar("Edited", Population, Projection, Cell)
 
 A_ROW = 'a new row is its name and FIELD=VALUE, such as "D1->GPe weight=-0.1 delay_ms=4"'
 NAMES = ("name", "source", "target")
-"""Fields that say which row it is: no edit changes them."""
+"""Fields that identify a row; edits cannot change them."""
 OF_CELL = "cell."
 OF_COURSES = ("amount", "from_ms", "to_ms", "rise_ms", "decay_ms")
-"""Fields by which a new row is told to be a course."""
+"""Fields that mark a new row as a course."""
 
 
 def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited:
@@ -53,16 +53,16 @@ def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited
     Parameters
     ----------
     row : Population, Projection or Cell
-        What is changed.
+        The row or cell to change.
     values : mapping
         New values by field.
     owner : str
-        What a message calls it.
+        Its name in messages.
 
     Raises
     ------
     ValueError
-        For an unknown field, with the names that there are, or a value without sense.
+        For an unknown field (the message lists the known ones), or an invalid value.
     """
     cell = type(row.cell) if isinstance(row, Population) else None
     _check_names(values, _names(type(row)), owner, _names(type(row), cell))
@@ -71,14 +71,14 @@ def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited
 
 
 def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> list[Row]:
-    """Return the rows of which edits set fields, as changed.
+    """Return the rows changed by edits that set fields.
 
-    All fields of a row are set at once, so their order does not matter.
+    All fields of a row are set together, so their order does not matter.
 
     Raises
     ------
     ValueError
-        One sentence with the edit as it was written and what is allowed.
+        Naming the edit and what is allowed.
     """
     by_row: dict[str, list[Edit]] = {}
     for edit in edits:
@@ -94,15 +94,15 @@ def _changed(row: Row, edits: Sequence[Edit]) -> Row:
 
 
 def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
-    """Return the rows that are added to a circuit, those that are text read.
+    """Return the rows to add to a circuit, parsing those given as text.
 
-    A row in text may be like one of the circuit, or like one added with it, before or after. A
-    population like a lesioned one is whole. The name of a motif stands for all of its rows.
+    A row given as text may be like an existing row or another new row, in any order. A population
+    like a lesioned one is intact. The name of a motif adds all of its rows.
 
     Raises
     ------
     ValueError
-        One sentence with the row as it was written and what is allowed.
+        Naming the row and what is allowed.
     """
     given = list(expanded(circuit, rows))
     known: dict[str, Row] = {row.name: row for row in circuit.populations}
@@ -126,19 +126,19 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
 
 
 def _like(text: str) -> str:
-    """Return the name of the row that a new row in text is like; empty for none."""
+    """Return the name in the ``like`` field of a new row, or ""."""
     with naming(text):
         return _new(text)[1].get("like", "")
 
 
 def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | Course:
-    """Return the row that a text is."""
+    """Parse the text of a new row."""
     with naming(text):
         name, given = _new(text)
         if name == DOPAMINE or any(field in OF_COURSES for field in given):
             return _course(name, given)
         if name in known:
-            raise InputError(f"{name} exists already: use set for its fields", "add", name)
+            raise InputError(f"{name} already exists: use set to change its fields", "add", name)
         source, arrow, target = name.partition("->")
         kind = Projection if arrow else Population
         old = given.pop("like", None)
@@ -154,13 +154,13 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
 
 
 def _as(like: Row, given: Iterable[str]) -> str:
-    """Return the source of a row like another: that row, for what is not given."""
+    """Return the citation of a row like another: that row, and the fields that are assumed."""
     edited = ", ".join(given)
     return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
 def _course(what: str, given: Mapping[str, str]) -> Course:
-    """Return the course of something from the texts of its fields."""
+    """Return a course from the texts of its fields."""
     owner = f"a course of {what}"
     _check_names(given, [f.name for f in fields(Course) if f.name != "what"], owner)
     found: Course = _made(Course, None, {"what": what, **_typed(Course, given)}, owner)
@@ -169,7 +169,7 @@ def _course(what: str, given: Mapping[str, str]) -> Course:
 
 @contextmanager
 def naming(*edits: str) -> Iterator[None]:
-    """Name edits, as they were written, in front of a ValueError about them."""
+    """Prefix a ValueError with the edits that it is about."""
     try:
         yield
     except ValueError as error:
@@ -190,7 +190,7 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
 def _row(
     kind: type[Row], old: Row | None, given: Mapping[str, str], identity: Mapping[str, str]
 ) -> Row:
-    """Return a row from the texts of its fields; the rest is the old row's, if there is one."""
+    """Return a row from the texts of its fields; other fields are those of the old row, if any."""
     owner = "->".join(identity.values()) or (old.name if old else "")
     cell = type(old.cell) if isinstance(old, Population) else None
     if kind is Population and "cell" in given:
@@ -207,7 +207,7 @@ def _row(
 
 
 def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
-    """Return a dataclass with these values; the rest is the old one's, or the default."""
+    """Return a dataclass with these values; other fields are the old one's, or defaults."""
     if old is not None:
         return replace(old, **values)
     needed = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
@@ -223,11 +223,11 @@ def _cell_type(kind: str, owner: str) -> type[Cell]:
 
 
 def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
-    """Return texts as values of the types that a dataclass declares.
+    """Convert texts to the types declared by a dataclass.
 
-    A text that is no such value stays text: the dataclass refuses it and says what it takes.
+    A text that cannot be converted stays text; the dataclass rejects it and says what it expects.
     """
-    # Where a text is read: importing it takes a tenth of a second.
+    # Imported only here, because it takes a tenth of a second.
     from pydantic import TypeAdapter
 
     types, values = get_type_hints(kind), dict[str, Any](given)
@@ -238,7 +238,7 @@ def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _parts(kind: type, text: str) -> object:
-    """Return a text as pydantic takes it: a tuple in parts, a whole number also as 1e3."""
+    """Prepare a text for pydantic: split tuples, and accept whole numbers written as 1e3."""
     if get_origin(kind) is tuple:
         return text.split(",") if text else []
     return float(text) if kind is int else text

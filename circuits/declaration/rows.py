@@ -21,22 +21,22 @@ from circuits.errors import EditWarning, InputError, require, user_level
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
 MOST_DELAY_MS = 10_000.0
-"""Longest delay: engines remember every rate for so long."""
+"""Longest delay; engines store every rate for this long."""
 MOST_NEURONS = 10**9
 """Most neurons per channel: no nucleus of the basal ganglia has more in any species."""
 LEAST_MS, LONGEST_MS = 0.2, 10_000.0
-"""Range of time constants and delays, other than 0, beyond which a row is warned of. The fastest
+"""Range of time constants and delays, other than 0, outside which a warning is issued. The fastest
 synaptic currents take a few tenths of a ms, and no trial lasts 10 s."""
 MOST_HZ, USUAL_HZ = 1000.0, 200.0
-"""Highest ``baseline_hz``: no cell fires at more than a spike per ms, its refractory period. Above
-the second a row is warned of: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
+"""Highest ``baseline_hz``, which is one spike per refractory period (1 ms), and the rate above
+which a warning is issued: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
 OF_CELLS = ("neurons", "probability", "heterogeneity")
-"""Fields of rows that act through the number of cells, their connections and their differences."""
+"""Fields of rows that act through cell numbers, connectivity and heterogeneity."""
 OF_TIME = ("delay_ms", "tau_ms")
-"""Fields of rows on which a fixed point does not depend."""
+"""Fields of rows that do not affect the fixed point."""
 WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "clamped": False}
-"""The fields of a population by which it is lesioned, without any lesion."""
+"""The lesion fields of an intact population."""
 
 
 def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
@@ -50,12 +50,12 @@ PATTERNS: dict[str, Callable[[int, int], npt.NDArray[np.float64]]] = {
     "diffuse": lambda targets, sources: np.ones((targets, sources)),
     "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),
 }
-"""Which channels reach which: to its own, the sum of all to all, to the wrong one."""
+"""Connectivity of channels: one to one, sum of all to all, or to the next (wrong) channel."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """A nucleus, or the part of one that plays one role.
+    """A nucleus, or a functionally distinct part of one.
 
     Parameters
     ----------
@@ -64,37 +64,37 @@ class Population:
     cell : Cell
         Cell type with its constants.
     baseline_hz, gain_hz_per_nat : float
-        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``. The
-        first lies in 0 to ``MOST_HZ``; it is negative only where the cell's rate may be.
+        Rate at an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``. The baseline is
+        between 0 and ``MOST_HZ``; it may be negative only if the cell's rate may be.
     transmitter : str
-        "glutamate" or "GABA"; the sign of every projection from here.
+        "glutamate" or "GABA"; sets the sign of all outgoing projections.
     neurons : int
-        Cells a channel.
+        Cells per channel.
     pooled : bool
-        One channel for all alternatives, instead of one each.
+        Whether one channel serves all alternatives.
     transfer : str
         The activity as a function of the input in nats, by name.
     bias_nats : float
         Constant input.
     tau_ms : float
-        Time constant of the input's filter, ms; cells that hear nats have their own.
+        Time constant of the input filter, ms; cells that hear nats have their own.
     receptor : str
-        "D1" or "D2" where dopamine on the cells raises or lowers the cortical gain.
+        "D1" or "D2" if dopamine acting on the cells raises or lowers the cortical gain.
     operating_point_nats : float
-        The cortical input at which dopamine changes nothing: it steepens what is above.
+        Cortical input at which dopamine has no effect; it scales deviations from it.
     heterogeneity : float
-        Standard deviation across cells of the cell's constants, as a fraction of each; their mean
-        in a channel is the row's.
+        Standard deviation of the constants across cells, as a fraction of each; the mean over a
+        channel equals the row's value.
     intact, clamped : float, bool
-        The fraction that survives a lesion, and whether the targets receive the lost output as a
+        Fraction that survives a lesion, and whether the targets receive the lost output as a
         constant, its resting rate.
     intact_by_channel : tuple of float
-        What ``intact`` is multiplied by in each channel; none means 1 in all.
+        Factors on ``intact`` in each channel; empty means 1 in all.
     cite : str
-        Where the numbers come from.
+        Source of the numbers.
     published_hz : tuple of float
-        Lowest and highest resting rate that is published for the nucleus, Hz; none if not known.
-        It is shown beside the rate of the table and changes nothing, a circuit's hash included.
+        Lowest and highest published resting rate of the nucleus, Hz; empty if unknown. For
+        display only: it affects neither the simulation nor the circuit's hash.
     """
 
     name: str
@@ -133,7 +133,7 @@ class Population:
         check_range(1, MOST_NEURONS, owner=name, neurons=self.neurons)
         check_positive(owner=name, gain_hz_per_nat=self.gain_hz_per_nat)
         check_range(0, math.inf, owner=name, tau_ms=self.tau_ms)
-        # Beyond, a good part of the cells would have constants of the wrong sign.
+        # Beyond it, many cells would have constants of the wrong sign.
         check_range(0, 1, owner=name, heterogeneity=self.heterogeneity)
         check_finite(owner=name, bias_nats=self.bias_nats)
         check_finite(owner=name, operating_point_nats=self.operating_point_nats)
@@ -145,7 +145,7 @@ class Population:
         if self.baseline_hz > USUAL_HZ:
             warnings.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
-                "than any nucleus of the basal ganglia fires at rest: look at its unit",
+                "than any nucleus of the basal ganglia fires at rest: check its unit",
                 EditWarning,
                 stacklevel=user_level(),
             )
@@ -160,35 +160,35 @@ class Population:
 
 @dataclass(frozen=True)
 class Projection:
-    """A pathway: what the source's activity adds to the target's input.
+    """A pathway, which adds the source's activity to the target's input.
 
     Parameters
     ----------
     source, target : str
         Names of populations.
     weight : float
-        Input to the target, nats, a unit of (transformed) source activity; negative from GABA.
+        Input to the target, nats, per unit of (transformed) source activity; negative from GABA.
     pattern : str
-        Which channels reach which: a name in ``PATTERNS``.
+        Connectivity of channels: a name in ``PATTERNS``.
     delay_ms, tau_ms : float
         Conduction delay and synaptic time constant, ms.
     probability : float
-        Fraction of the source's cells that reach a target cell: a fixed in-degree.
+        Fraction of the source's cells that project to a target cell, with fixed in-degree.
     factors : tuple of float
-        What the weight is multiplied by in each target channel; none means 1 in all.
+        Factors on the weight in each target channel; empty means 1 in all.
     transfer : str
-        What the target's dendrite makes of the summed, filtered activity, by name.
+        Name of the dendritic transfer function of the summed, filtered activity.
     receptor : str
-        "D1" or "D2" where dopamine at its terminals raises or lowers the weight.
+        "D1" or "D2" if dopamine at the terminals raises or lowers the weight.
     operating_point_nats : float
-        What arrives at rest, before the weight: there dopamine changes nothing.
+        Input at rest, before the weight, at which dopamine has no effect.
     intact : float
-        The fraction of axons that survives a cut. What is lost is all that they carry, the tone of
-        the source's ``baseline_hz`` as well.
+        Fraction of axons that survives a cut. The others no longer transmit anything, including
+        the tone due to the source's ``baseline_hz``.
     intact_by_channel : tuple of float
-        What ``intact`` is multiplied by in each target channel; none means 1 in all.
+        Factors on ``intact`` in each target channel; empty means 1 in all.
     cite : str
-        Where the numbers come from.
+        Source of the numbers.
     """
 
     source: str
@@ -239,7 +239,7 @@ class Projection:
 
 
 def _warn_of_times(owner: str, **times_ms: float) -> None:
-    """Warn of time constants and delays that no cell or synapse has, such as those in s."""
+    """Warn of implausible time constants and delays, such as values in s."""
     for name, time_ms in times_ms.items():
         if time_ms and not LEAST_MS <= time_ms <= LONGEST_MS:
             warnings.warn(
@@ -251,14 +251,14 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
 
 
 def _check_intact(row: Population | Projection) -> None:
-    """Refuse surviving fractions out of range."""
+    """Reject surviving fractions that are out of range."""
     check_range(0, 1, owner=row.name, intact=row.intact)
     for part in row.intact_by_channel:
         check_range(0, 1, owner=row.name, intact_by_channel=part)
 
 
 def _check_name(name: str) -> None:
-    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
+    """Reject a name that is ambiguous in an edit: "a->b", "a=1", "a[0]", "a.b", or empty."""
     if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
         must = "is text without blanks, brackets, '.', '=', '/' and '>'"
         raise InputError(f"a population's name {must}, got {name!r}", "name")

@@ -1,4 +1,4 @@
-"""The declaration: a circuit is tables, of populations, projections and courses."""
+"""The declaration: a circuit consists of tables of populations, projections and courses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
 from circuits.errors import InputError, require
 
 NOT_WRITTEN = ("unedited",)
-"""Fields of a circuit that say where it came from, not what it is: no file and no hash has them."""
+"""Fields of a circuit that record its origin; they are neither written to files nor hashed."""
 
 EDITED = "edited from: "
 """Prefix of ``about`` once a number of a table has changed: the text describes the original."""
@@ -31,19 +31,19 @@ Level = TypeVar("Level", float, Array)
 
 @dataclass(frozen=True, repr=False)
 class CircuitTable(Network):
-    """A network with an input, a read-out, and courses: all that engines and theory read.
+    """A network with an input, a read-out, and courses; the input of engines and theory.
 
     The evidence enters ``input`` as a drive in nats, one number per channel, that is zero at rest:
-    the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. In
-    a circuit of another ``unit`` drive, OUT and every field whose name ends in nats are in that.
+    the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. If
+    the circuit has another ``unit``, drive, OUT and every field whose name ends in nats have it.
     """
 
     input: str = "ctx"
-    """The population where evidence enters."""
+    """Population that receives the evidence."""
     readout: str = "SNr"
-    """The population where OUT is read."""
+    """Population from which OUT is read."""
     reference_nats: float = 3.0
-    """``S = ln sum exp y`` at rest; of another unit than nats, each channel's input at rest."""
+    """``S = ln sum exp y`` at rest; if the unit is not nats, each channel's resting input."""
     drive_gain: float = 1.0
     """Factor on the drive that keeps OUT in nats."""
     readout_tau_ms: float = 0.0
@@ -51,12 +51,12 @@ class CircuitTable(Network):
     exact: bool = False
     """Whether OUT is meant to be ``-ln P`` at the fixed point; editing a weight clears it."""
     range_nats: tuple[float, float] = (0.0, math.inf)
-    """Lowest and highest ``S`` (of another unit than nats, input) at which the circuit works."""
+    """Lowest and highest ``S`` (or input, if the unit is not nats) at which the circuit works."""
     readable_nats: tuple[float, float] = (0.0, math.inf)
-    """Lowest and highest OUT that the read-out's rate stands for."""
+    """Lowest and highest OUT that the read-out's rate can represent."""
     centred: bool = True
-    """Whether the mean of the drive over channels must be subtracted before it enters. A circuit
-    that cancels what channels have in common does without: each channel gets its own evidence."""
+    """Whether the mean drive over channels must be subtracted beforehand. A circuit that cancels
+    common input does not need this: each channel receives its own evidence."""
     max_deficit_nats: float = math.inf
     """How far below the leader's drive another channel's may fall: a silent cell cannot fall
     further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``."""
@@ -65,18 +65,18 @@ class CircuitTable(Network):
     100 ms, or per reading where readings are further apart. Beyond it decisions come late or
     never. Infinite where it was not measured."""
     most_channels: int = 1000
-    """Most alternatives for which the circuit has a state of rest."""
+    """Most alternatives for which the circuit has a resting state."""
     wiring_seed: int = 0
-    """Key of what differs from cell to cell: connections and heterogeneity."""
+    """Seed of connections and heterogeneity, which differ between cells."""
     courses: tuple[Course, ...] = ()
-    """The third table: what changes within a trial. Most circuits have none."""
+    """The third table: changes within a trial. Most circuits have none."""
     about: str = field(default="", compare=False)
     """One sentence with its source, of the table before any edit: an edited one begins with
     ``EDITED``. It is no part of what makes two circuits equal."""
     unit: str = NATS
     """Unit of drive and OUT: "nats", or "salience", from which no posterior follows."""
     default_gain: float | None = None
-    """Nats of drive per nat of evidence that the circuit was made with; None if not known."""
+    """Nats of drive per nat of evidence for which the circuit was designed; None if unknown."""
     chronic: bool = False
     """Whether lesions are old: the circuit starts at its own rest, not at that of the intact
     one."""
@@ -112,13 +112,13 @@ class CircuitTable(Network):
             check_positive(default_gain=self.default_gain)
 
     def _reaches(self) -> None:
-        """Refuse a circuit whose evidence cannot reach its read-out."""
+        """Reject a circuit whose evidence cannot reach its read-out."""
         for role in ("input", "readout"):
             must = f"must be one of the nuclei of {self.name}, {', '.join(self._known)}"
             require(getattr(self, role) in self._known, role, must, getattr(self, role))
         ends = self.input, self.readout
         if any(self.population(name).pooled for name in ends):
-            raise InputError(f"{' and '.join(ends)} need a channel an alternative", "input")
+            raise InputError(f"{' and '.join(ends)} need one channel per alternative", "input")
         reached = {self.input}
         for _ in self.populations:
             reached |= {
@@ -134,7 +134,7 @@ class CircuitTable(Network):
             raise InputError(f"no pathway is left from {self.input} to {self.readout}", "readout")
 
     def _check_courses(self) -> None:
-        """Refuse a course of nothing, and one that takes dopamine out of its range."""
+        """Reject courses of unknown quantities, and those that take dopamine out of its range."""
         for row in self.courses:
             if row.what not in (DOPAMINE, *self._known):
                 said = f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of"
@@ -146,7 +146,7 @@ class CircuitTable(Network):
         if DOPAMINE in self._known:
             raise InputError(f"{first}: a nucleus of {self.name} has that name too", "courses")
         if not self.receptors():
-            said = f"{first}: no row of {self.name} has a receptor, it would change nothing"
+            said = f"{first}: no row of {self.name} has a receptor, so it would have no effect"
             raise InputError(said, "courses")
         self.dopamine_changes(1.0)
         for moved, time_ms in extremes(rows):
@@ -159,28 +159,28 @@ class CircuitTable(Network):
                 raise InputError(said, "courses")
 
     def check_steady(self, what: str) -> None:
-        """Raise ValueError, in a circuit with courses, for what knows no time."""
+        """Raise ValueError if the circuit has courses, for methods without time."""
         if self.courses:
-            steady = "circuit.steady, without them, or circuit.dopamine(level), which stays"
-            said = f"{self.name} has courses, and {what} knows no time: take {steady}"
+            steady = "circuit.steady, which has none, or circuit.dopamine(level), which is constant"
+            said = f"{self.name} has courses, but {what} has no time: use {steady}"
             raise InputError(said, "courses")
 
     def check_nats(self, what: str, instead: str = "") -> None:
-        """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
+        """Raise ValueError if the circuit's unit is not nats, for quantities that need nats."""
         if self.unit != NATS:
             said = f"{self.name} works in {self.unit}, not nats: {what} has no meaning there"
             raise InputError(said + instead, "unit")
 
     @property
     def rest_drive(self) -> float:
-        """What the input adds to the drive of each channel: its input at rest."""
+        """Resting input of each channel, which is added to its drive."""
         return self.reference_nats - (np.log(self.channels) if self.unit == NATS else 0.0)
 
     def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
-        """Return the pathways that dopamine scales, each with the row that has the receptor.
+        """Return the pathways scaled by dopamine, each with the row that has the receptor.
 
-        That is a pathway with receptors at its terminals, or one from the input onto cells with
-        receptors; where both have them, those of the pathway count.
+        These are pathways with receptors at their terminals, and pathways from the input onto cells
+        with receptors; if both have receptors, those of the pathway count.
         """
         found: list[tuple[Projection, Population | Projection]] = []
         for p in self.projections:
@@ -192,11 +192,10 @@ class CircuitTable(Network):
         return tuple(found)
 
     def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
-        """Return the changes by a level of dopamine, relative to this circuit's; 1 changes nothing.
+        """Return the effects of a dopamine level relative to this circuit's; 1 has no effect.
 
         The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
-        ``2 - level``; see ``receptors``. What it adds at the ``operating_point_nats`` stays what it
-        was.
+        ``2 - level``; see ``receptors``. Its input at ``operating_point_nats`` does not change.
 
         Parameters
         ----------
@@ -206,7 +205,7 @@ class CircuitTable(Network):
         Returns
         -------
         list of (Projection, change, nats)
-            Each pathway, what is added to the factor 1 of its weight, and nats that are added to
+            Each pathway, the change of its weight's factor (relative to 1), and the nats added to
             its target's bias.
         """
         found = []
@@ -220,12 +219,12 @@ class CircuitTable(Network):
 
     @property
     def steady(self) -> Self:
-        """The circuit without courses: what it is while it settles, before the drive begins."""
+        """The circuit without courses, as it is while it settles before the drive begins."""
         return replace(self, courses=()) if self.courses else self
 
     @property
     def unlesioned(self) -> Self:
-        """The circuit with every lesion and cut undone; biases that recovered from one stay."""
+        """The circuit with every lesion and cut undone; compensated biases stay."""
         rows = tuple(replace(p, **WHOLE) for p in self.populations)
         paths = tuple(replace(p, intact=1.0, intact_by_channel=()) for p in self.projections)
         return replace(self, populations=rows, projections=paths, chronic=False)

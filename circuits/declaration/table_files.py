@@ -1,7 +1,7 @@
-"""Circuits as files: a table in columns, written as TOML; ``circuits.table_reader`` reads it back.
+"""Circuits as TOML files with tables in columns; ``circuits.table_reader`` reads them back.
 
-A file holds one circuit for one number of alternatives: numbers of a table may depend on it. What
-is left out has its default. The cell of a population is the name of an entry of ``[cells]``, or of
+A file contains one circuit for one number of alternatives, because values may depend on it. Missing
+entries take their defaults. The cell of a population is the name of an entry in ``[cells]``, or of
 a cell type that needs no constants.
 """
 
@@ -23,7 +23,7 @@ from circuits.declaration.table import EDITED, NOT_WRITTEN, CircuitTable
 from circuits.errors import InputError
 
 FORMAT = 1
-"""Version of the form of these files."""
+"""Version of the file format."""
 SUFFIX = ".toml"
 TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
     "populations": Population,
@@ -31,13 +31,13 @@ TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
     "courses": Course,
 }
 NOT_HASHED = ("published_hz",)
-"""Fields of rows that no hash depends on: they are shown beside a circuit, and are not of it."""
+"""Fields of rows for display only, which are not part of the hash."""
 SPARE = ("courses",)
-"""Tables that a file leaves out if they are empty."""
+"""Tables that are omitted from a file if they are empty."""
 LARGE = 1e15
-"""Floats from here on are not written as whole numbers."""
+"""Floats of at least this size are not written as whole numbers."""
 TYPE = "type"
-"""The key of a cell that holds the name of its type."""
+"""The key of a cell's type."""
 
 
 def is_path(name: str | Path) -> bool:
@@ -46,7 +46,7 @@ def is_path(name: str | Path) -> bool:
 
 
 def plain(circuit: CircuitTable) -> dict[str, Any]:
-    """Return a circuit as plain data: of every row and cell what differs from its default."""
+    """Return a circuit as plain data: fields of rows and cells that differ from their defaults."""
     found = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
     for table in TABLES:
         rows = getattr(circuit, table)
@@ -56,7 +56,7 @@ def plain(circuit: CircuitTable) -> dict[str, Any]:
 
 
 def digest(circuit: CircuitTable) -> str:
-    """Return the SHA-256 of what a circuit holds, in hexadecimal: equal circuits have one."""
+    """Return the hexadecimal SHA-256 of a circuit's content, the same for equal circuits."""
     held = plain(circuit)
     for table in TABLES:
         for row in held.get(table, ()):
@@ -90,13 +90,13 @@ def text(circuit: CircuitTable) -> str:
 
 
 def write(circuit: CircuitTable, path: str | Path) -> Path:
-    """Write a circuit as a file, whole or not at all; ValueError unless it ends in .toml.
+    """Write a circuit to a file, completely or not at all; ValueError unless it ends in .toml.
 
-    Folders that are not there are made.
+    Missing folders are created.
     """
     path = Path(path)
     if path.suffix != SUFFIX:
-        raise InputError(f"a circuit is written as {SUFFIX}, got {str(path)!r}", "path", path)
+        raise InputError(f"a circuit file must end in {SUFFIX}, got {str(path)!r}", "path", path)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{os.getpid()}.partial.{path.name}")
     try:
@@ -122,7 +122,7 @@ def _plain_row(row: Population | Projection | Course) -> dict[str, Any]:
 
 
 def _canonical(value: Any) -> Any:
-    """Return plain data with one form for each number: 5 and 5.0 are equal."""
+    """Return plain data in which equal numbers have the same form: 5 and 5.0 are equal."""
     if isinstance(value, Mapping):
         return {key: _canonical(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
@@ -135,7 +135,7 @@ def _canonical(value: Any) -> Any:
 
 
 def _labels(circuit: CircuitTable) -> dict[Any, str]:
-    """Return what each cell is called: its type, or with constants its type and first nucleus."""
+    """Return the name of each cell: its type, plus its first nucleus if it has constants."""
     labels: dict[Any, str] = {}
     for row in circuit.populations:
         kind = type(row.cell).__name__
@@ -179,7 +179,7 @@ def _columns(kind: type, given: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _value(value: Any) -> str:
-    """Return a value as TOML; a whole number without a point."""
+    """Return a value as TOML; whole numbers without a decimal point."""
     import tomlkit
 
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Named transfer functions: the NumPy form beside the Brian2 text, so that engines agree."""
+"""Named transfer functions, each in NumPy and as Brian2 code, so that engines agree."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from circuits.arrays import Array
 from circuits.errors import require
 
 EXP_MOST = 60.0
-"""Exponents are capped here, nats: far above any rate, far below overflow."""
+"""Cap of exponents, nats: far above any rate and far below overflow."""
 MOST_NATS = 5.5
-"""Highest activity of a saturating population, nats: above what decides between 12."""
+"""Highest activity of a saturating population, nats: above that needed to decide between 12."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """One function of one input in nats.
+    """A function of an input in nats.
 
     Parameters
     ----------
     function, slope, curvature : callable
         The function and its derivatives, on arrays.
     brian : str
-        The same as Brian2 text, with ``{x}`` for its input.
+        The function as Brian2 code, with ``{x}`` for its input.
     about : str
-        What it stands for, with its source.
+        Description and source.
     inverse : callable, optional
-        The input of an activity, on arrays: NaN where there is none, and where the function is flat
-        the end of the flat part. None where two inputs have one activity.
+        Input for a given activity, on arrays: NaN if there is no such input, and the end of the
+        flat part where the function is flat. None if the function is not one-to-one.
     """
 
     function: Callable[[Array], Array]
@@ -52,7 +52,7 @@ def _capped(x: Array) -> Array:
 
 
 def _cut_off(high: float, about: str) -> Transfer:
-    """Return a straight line that is cut off at 0 and at a highest value."""
+    """Return a straight line that is clipped at 0 and at a highest value."""
     return Transfer(
         lambda x: np.clip(x, 0.0, high),
         lambda x: ((x > 0) & (x < high)).astype(np.float64),
@@ -84,11 +84,11 @@ def _s_minus_log_s_curvature(s: Array) -> Array:
     return np.where(some, 1 / np.where(some, s, 1.0) ** 2, 0.0)
 
 
-# Each compiled engine has these functions once more, and tests hold them equal to these. One
-# compiled function cannot serve all three: the ensemble engine takes one number at a time in double
+# Each compiled engine has its own version of these functions; tests check that they agree. A shared
+# compiled function is not possible: the ensemble engine takes one number at a time in double
 # precision, inlined into its loop over ticks; the population engine takes a row of lanes in single
-# precision, with an exponential that the compiler vectorises; here they are NumPy's, on arrays. To
-# share one would round the others' numbers otherwise, and cost the lanes their speed.
+# precision, with an exponential that the compiler vectorises; here they work on NumPy arrays. A
+# shared version would round differently and make the lanes slower.
 TRANSFERS: dict[str, Transfer] = {
     "linear": Transfer(
         lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is", lambda a: a + 0.0
@@ -112,7 +112,7 @@ TRANSFERS: dict[str, Transfer] = {
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),
 }
-"""All transfers by name. The compiled engine has no ramp, and none that is added here."""
+"""All transfers by name. The compiled engine has neither the ramp nor transfers added later."""
 
 
 def named(name: str) -> Transfer:
@@ -121,7 +121,7 @@ def named(name: str) -> Transfer:
     Raises
     ------
     ValueError
-        If there is none, with the names that there are.
+        If the name is unknown; the message lists the known names.
     """
     require(name in TRANSFERS, "transfer", f"must be one of {', '.join(TRANSFERS)}", name)
     return TRANSFERS[name]

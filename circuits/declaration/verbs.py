@@ -1,4 +1,4 @@
-"""Edits of a circuit, each a method that returns a new circuit and leaves the old one as it is.
+"""Edits of a circuit: methods that return a new circuit and leave the old one unchanged.
 
 Edits that need a fixed point, such as compensation, are in ``circuits.circuit``.
 """
@@ -19,11 +19,11 @@ from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import InputError, shown
 
 NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "published_hz")
-"""Fields of rows that leave the fixed point as it is."""
+"""Fields of rows that do not affect the fixed point."""
 
 
 class EditableTable(CircuitTable):
-    """A table with its edits."""
+    """A table with methods that edit it."""
 
     def with_population(self, name: str, /, **fields: object) -> Self:
         """Return the circuit with fields of a population changed: ``bias_nats=-2.3``."""
@@ -40,7 +40,7 @@ class EditableTable(CircuitTable):
         return self._with(with_fields(row, fields, row.name))
 
     def set(self, field: str, value: object) -> Self:
-        """Return the circuit with one field of a row, or of its cells, set to another value.
+        """Return the circuit with one field of a row, or of its cells, set to a new value.
 
         Parameters
         ----------
@@ -52,13 +52,13 @@ class EditableTable(CircuitTable):
         Raises
         ------
         ValueError
-            For an unknown row or field, with those that there are, or an impossible value.
+            For an unknown row or field (the message lists the known ones), or an invalid value.
         """
         text = ",".join(map(str, value)) if isinstance(value, (tuple, list)) else str(value)
         return self._set(Edits([f"set {field}={text}"]).parsed())
 
     def _set(self, edits: Sequence[Edit]) -> Self:
-        """Return the circuit with the fields of edits set, all at once."""
+        """Return the circuit with the fields of all edits set together."""
         rows = changed_rows(self, edits)
         with naming(*(edit.text for edit in edits)):
             return self._with(*rows)
@@ -66,17 +66,17 @@ class EditableTable(CircuitTable):
     def lesion(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of a nucleus lesioned.
 
-        Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
-        they go on unheard. So a lesion is more than its pathways scaled: see ``scale``.
+        All of its output is scaled, including its tone. The lesioned cells are still simulated and
+        shown, but have no effect. A lesion is more than scaled pathways: see ``scale``.
 
         Parameters
         ----------
         name : str
             The nucleus.
         fraction : float
-            Lost part, 0..1.
+            Fraction lost, 0..1.
         channel : int, optional
-            The channel in which it is lost; all if left out.
+            The channel to lesion; by default all.
 
         Raises
         ------
@@ -89,8 +89,8 @@ class EditableTable(CircuitTable):
     def clamp(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of a nucleus's output held at its resting rate.
 
-        It is a lesion after which the targets receive the lost output back as a constant. The
-        parameters and errors are those of ``lesion``.
+        Unlike after a lesion, the targets receive a constant in place of the lost output.
+        Parameters and errors are those of ``lesion``.
         """
         return self._lost(name, fraction, channel, clamped=True)
 
@@ -98,10 +98,10 @@ class EditableTable(CircuitTable):
         row = self.population(name)
         if name in (self.input, self.readout):
             role = "input" if name == self.input else "read-out"
-            raise InputError(f"{name} is the {role}: without it nothing is decided", "nucleus")
+            raise InputError(f"{name} is the {role}: without it there is no decision", "nucleus")
         if (self.intact_of(name) < 1).any() and row.clamped != clamped:
             there = "clamped" if row.clamped else "lesioned"
-            said = f"{name} is {there} already: it can't be both lesioned and clamped"
+            said = f"{name} is already {there}: it can't be both lesioned and clamped"
             raise InputError(said, "nucleus")
         check_range(0, 1, fraction=fraction)
         if channel is not None:
@@ -124,9 +124,9 @@ class EditableTable(CircuitTable):
     def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.
 
-        A pathway carries the change from its source's ``baseline_hz``, whose tone the table takes
-        to be in the target's bias: scaled to 0 it takes what the source signals, not its tone. Of
-        axons that are lost both go: ``cut``.
+        A pathway transmits deviations from its source's ``baseline_hz``; the tone of the baseline
+        is part of the target's bias. Scaling to 0 thus removes the source's signal but not its
+        tone. ``cut``, the loss of axons, removes both.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class EditableTable(CircuitTable):
         factor : float
             At least 0.
         channel : int, optional
-            The target's channel in which it is scaled; all if left out.
+            The target's channel in which it is scaled; by default all.
 
         Raises
         ------
@@ -152,19 +152,19 @@ class EditableTable(CircuitTable):
     def cut(
         self, source: str, target: str, fraction: float = 1.0, channel: int | None = None
     ) -> Self:
-        """Return the circuit without a fraction of the axons of one pathway.
+        """Return the circuit with a fraction of the axons of one pathway removed.
 
-        The target lacks what these carried: what the source signals, and its tone. ``scale``
-        leaves the tone. A nucleus all of whose pathways are cut by a fraction is lesioned by it.
+        The target loses both the source's signal and its tone; ``scale`` keeps the tone. Cutting
+        all pathways of a nucleus by a fraction is the same as lesioning it by that fraction.
 
         Parameters
         ----------
         source, target : str
             The two ends of the pathway.
         fraction : float
-            What is lost, 0..1.
+            Fraction lost, 0..1.
         channel : int, optional
-            The target's channel in which it is lost; all if left out.
+            The target's channel in which it is cut; by default all.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class EditableTable(CircuitTable):
         return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
 
     def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Self:
-        """Return the circuit with one target channel's number of a pathway multiplied."""
+        """Return the circuit with a pathway's field multiplied in one target channel."""
         count = self.channels_of(row.target)
         check_channel(row.name, channel, count)
         if factor == 1:
@@ -191,9 +191,8 @@ class EditableTable(CircuitTable):
     def dopamine(self, level: float) -> Self:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
 
-        See ``dopamine_changes``. Courses of dopamine stay, relative to what is now the circuit's
-        own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
-        and 1.5.
+        See ``dopamine_changes``. Courses of dopamine are kept, relative to the new level: the level
+        1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2 and 1.5.
         """
         check_range(0, 2, level=level)
         circuit = self
@@ -206,7 +205,7 @@ class EditableTable(CircuitTable):
     def with_channels(self, channels: int) -> Self:
         """Return the circuit for another number of alternatives.
 
-        The default gain and the largest lead were measured for one number: neither is kept.
+        The default gain and the largest lead are dropped, as they were measured for the old number.
         """
         check_channels(channels)
         same = channels == self.channels
@@ -219,12 +218,12 @@ class EditableTable(CircuitTable):
     def with_neurons(self, neurons: int) -> Self:
         """Return the circuit with another number of cells in every spiking population.
 
-        This and the next two raise ValueError where there is none: they would change nothing.
+        This and the next two methods raise ValueError if there are no spiking populations.
         """
         return self._everywhere(neurons=neurons)
 
     def with_neurons_times(self, factor: float) -> Self:
-        """Return the circuit with so many times the cells of every spiking population, rounded."""
+        """Return the circuit with cell counts multiplied by ``factor`` and rounded."""
         check_positive(factor=factor)
         rows = tuple(
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
@@ -233,13 +232,13 @@ class EditableTable(CircuitTable):
         return self._edited(populations=rows)
 
     def with_heterogeneity(self, heterogeneity: float) -> Self:
-        """Return the circuit with cells that differ by a fraction in every spiking population."""
+        """Return the circuit with heterogeneous cells in every spiking population."""
         return self._everywhere(heterogeneity=heterogeneity)
 
     def with_connections(self, probability: float) -> Self:
         """Return the circuit with sparse connections, of fixed in-degree, between spiking cells.
 
-        A pathway that bends stays as it is: it is the sum of all that bends.
+        Nonlinear pathways stay dense, because their transfer acts on the sum over all cells.
         """
         between = [p for p in self.projections if p.transfer == "linear" and self.joins_cells(p)]
         if not between:
@@ -247,18 +246,18 @@ class EditableTable(CircuitTable):
         return self._with(*(replace(p, probability=probability) for p in between))
 
     def add(self, *rows: Population | Projection | Course | str) -> Self:
-        """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
+        """Return the circuit with new nuclei, pathways or courses.
 
         Parameters
         ----------
         *rows : Population, Projection, Course or str
-            What is added. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
+            Rows to add. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
             ``"TRN like=STN bias_nats=-1"``, ``"dopamine amount=0.5 to_ms=300"``, or the name of a
             motif, ``"striatal_FSI"``.
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
-                said = f"a row is a Population, a Projection, a Course or text, got {row!r}"
+                said = f"a row must be a Population, Projection, Course or text, got {row!r}"
                 raise InputError(said, "row")
         new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
@@ -269,7 +268,7 @@ class EditableTable(CircuitTable):
             )
 
     def _with(self, *rows: Population | Projection) -> Self:
-        """Return the circuit with these rows in place of those of their names."""
+        """Return the circuit with these rows replacing those of the same names."""
         new: dict[str, Any] = {row.name: row for row in rows}
         return self._with_tables(
             tuple(new.get(p.name, p) for p in self.populations),
@@ -282,11 +281,11 @@ class EditableTable(CircuitTable):
         projections: tuple[Projection, ...],
         courses: tuple[Course, ...] | None = None,
     ) -> Self:
-        """Return the circuit with other tables; itself if they are the same.
+        """Return the circuit with other tables, or itself if they are the same.
 
-        It stays exact if they differ in nothing that a fixed point depends on. The largest lead
-        that it follows, measured for its delays and time constants, becomes unknown when one of
-        these changes. Courses stay unless others are given.
+        It stays exact unless a field that affects the fixed point changes. The largest lead, which
+        was measured for its delays and time constants, becomes unknown if one of them changes.
+        Courses are kept unless others are given.
         """
         tables = populations, projections, self.courses if courses is None else courses
         if tables == (self.populations, self.projections, self.courses):
@@ -314,14 +313,14 @@ class EditableTable(CircuitTable):
 
     def _everywhere(self, **values: Any) -> Self:
         if not any(row.spiking for row in self.populations):
-            said = f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
+            said = f"{self.name} has no spiking cells: {', '.join(values)} would have no effect"
             raise InputError(said, "cells")
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return self._edited(populations=rows)
 
 
 def _computes(row: Population | Projection) -> list[object]:
-    """Return the fields of a row that a fixed point depends on."""
+    """Return the fields of a row that affect the fixed point."""
     return [getattr(row, f.name) for f in fields(row) if f.name not in NOT_COMPUTED]
 
 

@@ -1,1 +1,1 @@
-"""From a table to the numbers that every engine integrates, and its fixed point."""
+"""From a table to the arrays that every engine integrates, and its fixed point."""

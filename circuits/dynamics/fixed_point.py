@@ -1,4 +1,4 @@
-"""The fixed point of the table: rates at rest, and the state under a constant drive."""
+"""The fixed point of the table: resting rates, and the state under a constant drive."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from circuits.errors import require
 
 MOST_STEPS = 400
 TOLERANCE = 1e-9
-"""Error, nats, below which the step that follows, which squares it, is the last."""
+"""Error, nats, below which the next step is the last: convergence is quadratic."""
 LARGEST_MOVE = 1.0
 MOST_DAMPING = 4.0
 PATIENCE, CAUTION = 100, 10.0
-"""Steps after which damping is so much stronger: with less, some circle between kinks for ever."""
+"""Steps after which damping increases by this factor; otherwise some cycle between kinks."""
 
 
 def wired(circuit: CircuitTable) -> Wiring:
-    """Return the circuit's wiring, clamped nuclei at the rates of the intact circuit at rest."""
+    """Return the circuit's wiring, with clamped nuclei at the intact circuit's resting rates."""
     if not any(row.clamped for row in circuit.populations):
         return wire(circuit)
     return wire(circuit, rest_rates(wire(circuit.unlesioned)))
@@ -34,7 +34,7 @@ def resting_hz(circuit: CircuitTable) -> dict[str, float]:
     Raises
     ------
     ValueError
-        If the circuit has no state of rest.
+        If the circuit has no resting state.
     """
     wiring = wired(circuit)
     rates = rest_rates(wiring)
@@ -52,7 +52,7 @@ def rest(wiring: Wiring) -> Array:
 
 
 def held_drive(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
-    """Return a held drive (channels,) in nats, or rest for None, as one trial of ``solve``."""
+    """Return a constant drive (channels,) in nats, or rest for None, as one trial of ``solve``."""
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     fits = held.shape == (channels,) and np.isfinite(held).all()
@@ -63,7 +63,7 @@ def held_drive(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
 def solve(wiring: Wiring, drive: Array) -> Array:
     """Return the state at the fixed point, (trials, blocks) nats, for a drive (trials, channels).
 
-    Populations are settled upstream first; only those in a loop need Newton's method.
+    Populations are solved in order, upstream first; only loops need Newton's method.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def solve(wiring: Wiring, drive: Array) -> Array:
 
 
 def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
-    """Return the blocks that settle together, upstream first, and whether they are a loop."""
+    """Return groups of blocks to solve together, upstream first, and whether each is a loop."""
     direct = (wiring.weight != 0) @ (wiring.deliver != 0)
     target, source = (wiring.owner[blocks] for blocks in np.nonzero(direct))
     rows = len(wiring.circuit.populations)
@@ -90,7 +90,7 @@ def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     reach[target, source] = True
     for _ in range(rows.bit_length()):  # paths twice as long each time
         reach = reach @ reach
-    # Those that reach each other are one part, called by its first.
+    # Blocks that reach each other form one part, labelled by its first block.
     label = (reach & reach.T).argmax(axis=1)
     order: TopologicalSorter[int] = TopologicalSorter({int(i): set() for i in label})
     for t, s in zip(label[target], label[source], strict=True):
@@ -106,12 +106,12 @@ def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
 
 
 def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Index) -> None:
-    """Settle the blocks of a loop in place.
+    """Solve for the blocks of a loop in place.
 
-    Far from the end the steps are those of the damped dynamics (pseudo-transient continuation,
-    Kelley & Keyes 1998): they pass where rectified blocks are silent and Newton's are undefined.
-    No exponent moves by more than one nat a step, which keeps to the branch that starts from
-    silence.
+    Far from the solution, steps follow the damped dynamics (pseudo-transient continuation,
+    Kelley & Keyes 1998), which also work where rectified blocks are silent and Newton steps are
+    undefined. No exponent moves by more than one nat per step, so that the solution stays on the
+    branch that starts from silence.
     """
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]

@@ -1,8 +1,8 @@
 """Counter-based noise: a pure function of seed, trial, population, channel, neuron and tick.
 
-Nothing is drawn in sequence, so neither a lesion, nor a batch, nor a neighbour changes the noise
-of what survives, and every engine draws the same. The word of a neuron is lowbias32 (Wellons 2018)
-of its index under a 64-bit tick key from the SplitMix64 finaliser (Steele, Lea & Flood 2014).
+Nothing is drawn in sequence, so the noise of a cell depends neither on lesions elsewhere nor on the
+batch, and all engines draw the same. The word of a neuron is lowbias32 (Wellons 2018) of its index
+under a 64-bit tick key from the SplitMix64 finaliser (Steele, Lea & Flood 2014).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from circuits.errors import InputError
 GOLDEN = 0x9E3779B97F4A7C15
 GOLDEN_32, FIRST, SECOND = 0x9E3779B1, 0x21F0AAAD, 0x735A2D97
 TICKS_A_WORD = 4
-# Words for things that are fixed before a trial starts lie at ticks that no trial reaches.
+# Words for quantities fixed before a trial starts use ticks that no trial reaches.
 START_TICK = 2**62
 CONNECTIONS_TICK = START_TICK + 1
 CELLS_TICK = START_TICK + 2
@@ -81,9 +81,9 @@ def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint
     stream : int
         From ``stream_key``.
     tick : int
-        Counter; noise of four ticks to a word passes ``tick // 4``.
+        Counter; noise that uses one word for four ticks passes ``tick // 4``.
     neurons : int or array of int
-        Indices of neurons; an int n stands for 0 .. n - 1.
+        Indices of neurons; an int n means 0 .. n - 1.
     """
     index = np.arange(neurons) if np.ndim(neurons) == 0 else np.asarray(neurons)
     high, low = (np.uint32(half) for half in tick_key(stream, tick))
@@ -112,7 +112,7 @@ def byte_counts(word: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
 def bits8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return near-Gaussian noise of zero mean and unit variance, ``(ones of 8 bits - 4)/sqrt 2``.
 
-    One word serves four ticks, a byte each.
+    One word serves four ticks, one byte per tick.
     """
     return np.asarray((ones8(stream, tick, neurons).astype(np.float64) - 4) / np.sqrt(2))
 
@@ -123,7 +123,7 @@ def ones8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.floa
 
 
 def counts_at(counts: npt.NDArray[np.uint32], tick: int) -> npt.NDArray[np.float32]:
-    """Return the count that belongs to a tick, of those that ``byte_counts`` gives of its words."""
+    """Return the counts for one tick from the result of ``byte_counts``."""
     count = (counts >> np.uint32(8 * (tick % TICKS_A_WORD))) & np.uint32(15)
     return count.astype(np.float32)
 
@@ -136,7 +136,7 @@ def uniform(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.fl
 def bits32(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return near-Gaussian noise of zero mean and unit variance, ``(ones of 32 bits - 16)/sqrt 8``.
 
-    Bounded by 5.7: for what differs from cell to cell.
+    Bounded by 5.7 in magnitude; used for heterogeneity across cells.
     """
     counts = byte_counts(words(stream, tick, neurons))
     ones = sum((counts >> np.uint32(shift)) & np.uint32(15) for shift in (0, 8, 16, 24))

@@ -1,25 +1,25 @@
-"""The clock, and what one tick does: the scheme that the dynamic engines share.
+"""The clock and the integration scheme of one tick, shared by the dynamic engines.
 
-At tick k, with every rate of earlier ticks known:
+At tick k, with all rates of earlier ticks known:
 
 1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
 2. blocks: ``input = bias + factor weight g(u + constant) + drive + course``, then
    ``x = A x + (1 - A) input``; a cell that hears nats filters in its membrane instead; the factor
-   is 1 and the course 0 but where the circuit has courses (``timed``);
-3. cells: populations without spikes pass ``r[k] = rates(x)`` on, spiking ones
+   is 1 and the course 0 unless the circuit has courses (``timed``);
+3. cells: populations without spikes transmit ``r[k] = rates(x)``, spiking ones
    ``r[k] = spikes / (neurons dt)``;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
-Cells are single precision, everything else double. What moves a cell is built of products and sums
-``a + b c``, each rounded to single precision once: a spike depends on the last bit of a potential,
-so an engine that rounded elsewhere would have other spikes. Double precision holds a product of
-singles to the last bit, so ``single(a + b*c)`` is what a processor's fused multiply-add gives.
+Cells use single precision, everything else double. The update of a cell consists of products and
+sums ``a + b c``, each rounded once to single precision: a spike depends on the last bit of a
+potential, so an engine that rounded elsewhere would produce other spikes. A product of singles is
+exact in double precision, so ``single(a + b*c)`` equals a processor's fused multiply-add.
 
-The population engine takes rates for straight lines from tick to tick instead, so that its filters
-have their own mean lag at any tick, and what it computes is of second order in it.
+The population engine instead interpolates rates linearly between ticks, so that its filters have
+the correct mean lag for any tick and its results are second order in the tick.
 
-A delay is at least one tick. Everything starts at the intact circuit's rest, or at its own where
-lesions are chronic; the evidence comes after a time to settle.
+A delay is at least one tick. Runs start at the intact circuit's resting state, or at the lesioned
+one's if lesions are chronic; the evidence begins after a settling time.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ from circuits.dynamics.wiring import Wiring, wire
 from circuits.errors import EditWarning, InputError, user_level
 
 SPIKE_BITS = 40
-"""Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
+"""Bits of the rate added per spike: sums of up to 8192 spikes are exact in any order."""
 ALL_ALIKE = np.ones(3)
-"""Factors of the constants of a cell that is its row's."""
+"""Factors on the constants of a cell that equals its row."""
 LEAST_FACTOR = 0.1
-"""No cell's constant falls below this fraction of its population's."""
+"""Lowest value of a cell's constant, as a fraction of its population's."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Times of a run, ms, and as ticks.
+    """Times of a run, in ms and in ticks.
 
     Parameters
     ----------
     steps : int
-        Readings of evidence.
+        Number of readings of evidence.
     step_ms : float
-        Time from one reading to the next; each is held until the next.
+        Time from one reading to the next; each reading is held until the next.
     dt_ms : float
         One tick.
     sample_ms : float
@@ -70,7 +70,7 @@ class Clock:
     Raises
     ------
     ValueError
-        If a time is negative or no multiple of the tick.
+        If a time is negative or not a multiple of the tick.
     """
 
     steps: int
@@ -82,7 +82,7 @@ class Clock:
     def __post_init__(self) -> None:
         check_positive(dt_ms=self.dt_ms, step_ms=self.step_ms, sample_ms=self.sample_ms)
         check_range(0, math.inf, settle_ms=self.settle_ms)
-        _ = self.settle_ticks  # says if it is no multiple of the tick
+        _ = self.settle_ticks  # raises unless it is a multiple of the tick
         if self.step_ticks % self.sample_ticks:
             given = f"{self.step_ms} and {self.sample_ms}"
             said = f"step_ms must be a multiple of sample_ms, got {given}"
@@ -90,12 +90,12 @@ class Clock:
 
     @property
     def step_ticks(self) -> int:
-        """Ticks from reading to reading."""
+        """Ticks per reading."""
         return whole_ticks("step_ms", self.step_ms, self.dt_ms)
 
     @property
     def sample_ticks(self) -> int:
-        """Ticks from sample to sample."""
+        """Ticks per sample."""
         return whole_ticks("sample_ms", self.sample_ms, self.dt_ms)
 
     @property
@@ -105,21 +105,21 @@ class Clock:
 
     @property
     def ticks(self) -> int:
-        """Ticks of the whole run."""
+        """Ticks in the whole run."""
         return self.settle_ticks + self.steps * self.step_ticks
 
     @property
     def samples(self) -> int:
-        """Samples recorded."""
+        """Number of samples recorded."""
         return self.steps * self.step_ticks // self.sample_ticks
 
     @property
     def time_ms(self) -> Array:
-        """Time of each sample, ms from the first reading: the end of what it sums up."""
+        """Time of each sample, ms from the first reading: the end of its averaging window."""
         return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
 
     def about(self, seed: int, first_trial: int) -> dict[str, float]:
-        """Return what ``Activity.about`` says of a run with noise."""
+        """Return the entries of ``Activity.about`` for a run with noise."""
         run = {"seed": int(seed), "first_trial": first_trial}
         return run | {"dt_ms": self.dt_ms, "settle_ms": self.settle_ms}
 
@@ -131,7 +131,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Scheme:
-    """A wiring at a given tick: the factors of the four lines above, and the start.
+    """A wiring with a given tick: the factors of the four steps above, and the initial state.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class Scheme:
 
     @cached_property
     def block_decay(self) -> Array:
-        """A of each block's own filter; 0 where cells filter in their membrane."""
+        """A of each block's filter; 0 where cells filter in their membrane."""
         return _decay(self.dt_ms, self.wiring.column("tau_ms"))
 
     @cached_property
@@ -170,7 +170,7 @@ class Scheme:
 
     @cached_property
     def start(self) -> tuple[Array, Array, Array]:
-        """Units (without constant), block states in nats, and rates in Hz where all starts."""
+        """Initial units (without constant), block states in nats, and rates in Hz."""
         edited = self.wiring.circuit
         first = self.wiring if edited.chronic else wire(edited.unlesioned)
         x = rest(first)
@@ -180,15 +180,15 @@ class Scheme:
                 rest(self.wiring)
         except ValueError:
             warnings.warn(
-                f"{edited.name} as edited has no state of rest: what it does depends "
-                "on the time it has to settle",
+                f"{edited.name} has no resting state after these edits: its activity depends "
+                "on the settling time",
                 EditWarning,
                 stacklevel=user_level(),
             )
         return self.wiring.deliver @ rates, x, rates
 
     def constants(self, block: int) -> Constants:
-        """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
+        """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous."""
         row, circuit = self.wiring.row(block), self.wiring.circuit
         factors = ALL_ALIKE
         if row.heterogeneity:
@@ -199,11 +199,11 @@ class Scheme:
 def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
     """Return the factors (3, neurons) of each cell's constants; 1 where the heterogeneity is 0.
 
-    What each of the three multiplies is for ``Cell.constants`` to say. They belong to the
-    circuit's ``wiring_seed``, not to a trial. Their mean over a channel's cells is 1 (but for the
-    few that would fall below ``LEAST_FACTOR``): cells differ, channels hardly do. A channel of 300
-    would otherwise lie off the next by up to .03 nats of OUT for good, as a prior does. One cell
-    alone is the row's.
+    ``Cell.constants`` defines which constants the three factors multiply. They depend on the
+    circuit's ``wiring_seed``, not on the trial. Their mean over the cells of a channel is 1 (except
+    for the few cut off at ``LEAST_FACTOR``), so that channels hardly differ. Otherwise channels of
+    300 cells would differ permanently by up to 0.03 nats of OUT, like a prior. A channel with a
+    single cell has no heterogeneity.
     """
     row = circuit.population(name)
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")
@@ -213,7 +213,7 @@ def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
 
 
 def spike_hz(neurons: Any, dt_ms: float) -> Any:
-    """Return the rate, Hz, that one spike in a tick gives to a population of so many neurons."""
+    """Return the rate, Hz, that one spike in a tick adds to a population of ``neurons`` cells."""
     mantissa, exponent = np.frexp(1000 / (np.maximum(neurons, 1) * dt_ms))
     return np.ldexp(np.round(np.ldexp(mantissa, SPIKE_BITS)), exponent - SPIKE_BITS)
 
@@ -221,7 +221,7 @@ def spike_hz(neurons: Any, dt_ms: float) -> Any:
 def starting_state(
     cell: Cell, constants: Constants, stream: int, neurons: int
 ) -> tuple[npt.NDArray[np.float32], ...]:
-    """Return the first value of each of a cell type's variables, (neurons,) each."""
+    """Return the initial values of a cell type's state variables, (neurons,) each."""
     begin = cell.begin or cell.lacks("begin", "engines that spike")
     begun = begin(noise.uniform(stream, noise.START_TICK, neurons), *constants.values())
     return tuple(np.broadcast_to(np.float32(value), neurons).copy() for value in begun)

@@ -1,4 +1,4 @@
-"""What courses do at each tick, the same for all engines: factors on pathways, and nats."""
+"""Effects of courses at each tick, shared by all engines: factors on pathways, and added nats."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from circuits.dynamics.wiring import Wiring
 
 @dataclass(frozen=True)
 class Timed:
-    """Tables of what changes from tick to tick; row 0 of each changes nothing.
+    """Tables of changes from tick to tick; row 0 of each is neutral.
 
     Parameters
     ----------
     factors, nats : arrays (rows, ticks)
-        Factors on the weights of units, and what is added to the input of blocks.
+        Factors on the weights of units, and nats added to the input of blocks.
     of_unit, of_block : arrays (units,), (blocks,)
-        The row that each has.
+        Row of each unit and block.
     """
 
     factors: Array
@@ -42,7 +42,7 @@ class Timed:
 
 
 def timed(wiring: Wiring, clock: Clock) -> Timed:
-    """Return the courses of a circuit, tick by tick of a run: their means in it."""
+    """Return the courses of a circuit, averaged over each tick of a run."""
     circuit = wiring.circuit
     if not circuit.courses:
         still = np.zeros(wiring.units, dtype=np.intp), np.zeros(wiring.blocks, dtype=np.intp)
@@ -65,10 +65,10 @@ def timed(wiring: Wiring, clock: Clock) -> Timed:
 
 
 def rows(values: list[Array], first: Array) -> tuple[Index, Array]:
-    """Return the row of a table for each, and the table: each row once, a given one first."""
+    """Return row indices into a table, and the table of distinct rows, starting with ``first``."""
     found = {first.tobytes(): first}
     for row in values:
-        # Adding 0 leaves one form of it.
+        # Adding 0 turns -0.0 into 0.0.
         found.setdefault((row + 0.0).tobytes(), row + 0.0)
     places = {key: place for place, key in enumerate(found)}
     of = np.array([places[(row + 0.0).tobytes()] for row in values], dtype=np.intp)

@@ -1,8 +1,8 @@
-"""From the table to arrays: what every engine integrates, so that all integrate the same.
+"""The table as arrays, which all engines integrate.
 
 A *block* is one channel of one population. A *unit* is one postsynaptic sum of one projection:
-channels with the same row in the projection's pattern share it, so a diffuse projection is one
-unit however many channels there are.
+channels with the same row in the projection's pattern share it, so a diffuse projection is a
+single unit for any number of channels.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 
 Placed = list[tuple[transfer.Transfer, Truths]]
-"""Transfers, and where along an array's last axis each holds."""
+"""Transfer functions, each with its indices along the last axis of an array."""
 
 
 @dataclass(frozen=True)
 class Wiring:
-    """A circuit as arrays. Build it with ``wire``.
+    """A circuit as arrays, built by ``wire``.
 
     Parameters
     ----------
     circuit : CircuitTable
-        The table that it came from.
+        The circuit it was built from.
     owner, channel : arrays (blocks,)
         Index of each block's population, and its channel.
     path : array (units,)
         Index of each unit's projection.
     deliver : array (units, blocks)
-        Nats that a unit receives from each Hz of a block, lesions included.
+        Nats that a unit receives per Hz of a block, including lesions.
     constant : array (units,)
-        Nats that a unit receives always: minus the baselines, plus clamped output.
+        Constant nats that a unit receives: minus the baselines, plus clamped output.
     weight : array (blocks, units)
-        Nats of input to a block a unit of transformed activity.
+        Nats of input to a block per unit of transformed activity.
     bias : array (blocks,)
-        Constant input, nats; at the input this holds the drive at rest.
+        Constant input, nats; for the input population it includes the resting drive.
     """
 
     circuit: CircuitTable
@@ -66,7 +66,7 @@ class Wiring:
 
     @cached_property
     def names(self) -> list[str]:
-        """``GPe/0`` and so on: the keys of the blocks' noise."""
+        """Names such as ``GPe/0``, the keys of the blocks' noise."""
         pairs = zip(self.rows, self.channel, strict=True)
         return [f"{row.name}/{channel}" for row, channel in pairs]
 
@@ -111,18 +111,18 @@ class Wiring:
     def tau_ms(self) -> Array:
         """Time constant with which each block's rate follows its input, ms: filter or membrane.
 
-        Raises ValueError for a cell type that has no single one.
+        Raises ValueError for a cell type that does not have a single time constant.
         """
         membrane = [row.cell.membrane_ms() for row in self.rows]
         return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
 
     @cached_property
     def floor_hz(self) -> Array:
-        """Lowest rate of each block, Hz: 0, or none where the rate stands for a difference."""
+        """Lowest rate of each block, Hz: 0, or -inf if the rate is a difference."""
         return np.array([row.cell.lowest_hz for row in self.rows])
 
     def drive(self, drive: Array) -> Array:
-        """Return the input (..., blocks) that a drive (..., channels) in nats adds."""
+        """Return the input (..., blocks) due to a drive (..., channels), nats."""
         x = np.zeros((*drive.shape[:-1], self.blocks))
         x[..., self.blocks_of(self.circuit.input)] = self.circuit.drive_gain * drive
         return x
@@ -144,12 +144,12 @@ class Wiring:
         return _applied(self._unit_transfers, units, "curvature")
 
     def rates(self, x: Array) -> Array:
-        """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
+        """Return the rates (..., blocks), Hz, at inputs (..., blocks), nats."""
         activity = _applied(self._block_transfers, x)
         return np.maximum(self.baseline_hz + self.gain_hz_per_nat * activity, self.floor_hz)
 
     def block_rates(self, block: int, x: Array) -> Array:
-        """Return the rates, Hz, that inputs of any shape, nats, of one block stand for."""
+        """Return the rates of one block, Hz, at inputs of any shape, nats."""
         activity = transfer.named(self.row(block).transfer)(x)
         rates = self.baseline_hz[block] + self.gain_hz_per_nat[block] * activity
         return np.asarray(np.maximum(rates, self.floor_hz[block]), dtype=np.float64)
@@ -163,13 +163,13 @@ class Wiring:
         return self._bent(x, "curvature")
 
     def _bent(self, x: Array, what: str) -> Array:
-        """Return a derivative of ``rates``: 0 on the floor."""
+        """Return a derivative of ``rates``; it is 0 at the floor."""
         rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
         change = _applied(self._block_transfers, x, what)
         return self.gain_hz_per_nat * change * (rate > self.floor_hz)
 
     def synapse(self, frequency_hz: Array) -> Complex:
-        """Return the answer (F, units) of each unit's delay and filter to a modulation."""
+        """Return the frequency response (F, units) of each unit's delay and filter."""
         turn = 2j * np.pi * np.asarray(frequency_hz)[:, None] / 1000
         delay, tau = (
             np.array([getattr(p, k) for p in self.projections]) for k in ("delay_ms", "tau_ms")
@@ -177,7 +177,7 @@ class Wiring:
         return np.asarray(np.exp(-turn * delay) / (1 + turn * tau), dtype=np.complex128)
 
     def activity(self, rates: Array, name: str) -> Array:
-        """Return the activity (..., channels), nats, that rates (..., channels) stand for."""
+        """Return the activity (..., channels), nats, decoded from rates (..., channels)."""
         row = self.circuit.population(name)
         return (rates - row.baseline_hz) / row.gain_hz_per_nat
 
@@ -210,7 +210,7 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
     circuit : CircuitTable
         The table.
     rest_hz : array (blocks,), optional
-        Rates at rest of the intact circuit, Hz: what a clamped nucleus delivers.
+        Resting rates of the intact circuit, Hz: the output of a clamped nucleus.
     """
     owner: list[int] = []
     channel: list[int] = []
@@ -257,7 +257,7 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
 
 
 def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]:
-    """Return what the units of a projection sum, and which unit each target channel has.
+    """Return the source channels summed by the units of a projection, and each target's unit.
 
     Parameters
     ----------
@@ -269,9 +269,9 @@ def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]
     Returns
     -------
     whole, alive : arrays (units, source channels)
-        How much of each source channel arrives, and how much of it through axons that are left.
+        How much of each source channel arrives, in total and through surviving axons.
     place : array (target channels,)
-        Number of each channel's unit.
+        Index of each channel's unit.
     """
     whole, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
     both, place = np.unique(np.hstack([whole, left * whole]), axis=0, return_inverse=True)
@@ -280,11 +280,11 @@ def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]
 
 
 def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:
-    """Return which source cells reach each target cell, (target cells, in-degree).
+    """Return the source cells that reach each target cell, (target cells, in-degree).
 
-    The in-degree is ``probability`` times the number of source cells, the same for every target:
-    with a binomial one the rates would differ from cell to cell. Connections belong to the
-    circuit's ``wiring_seed``, not to a trial.
+    The in-degree is ``probability`` times the number of source cells, the same for every target;
+    with a binomial in-degree, rates would differ between cells. Connections depend on the circuit's
+    ``wiring_seed``, not on the trial.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
-"""One call for all engines: the same table, exactly, as rates, or as spikes.
+"""One interface to all engines, which run the same table as a fixed point, rates or spikes.
 
-An engine is a record: ``Population(dt_ms=0.5)`` names its options, says what it can do, and runs a
-circuit. Its name is shorthand for the record with its defaults. ``ENGINES`` lists all of them.
+An engine is a record such as ``Population(dt_ms=0.5)`` that contains its options, describes its
+capabilities, and runs a circuit. Its name is shorthand for the record with default options.
+``ENGINES`` lists all engines.
 """
 
 from __future__ import annotations
@@ -57,21 +58,21 @@ def run(
     drive : array (trials, steps, channels), nats
         Accumulated evidence; 0 is rest. Each reading is held until the next.
     engine : Engine or str
-        A record, or the name of one with its defaults.
+        A record, or a name, which selects the engine with default options.
     step_ms : float
         Time from one reading to the next, ms.
     seed : int, optional
-        Key of the noise; required by the engines that have noise. Trial t has the noise of
-        (seed, first_trial + t), whatever runs with it.
+        Key of the noise, required by engines with noise. The noise of trial t depends only on
+        (seed, first_trial + t), not on the other trials of the run.
     first_trial : int
         Number of the first trial.
     **options
-        Options of the engine to change: its fields.
+        Options (fields) of the engine to change.
 
     Raises
     ------
     ValueError
-        For an unknown engine, one with noise and no seed, or an option that it does not take.
+        For an unknown engine, an engine with noise but no seed, or an unknown option.
     """
     must = "must be a Circuit, as from circuits.anatomy.load_circuit"
     require(isinstance(circuit, Circuit), "circuit", must, circuit)

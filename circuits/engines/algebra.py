@@ -1,4 +1,4 @@
-"""The algebraic engine: the fixed point of the table, solved to rounding."""
+"""The algebra engine: the fixed point of the table, solved to rounding error."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ def run(
     seed: int | None = None,
     first_trial: int = 0,
 ) -> Activity:
-    """Return the fixed point of the circuit for every reading: no time passes.
+    """Return the fixed point of the circuit for every reading, without dynamics.
 
-    The arguments are those of ``Engine.run``; ``step_ms`` is only stated, and there is no noise.
+    The arguments are those of ``Engine.run``; ``step_ms`` only sets the times, and there is no
+    noise.
 
     Raises
     ------

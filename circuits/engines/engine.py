@@ -1,4 +1,4 @@
-"""What an engine is: a record that names its options, says what it can do, and runs a table."""
+"""Base classes of engines: records with options and capabilities that run a circuit."""
 
 from __future__ import annotations
 
@@ -27,39 +27,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Engine:
-    """Base of all engines: a frozen record whose fields are the engine's options.
+    """Base class of all engines: a frozen record whose fields are the engine's options.
 
     A new engine derives from this class, or from ``TimedEngine`` or ``SpikingEngine``, sets ``id``
-    and ``description``, declares its options as fields with defaults, and answers ``run``. The
-    class variables say what it can do; nothing else tells engines apart. ``register`` enters it.
+    and ``description``, declares its options as fields with defaults, and implements ``run``. The
+    class variables describe its capabilities, and no other code distinguishes engines. The
+    decorator ``register`` adds it to the registry.
     """
 
     id: ClassVar[str]
     """Name under which it is registered: ``engine="rate"``, ``--engine rate``."""
     description: ClassVar[str]
-    """What it is, in one line."""
+    """One-line description."""
     module: ClassVar[str]
-    """Module whose ``run`` computes; it is imported when the engine runs, so that a record costs
-    nothing. An engine that overrides ``run`` needs none."""
+    """Module with the implementation, ``run``, imported only when the engine runs. Not needed by
+    an engine that overrides ``run``."""
     timed: ClassVar[bool] = True
     """Whether rates take time to change; a fixed point has no time constants and no delays."""
     spiking: ClassVar[bool] = False
     """Whether cells fire one by one, so that spikes can be recorded."""
     sparse: ClassVar[bool] = False
-    """Whether each cell can have connections of its own (``probability`` below 1)."""
+    """Whether connections can differ between cells (``probability`` below 1)."""
     threaded: ClassVar[bool] = False
     """Whether it is compiled and can run trials in several threads."""
     drops: ClassVar[bool] = False
-    """Whether it can drop a trial once it is decided, and leave rates out."""
+    """Whether it can stop a trial once it is decided, and omit rates."""
 
     @property
     def noisy(self) -> bool:
-        """Whether a second seed would change the result; if so, a run needs a seed."""
+        """Whether the result depends on the seed; if so, a run needs one."""
         return False
 
     @property
     def rates(self) -> bool:
-        """Whether rates are kept."""
+        """Whether rates are recorded."""
         return True
 
     @property
@@ -105,15 +106,15 @@ class Engine:
         step_ms : float
             Time from one reading to the next, ms.
         seed : int, optional
-            Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs with
-            it. Engines without noise make no use of it.
+            Key of all noise. The noise of trial t depends only on (seed, first_trial + t), not on
+            the other trials. Engines without noise ignore it.
         first_trial : int
             Number of the first trial.
 
         Raises
         ------
         ValueError
-            If the drive, a time or the table does not fit, or an engine with noise gets no seed.
+            If the drive, a time or the circuit does not fit, or the seed of the noise is missing.
         """
         if self.noisy and seed is None:
             raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
@@ -129,7 +130,7 @@ class Engine:
         seed: int | None = None,
         trial: int = 0,
     ) -> Stream:
-        """Begin a trial whose readings are given one by one.
+        """Begin a trial that receives its readings one by one.
 
         Parameters
         ----------
@@ -138,15 +139,15 @@ class Engine:
         step_ms : float
             Time from one reading to the next, ms.
         steps : int
-            Most readings.
+            Maximum number of readings.
         seed, trial : int
             Key of the noise, and the number of the trial, as in ``run``.
 
         Raises
         ------
         ValueError
-            If this engine takes all readings at once, a time does not fit, or an engine with noise
-            gets no seed.
+            If this engine takes all readings at once, a time does not fit, or the seed of the
+            noise is missing.
         """
         if self.noisy and seed is None:
             raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
@@ -170,14 +171,14 @@ class Engine:
         rates: bool | None = None,
         sample_ms: float | None = None,
     ) -> Self:
-        """Return the engine set for many trials: threads, whether rates are kept, and samples.
+        """Return the engine with settings for many trials: threads, recorded rates, and samples.
 
-        What is None stays. An engine that is not made for many trials returns itself.
+        Settings that are None stay. An engine that is not made for many trials returns itself.
         """
         return self
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
-        """Return the engine that drops a trial once its OUT is below a level, nats."""
+        """Return the engine that stops a trial once its OUT falls below a level, nats."""
         return self
 
     def recording(self, names: tuple[str, ...]) -> Self:
@@ -185,7 +186,7 @@ class Engine:
         return self
 
     def coarse(self) -> Self:
-        """Return the engine with the longer ticks that thousands of trials at many levels need."""
+        """Return the engine with longer ticks, for thousands of trials at many levels."""
         return self
 
     def at_rest(self) -> Engine:
@@ -195,22 +196,22 @@ class Engine:
     # ---- questions about a run
 
     def ignores(self, field: str) -> bool:
-        """Return whether the engine makes no use of a field of a row, such as ``"cell.cv"``."""
+        """Return whether the engine does not use a field of a row, such as ``"cell.cv"``."""
         return False
 
     def samples(self, steps: int, step_ms: float) -> int:
-        """Return the number of samples of OUT in so many readings."""
+        """Return the number of samples of OUT in ``steps`` readings."""
         return round(steps * step_ms / self.sample_ms)
 
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
-        """Return about how much memory a run takes, bytes.
+        """Return an estimate of the memory of a run, bytes.
 
         Parameters
         ----------
         circuit : Circuit
             The table.
         trials, samples : int
-            Trials at a time, and samples of OUT in each.
+            Simultaneous trials, and samples of OUT in each.
         """
         kept = 4.0 * trials * samples * blocks(circuit) if self.rates else 0.0
         return 8.0 * trials * samples * circuit.channels + kept
@@ -218,7 +219,7 @@ class Engine:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class TimedEngine(Engine):
-    """Base of the engines in which time passes."""
+    """Base class of engines with dynamics."""
 
     sample_ms: float = 1.0
     """Time from one recorded sample to the next, ms."""
@@ -236,12 +237,12 @@ class TimedEngine(Engine):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SpikingEngine(TimedEngine):
-    """Base of the engines in which cells fire one by one: all have the same noise and spikes."""
+    """Base class of spiking engines, which all have the same noise and spikes."""
 
     spiking: ClassVar[bool] = True
     sparse: ClassVar[bool] = True
     cell_bytes: ClassVar[float] = 100.0
-    """Memory of a cell in each trial, or in each thread, that runs at a time; measured."""
+    """Measured memory per cell in each trial, or thread, that runs at the same time, bytes."""
 
     dt_ms: float = 0.1
     """One tick, ms."""
@@ -249,7 +250,7 @@ class SpikingEngine(TimedEngine):
     """Populations whose spikes are recorded."""
 
     def __post_init__(self) -> None:
-        """Take the names of populations from any collection, or one name."""
+        """Accept any collection of names of populations, or one name."""
         given = (self.spikes,) if isinstance(self.spikes, str) else self.spikes
         names = given if isinstance(given, Collection) else (None,)
         if not all(isinstance(name, str) for name in names):
@@ -259,7 +260,7 @@ class SpikingEngine(TimedEngine):
 
     @property
     def noisy(self) -> bool:
-        """Every cell has noise of its own."""
+        """Always true: every cell has independent noise."""
         return True
 
     def recording(self, names: tuple[str, ...]) -> Self:
@@ -267,26 +268,26 @@ class SpikingEngine(TimedEngine):
         return replace(self, spikes=names)
 
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
-        """Add connections, and the cells of all trials or threads that run at a time."""
+        """Add connections, and the cells of all trials or threads that run at the same time."""
         of_cells = self.cell_bytes * cells(circuit) * self.copies(trials)
         return super().memory_bytes(circuit, trials, samples) + connection_bytes(circuit) + of_cells
 
     def copies(self, trials: int) -> int:
-        """Return how many trials hold their cells in memory at a time."""
+        """Return the number of trials whose cells are in memory at the same time."""
         return 1
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CompiledEngine(TimedEngine):
-    """Base of the compiled engines, made for thousands of trials."""
+    """Base class of the compiled engines, made for thousands of trials."""
 
     threaded: ClassVar[bool] = True
     drops: ClassVar[bool] = True
 
     rates: bool = True
-    """Whether to keep the rates: 4 bytes per trial, sample and channel of each population."""
+    """Whether to record rates: 4 bytes per trial, sample and channel of each population."""
     drop_below: float | None = None
-    """OUT, nats, below which a trial is over: what follows is NaN."""
+    """A trial ends when OUT falls below this, nats; later samples are NaN."""
     workers: int = 1
     """Threads; the results do not depend on it."""
 
@@ -298,16 +299,16 @@ class CompiledEngine(TimedEngine):
         require(self.drop_below == self.drop_below, "drop_below", "must be a number", math.nan)
 
     def tuned(self, **options: Any) -> Self:
-        """Return the engine set for many trials; what is None stays."""
+        """Return the engine with settings for many trials; those that are None stay."""
         return replace(self, **{name: v for name, v in options.items() if v is not None})
 
     @property
     def level_nats(self) -> float:
-        """OUT below which a trial is over; -inf for none."""
+        """OUT below which a trial ends; -inf for none."""
         return -math.inf if self.drop_below is None else float(self.drop_below)
 
     def outputs(self, trials: int, samples: int, wiring: Wiring) -> tuple[Array, Any]:
-        """Return the arrays that a run writes: OUT, and the rates of blocks where they are kept."""
+        """Return the output arrays of a run: OUT, and the rates of blocks if recorded."""
         blocks = wiring.blocks if self.rates else 0
         out = np.empty((trials, samples, wiring.circuit.channels))
         return out, np.empty((trials, samples, blocks), np.float32)
@@ -317,14 +318,14 @@ class CompiledEngine(TimedEngine):
         return replace(self, drop_below=level_nats, rates=rates)
 
     def at_rest(self) -> Engine:
-        """Return the engine that keeps OUT alone, sampled every ms."""
+        """Return the engine that records only OUT, sampled every ms."""
         return replace(self, rates=False, drop_below=None, sample_ms=1.0).recording(())
 
 
-# ---- what engines share
+# ---- shared by engines
 
 
 def of_cells_alone(field: str) -> bool:
-    """Return whether a field of a row acts only where cells fire, or where their number counts."""
+    """Return whether a field of a row matters only for spiking or finitely many cells."""
     of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
     return field in OF_CELLS or (field.startswith("cell.") and field not in of_rates)

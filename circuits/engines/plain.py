@@ -1,7 +1,7 @@
 """The plain engine: the scheme of ``circuits.dynamics.ticks`` in NumPy, one trial at a time.
 
-It is slow and short: the place to read what the other spiking engines do, and what tests hold them
-to. Its spikes are those of the Brian2 and of the ensemble engine.
+Slow but short: the readable reference for the other spiking engines, with which tests compare them.
+Its spikes are those of the Brian2 and the ensemble engine.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from circuits.engines.shipped import Plain
 
 Fired = dict[int, Truths]
-"""Which cells of each block fired in a tick."""
+"""Cells of each block that fired in a tick."""
 
 
 def run(
@@ -97,7 +97,7 @@ def stream(
 
 
 class _Trial:
-    """The state of one trial; ``tick`` moves it on by the four lines of the scheme."""
+    """The state of one trial; ``tick`` advances it by the four steps of the scheme."""
 
     def __init__(self, scheme: Scheme, clock: Clock, courses: Timed, seed: int, trial: int) -> None:
         w = scheme.wiring
@@ -118,7 +118,7 @@ class _Trial:
         self.longest = int(scheme.unit_delay.max(initial=1))
 
     def tick(self, k: int, drive: Array) -> Fired:
-        """Take tick k under a drive (steps, channels); return who fired."""
+        """Advance by tick k with a drive (steps, channels); return which cells fired."""
         scheme, w = self.scheme, self.w
         # 1. units
         past = [self.rates[k - d] if k >= d else self.rest for d in scheme.unit_delay]
@@ -139,7 +139,7 @@ class _Trial:
             self.rates[k, b] = fired[b].sum() * cells.spike_hz
         self.fired.append(fired)
         if k >= self.longest:
-            self.fired[k - self.longest] = {}  # heard by nobody any more
+            self.fired[k - self.longest] = {}  # no longer needed
         # 4. read-out
         low = scheme.readout_decay
         self.output = low * self.output + (1 - low) * self.rates[k, self.readout]
@@ -160,11 +160,11 @@ class _Cells:
         self.step = cell.tick or cell.lacks("tick", "the plain engine")
         self.constants = list(constants.values())
         self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
-        # One number while all cells hear the same.
+        # A scalar as long as all cells receive the same input.
         self.x = np.full(1, scheme.start[1][block])
 
     def tick(self, k: int, nats: Any) -> Truths:
-        """Return which cells fire at tick k under an input, nats, of all or of each."""
+        """Return which cells fire at tick k with an input, nats, of all cells or of each."""
         heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
         if k % noise.TICKS_A_WORD == 0:
             words = noise.words(self.stream, k // noise.TICKS_A_WORD, self.neurons)
@@ -176,19 +176,19 @@ class _Cells:
         return given
 
     def _each(self, value: Any) -> Any:
-        """Return a value of all cells or of each as one of each."""
-        # numpy.broadcast_to takes longer than what is done with most values.
+        """Return a value of all cells, or of each, as an array over cells."""
+        # numpy.broadcast_to takes longer than most uses of the values.
         whole = np.shape(value) == (self.neurons,)
         return value if whole else np.broadcast_to(value, self.neurons)
 
     def _expected(self, nats: Any) -> Array:
-        """Return the expected spikes in a tick, of all cells or of each, their input filtered."""
+        """Filter the input; return the expected spikes in a tick, of all cells or of each."""
         self.x = self.decay * self.x + (1 - self.decay) * nats
         return self.wiring.block_rates(self.block, self.x) * self.dt_s
 
 
 class _OwnInputs:
-    """What the cells of one block get through one projection of their own connections."""
+    """Input of the cells of one block through the sparse connections of one projection."""
 
     def __init__(self, scheme: Scheme, path: int, channel: int) -> None:
         w = scheme.wiring
@@ -204,7 +204,7 @@ class _OwnInputs:
         self.fan = {int(b): fan_in(w.circuit, p, channel, int(w.channel[b])) for b in sources}
 
     def tick(self, k: int, fired: list[Fired], factors: Array) -> Array:
-        """Return the input (neurons,), nats, at tick k, given who fired in all earlier ones.
+        """Return the input (neurons,), nats, at tick k, given the spikes of all earlier ticks.
 
         Weights are multiplied by ``factors`` (units of the wiring,).
         """
@@ -218,7 +218,7 @@ class _OwnInputs:
 
 
 def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
-    """Return each block's sparse pathways, and the weights that are left for whole blocks."""
+    """Return each block's sparse pathways, and the remaining weights, for whole blocks."""
     w, circuit = scheme.wiring, scheme.wiring.circuit
     own: dict[int, list[_OwnInputs]] = {b: [] for b in range(w.blocks)}
     weight = w.weight.copy()
@@ -231,7 +231,7 @@ def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
 
 
 def _listed(blocks: list[int], fired: list[list[Truths]]) -> Index:
-    """Return block, cell and tick of each spike of a trial, from who fired in each tick."""
+    """Return block, cell and tick of each spike of a trial, from the cells that fired."""
     rows = [np.empty((0, 3), np.intp)]
     for i, b in enumerate(blocks):
         tick, cell = np.nonzero([now[i] for now in fired])

@@ -1,4 +1,4 @@
-"""The registry of engines: by name, with options, and as the field of a record."""
+"""The registry of engines, and fields that take an engine or its name."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ E = TypeVar("E", bound=type[Engine])
 
 
 def register(kind: E) -> E:
-    """Enter an engine into ``ENGINES``: a class decorator, above ``@dataclass(frozen=True)``.
+    """Register an engine in ``ENGINES``: a class decorator, above ``@dataclass(frozen=True)``.
 
     Raises
     ------
     ValueError
-        If it is no frozen dataclass of type ``Engine``, an option has no default, or another engine
-        has its id.
+        If it is not a frozen dataclass derived from ``Engine``, an option has no default, or the
+        id is taken by another engine.
     """
     name = check_kind(kind, Engine, "an engine")
     for word in ("id", "description"):
@@ -42,15 +42,14 @@ def engine_of(given: Engine | str, **options: object) -> Engine:
     Parameters
     ----------
     given : Engine or str
-        A record, or the id of one with its defaults.
+        A record, or an id, which selects the engine with default options.
     **options
         Fields of the record to change.
 
     Raises
     ------
     ValueError
-        For an unknown id, with those that there are; for an option that the engine does not take,
-        with those that it takes; for a value out of range.
+        For an unknown id or option (the message lists the known ones), or a value out of range.
     """
     if not isinstance(given, Engine):
         known = isinstance(given, str) and given in ENGINES
@@ -64,13 +63,13 @@ def engine_of(given: Engine | str, **options: object) -> Engine:
 
 
 class EngineOrName:
-    """A dataclass field that takes an engine or its id, and holds the engine."""
+    """A dataclass field that accepts an engine or its id, and stores the engine."""
 
     def __init__(self, default: str) -> None:
         self.default = default
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Keep the name of the field."""
+        """Store the name of the field."""
         self.name = name
 
     @overload
@@ -78,12 +77,12 @@ class EngineOrName:
     @overload
     def __get__(self, of: object, owner: type) -> Engine: ...
     def __get__(self, of: object | None, owner: type) -> Engine | str:
-        """Return the engine; of the class, the default of its field."""
+        """Return the engine or, on the class, the default of the field."""
         if of is None:
             return self.default
         engine: Engine = vars(of)[self.name]
         return engine
 
     def __set__(self, of: object, value: Engine | str) -> None:
-        """Hold the engine."""
+        """Store the engine."""
         vars(of)[self.name] = engine_of(value)

@@ -1,4 +1,4 @@
-"""The engines that are shipped, one record each; what computes is imported when it runs."""
+"""The built-in engines, one record each; implementations are imported when they run."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 LAWS_AT_REST = ("table", "cells", "finite")
 LAWS_OF_RATES = ("lines", "cells")
 COARSE_MS, COARSE_SAMPLE_MS = 0.5, 2.0
-"""Tick and sample of the rate engine where thousands of trials are run at each of many levels."""
+"""Tick and sample interval of the rate engine for thousands of trials at each of many levels."""
 
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Algebra(Engine):
-    """The fixed point of the table for every reading: no time passes.
+    """The fixed point of the table for every reading, without dynamics.
 
     Parameters
     ----------
@@ -53,25 +53,25 @@ class Algebra(Engine):
         require(self.laws in LAWS_AT_REST, "laws", f"must be one of {known}", self.laws)
 
     def ignores(self, field: str) -> bool:
-        """Return whether a field is of cells or of time: the lines of the table have neither."""
-        # The fixed point by the cells' own laws does use their constants.
+        """Return whether a field concerns cells or time, which the table's lines do not use."""
+        # The fixed point with the cells' own f-I curves does use their constants.
         return self.laws == "table" and (
             of_cells_alone(field) or field.removeprefix("cell.") in OF_TIME
         )
 
     def samples(self, steps: int, step_ms: float) -> int:
-        """There is one sample per reading."""
+        """Return the number of readings: one sample each."""
         return steps
 
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
-        """Rates of all populations are in double precision on the way."""
+        """Include the rates of all populations, which are computed in double precision."""
         outputs = 8.0 * trials * samples * circuit.channels
         return outputs + 12.0 * trials * samples * blocks(circuit)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PopulationsEngine(CompiledEngine):
-    """Base of the engines that pass on rates in place of spikes."""
+    """Base class of engines that transmit rates instead of spikes."""
 
     dt_ms: float | None = None
     """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit."""
@@ -95,7 +95,7 @@ class PopulationsEngine(CompiledEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rate(PopulationsEngine):
-    """Populations that follow the lines of their rows behind their membranes, without noise.
+    """Populations that follow the lines of their rows after membrane filtering, without noise.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Rate(PopulationsEngine):
     description: ClassVar[str] = "rates with time constants and delays, without noise"
 
     def ignores(self, field: str) -> bool:
-        """Return whether a field is of cells: the lines of the table have none."""
+        """Return whether a field concerns cells, which the table's lines do not use."""
         return of_cells_alone(field)
 
     def coarse(self) -> Rate:
@@ -169,7 +169,7 @@ class Population(PopulationsEngine):
 
     @property
     def noisy(self) -> bool:
-        """It is where its noise is left on."""
+        """Whether its noise is switched on."""
         return self.noise
 
 
@@ -194,7 +194,7 @@ class Ensemble(CompiledEngine, SpikingEngine):
     workers : int
         Threads, 1; the results do not depend on it.
     progress : bool
-        Whether to show how far a run is; False.
+        Whether to show the progress of a run; False.
     """
 
     id: ClassVar[str] = "ensemble"
@@ -203,10 +203,10 @@ class Ensemble(CompiledEngine, SpikingEngine):
     cell_bytes: ClassVar[float] = 40.0
 
     progress: bool = False
-    """Whether to show how far a run is."""
+    """Whether to show the progress of a run."""
 
     def copies(self, trials: int) -> int:
-        """Each thread holds the cells of one trial."""
+        """Return the number of threads: each simulates one trial."""
         return self.workers
 
 
@@ -237,7 +237,7 @@ class Brian2(SpikingEngine):
     that cells share."""
 
     def copies(self, trials: int) -> int:
-        """One network holds all trials."""
+        """Return the number of trials: one network simulates all of them."""
         return trials
 
     def at_rest(self) -> Ensemble:
@@ -271,5 +271,5 @@ class Plain(SpikingEngine):
 
 
 def compiled(engine: SpikingEngine) -> Ensemble:
-    """Return the compiled engine with the times of another one, for OUT alone."""
+    """Return the compiled engine with the times of another one, recording only OUT."""
     return Ensemble(dt_ms=engine.dt_ms, settle_ms=engine.settle_ms, rates=False)

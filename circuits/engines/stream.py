@@ -1,4 +1,4 @@
-"""A run whose readings come one by one: the state of an engine, carried from reading to reading."""
+"""Runs whose readings arrive one by one, with the engine's state carried between readings."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from circuits.dynamics.ticks import Clock
 from circuits.errors import InputError
 
 Onward = Callable[[int, int], None]
-"""Runs the ticks from one to another, on the drive so far, and writes OUT down."""
+"""Runs ticks from first to last with the drive so far, and writes OUT."""
 
 
 class Stream:
-    """One trial of a circuit that is given its readings as they come.
+    """One trial of a circuit that receives its readings as they arrive.
 
-    What it computes is what ``Engine.run`` does with all of them, to the byte: a reading changes
-    nothing of what was before it.
+    The result is identical to that of ``Engine.run`` with all readings, because a reading does not
+    affect earlier samples.
 
     Parameters
     ----------
     circuit : Circuit
         The table.
     clock : Clock
-        Its steps are the most readings that it takes.
+        Its steps are the maximum number of readings.
     begin : function
-        Takes the drive (steps, channels), nats, which is filled as readings come, and OUT
-        (samples, channels), which is written; starts at rest and returns how to go on.
+        Takes the drive (steps, channels), nats, which is filled as readings arrive, and OUT
+        (samples, channels), which is written; starts at rest and returns a function that continues.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Stream:
         Raises
         ------
         ValueError
-            If the reading does not fit the circuit, or there were as many as it takes.
+            If the reading does not fit the circuit, or there were already ``steps`` readings.
         """
         if self.steps == self.clock.steps:
             raise InputError(f"this trial has had all its {self.steps} readings", "reading")

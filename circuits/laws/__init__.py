@@ -1,1 +1,1 @@
-"""Theory of the table: cells' own laws, the noise of a finite number of cells, stability."""
+"""Theory of circuits: f-I curves of cells, finite-size noise, stability and homeostasis."""

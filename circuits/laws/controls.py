@@ -1,4 +1,4 @@
-"""Edits that a circuit must, or must not, stand: controls beside the table they start from."""
+"""Control circuits: edits that a circuit should, or should not, tolerate."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ SPARE_NATS = 0.6
 
 
 def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
-    """Return the circuit with one number changed by +-fraction, for every number of its tables.
+    """Return variants of the circuit, each with one number of its tables changed by +-fraction.
 
-    Delays are rounded to whole ticks of .1 ms. Numbers that are 0 stay out, and so do those that
-    only say what they are: transmitters, names, numbers of cells.
+    Delays are rounded to multiples of 0.1 ms. Numbers that are 0 are skipped, as are fields that
+    are not tunable quantities: transmitters, names, numbers of cells.
     """
     changed: dict[str, Table] = {}
 
@@ -52,22 +52,22 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
 
 
 def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: float = 20) -> Table:
-    """Return the circuit with noise that all cortical cells of a channel share.
+    """Return the circuit with noise shared by all cortical cells of a channel.
 
     Parameters
     ----------
     circuit : Circuit
-        One with cells.
+        A circuit with spiking cells.
     noise_nats : float
         Standard deviation of the shared input, nats.
     cells, tau_ms : int, float
-        It comes from this many irregular cells (Phase, CV 1) of 20 Hz, filtered with this time
-        constant (ms); their mean input is taken off.
+        Number of irregular cells (Phase, CV 1, 20 Hz) that provide it, and time constant of its
+        filter, ms; their mean input is subtracted.
     """
     circuit.check_nats("noise in nats")
     rate_hz, decay_hz = 20.0, 1000 / tau_ms
     # Shot noise of a renewal process through an exponential filter (Cox 1962): ``passed`` is the
-    # transform of its intervals, inverse Gaussian, at the filter's decay.
+    # transform of its inverse Gaussian intervals at the filter's decay.
     passed = np.exp(1 - np.sqrt(1 + 2 * decay_hz / rate_hz))
     variance = rate_hz * decay_hz / 2 * (1 + passed) / (1 - passed) - rate_hz**2
     gain = np.sqrt(variance / cells) / noise_nats
@@ -77,13 +77,14 @@ def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: fl
 
 
 def linear_stn(circuit: Table) -> Table:
-    """Return the circuit whose STN is linear: its exponential's tangent at rest.
+    """Return the circuit with a linear STN: the tangent of its exponential at rest.
 
     At rest a channel's activity is a, ``e^u``; there ``e^u`` is about ``a (u + 1 - ln a)``. The
-    slope a goes into the weights of what reaches STN, for a pathway of what it sends may bend. It
-    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
-    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
-    SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
+    slope a multiplies the weights onto STN, because a pathway from STN may be nonlinear. The line
+    has no floor, because a line cut off at 0 is still convex, and no noise, which favours it. OUT
+    is then the mean over channels less the winner, as long as cortex is not silent. It falls
+    further than -ln P, so SNr gets ``SPARE_NATS`` more tonic drive; otherwise it would fall silent
+    before a decision at 0.95.
     """
     circuit.check_nats("the tangent of an exponential STN")
     wiring = wired(circuit)
@@ -101,6 +102,6 @@ def linear_stn(circuit: Table) -> Table:
 
 
 def shuffled_stn(circuit: Table) -> Table:
-    """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
+    """Return the circuit in which SNr receives N times the next channel's STN, not STN's sum."""
     weight = circuit.channels * circuit.projection("STN", "SNr").weight
     return circuit.with_projection("STN", "SNr", pattern="neighbour", weight=weight)

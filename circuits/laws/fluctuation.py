@@ -1,12 +1,12 @@
-"""What a finite number of cells does to rates: the linear noise of the whole circuit.
+"""Finite-size effects on rates: the linear noise of the whole circuit.
 
-Each population's spikes are its cells' own renewal noise, shared by all that hear them. It goes
-round the circuit as small modulations do: a pathway that bends passes them on by its slope at the
-fixed point, a silent unit passes nothing. Where cells or pathways bend, what arrives moves means.
-To first order in 1/n (Brunel & Hakim 1999 for loops, Lindner, Doiron & Longtin 2005 for spectra;
-van Kampen 2007, chapter X, for the expansion; cells by ``circuits.cells.response``). Neglected: a
-Lif cell's own spikes that reach it again before its next spike, and that noise may cross a kink
-nearby; at a kink there is no slope, and a refusal.
+The source of noise is the renewal noise of each population's spikes, common to all its targets. It
+propagates through the circuit like any small modulation: nonlinear pathways transmit it with their
+slope at the fixed point, silent units not at all. Where cells or pathways are nonlinear, the noise
+they receive shifts their means. All to first order in 1/n (Brunel & Hakim 1999 for loops, Lindner,
+Doiron & Longtin 2005 for spectra; van Kampen 2007, chapter X, for the expansion; cells by
+``circuits.cells.response``). Neglected: a Lif cell's own spikes that return to it before its next
+spike, and noise that crosses a nearby kink; right at a kink there is no slope, and an error.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from circuits.laws.mean_field import own_rates
 from circuits.laws.mixture import mean_response
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
-"""Where power is summed. Below, cells' answers would cancel to nothing; above, synapses filter."""
+"""Range over which power is summed: below, responses are lost to cancellation; above, filtered."""
 MOST_TURN, MOST_HALVINGS = 0.5, 12
-"""Steps of frequency are halved where ``ln det`` of the loops moves by more: near a resonance."""
+"""Frequency steps are halved where ``ln det`` of the loops changes by more: near a resonance."""
 KINK_NATS, KINK = 1e-8, 0.01
-"""A slope that changes by such a part of itself, or of 1, within twice so little, has a kink."""
+"""A kink is a change of slope by more than ``KINK`` (relative, if above 1) within +-KINK_NATS."""
 
 
 class Linear(NamedTuple):
-    """A circuit's small fluctuations about its states.
+    """Small fluctuations of a circuit about its states.
 
-    An input is what comes out of the block's own filter; a membrane is part of a cell's answer.
+    Inputs are measured after the block's filter; a membrane is part of the cell's response.
 
     Parameters
     ----------
     into, out : complex arrays (trials, F, blocks, blocks)
-        How a block's own noise, Hz, reaches each input, nats/Hz, and each rate, Hz/Hz.
+        Transfer from a block's own noise, Hz, to each input, nats/Hz, and each rate, Hz/Hz.
     bend : array (trials, F, blocks), Hz/nat^2
-        What a variance of the input adds to the mean rate.
+        Change of the mean rate per unit of input variance.
     own : array (trials, F, blocks), Hz^2/Hz
         Two-sided power of the blocks' own noise.
     det : complex array (trials, F)
-        ``det(1 - L)``, L what goes once round the loops.
+        ``det(1 - L)``, L the loop gain.
     """
 
     into: Complex
@@ -56,14 +56,14 @@ class Linear(NamedTuple):
 
 
 class Extra(NamedTuple):
-    """What fluctuations add to means, to first order in 1/n.
+    """Shifts of means due to fluctuations, to first order in 1/n.
 
     Parameters
     ----------
     rates_hz : array (trials, blocks), Hz
-        Added to the rates, where cells bend.
+        Added to the rates by nonlinear cells.
     inputs_nats : array (trials, blocks), nats
-        Added to the inputs, where pathways bend.
+        Added to the inputs by nonlinear pathways.
     """
 
     rates_hz: Array
@@ -73,7 +73,7 @@ class Extra(NamedTuple):
 def linear(
     wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike, extra_hz: Array | float = 0.0
 ) -> Linear:
-    """Return the small fluctuations about states, stable or not.
+    """Return the small fluctuations about states, whether stable or not.
 
     Parameters
     ----------
@@ -82,14 +82,14 @@ def linear(
     x : array (trials, blocks), nats
         The states.
     frequency_hz : array (F,)
-        From 1e-3 Hz on.
+        At least 1e-3 Hz.
     extra_hz : array (trials, blocks) or float
-        What comes on top of the rates of the states, Hz.
+        Added to the rates of the states, Hz.
 
     Raises
     ------
     ValueError
-        If the cells' type has no ``response``, or connections are sparse: then it is not known.
+        If a cell type has no ``response``, or connections are sparse, for which there is no theory.
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -119,7 +119,7 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
     frequency, found = FREQUENCIES_HZ, linear(wiring, x, FREQUENCIES_HZ, extra_hz)
     for _ in range(MOST_HALVINGS):
         moved = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1])).max(axis=0) > MOST_TURN
-        # Channels that are alike turn together, by a whole turn between two frequencies maybe.
+        # Identical channels turn together, perhaps by a whole turn between two frequencies.
         moved[1:-1] |= moved[:-2] | moved[2:]
         if not moved.any():
             break
@@ -135,13 +135,13 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
 
 
 def extra(wiring: Wiring, x: Array) -> Extra:
-    """Return what fluctuations add to means at states x (trials, blocks), nats.
+    """Return the shifts of means due to fluctuations at states x (trials, blocks), nats.
 
     Raises
     ------
     ValueError
-        As ``swept``, and if noise arrives at a kink: a line that ends, or a pathway that begins,
-        right at the state.
+        As ``swept``, and if noise meets a kink: a line that saturates, or a pathway with its
+        threshold, right at the state.
     """
     frequency, found = swept(wiring, x)
     power = np.einsum("tfbc,tfc->tfb", np.abs(found.into) ** 2, found.own)
@@ -149,7 +149,7 @@ def extra(wiring: Wiring, x: Array) -> Extra:
     bent = np.array([p.transfer != "linear" for p in wiring.projections], bool)
     reach = wiring.synapse(frequency)[:, bent, None] * wiring.deliver[bent]
     arriving = np.einsum("tfuc,tfc->tfu", np.abs(reach @ found.out) ** 2, found.own)
-    # Two-sided: as much lies at negative frequencies.
+    # Two-sided: negative frequencies contribute as much.
     blocks, units = (2 * np.trapezoid(part, frequency, axis=1) for part in (power, arriving))
     _check_kinks(wiring, x, activity, np.sqrt(blocks), bent, np.sqrt(units))
     rates = 2 * np.trapezoid(found.bend * power, frequency, axis=1)
@@ -158,7 +158,7 @@ def extra(wiring: Wiring, x: Array) -> Extra:
 
 
 def _activity(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> Array:
-    """Return the mean activity (trials, units) that units receive at states, before they bend."""
+    """Return the mean activity (trials, units) of units at states, before their transfer."""
     return np.asarray((own_rates(wiring, x) + extra_hz) @ wiring.deliver.T + wiring.constant)
 
 
@@ -175,7 +175,7 @@ def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Arra
         for kept, values in zip((gain, bend, own), found, strict=True):
             wide = np.broadcast_to(values, (len(x) * len(blocks), len(frequency_hz)))
             kept[..., blocks] = wide.reshape(len(x), len(blocks), -1).swapaxes(1, 2)
-        # A lesion takes from what is delivered, not from the cells that are simulated.
+        # A lesion reduces the output delivered, not the cells that are simulated.
         own[..., blocks] /= row.neurons
     return gain, bend, own
 
@@ -185,15 +185,15 @@ def _check_stable(wiring: Wiring, det: Complex) -> None:
     turned = np.unwrap(np.angle(det), axis=1)
     # Each unstable root turns it by half a turn; an integrator's pole at 0 by a quarter.
     if (np.abs(turned[:, -1] - turned[:, 0]) > 0.75 * np.pi).any():
-        said = f"the fixed point of {wiring.circuit.name} as edited is unstable: it oscillates"
-        raise ValueError(f"{said}, and the laws of a finite number of cells do not hold")
+        said = f"the fixed point of {wiring.circuit.name} is unstable: the circuit oscillates"
+        raise ValueError(f"{said}, and the finite-size theory does not apply")
 
 
 def _check_kinks(
     wiring: Wiring, x: Array, activity: Array, blocks: Array, bent: Array, units: Array
 ) -> None:
-    """Raise ValueError if noise, of so many nats (sd) at blocks and bent units, meets a kink."""
-    # A cell that hears nats follows a law of its own, not the line.
+    """Raise ValueError if noise, given as SDs at blocks and nonlinear units, meets a kink."""
+    # A cell that hears nats follows its own f-I curve, not the line.
     by_line = [row.cell.hears == "hz" for row in wiring.rows]
     at = _jumps(lambda x: wiring.rates_slope(x) / wiring.gain_hz_per_nat, x) & by_line
     at &= blocks > KINK_NATS
@@ -201,13 +201,13 @@ def _check_kinks(
     at = _jumps(wiring.units_slope, activity)[:, bent] & (units > KINK_NATS)
     names += [wiring.projection(u).name for u in np.flatnonzero(bent)[at.any(axis=0)]]
     if names:
-        said = f"{names[0]} of {wiring.circuit.name} as edited is right at a kink"
-        jumps = "where its slope jumps: the laws of a finite number of cells do not hold there"
+        said = f"{names[0]} of {wiring.circuit.name} is right at a kink"
+        jumps = "where its slope jumps: the finite-size theory does not apply there"
         raise ValueError(f"{said}, {jumps}")
 
 
 def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
-    """Return where a slope, nats/nat, is another one just below and just above."""
+    """Return where a slope, nats/nat, differs between just below and just above."""
     low, high = slope(at - KINK_NATS), slope(at + KINK_NATS)
     return np.asarray(np.abs(high - low) > KINK * np.maximum(1, np.abs(low + high) / 2))
 
@@ -215,5 +215,5 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
 def _check(wiring: Wiring) -> None:
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            said = "laws of a finite number of cells are known for cells connected all to all"
+            said = "the finite-size theory needs all-to-all connections"
             raise ValueError(f"{said}: {p.name} connects {p.probability:.0%}")

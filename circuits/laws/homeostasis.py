@@ -1,29 +1,29 @@
-"""Homeostasis: each population's own rate at rest sets its bias, in closed form and as dynamics.
+"""Homeostasis: biases restore each population's resting rate, in closed form and as dynamics.
 
-The rule is slow and local. A population knows the mean rate of its own cells at rest and the rate
-that it had before; no evidence, no label and no other population has a say. It moves its bias until
-the two are equal (Turrigiano 2011)::
+The rule is slow and local. It uses only the mean resting rate of a population's own cells and its
+rate before the edit, without evidence, labels or other populations. The bias moves until the two
+rates are equal (Turrigiano 2011)::
 
     tau db/dt = W (r_reference - r) / gain
 
-with W the total weight of the population's afferents, at least 1: cells with strong synapses move
-in proportion. With W = 1 everywhere the rule would be as local, but a loop of three populations
-oscillates under it once its gain passes 8 (Harnack et al. 2015 on the stability of homeostasis):
-cortex, STN and the slow cells that inhibit cortex are such a loop.
+with W the total weight of the population's afferents, at least 1: the bias moves in proportion to
+synaptic strength. With W = 1 everywhere the rule would be just as local, but a loop of three
+populations oscillates under it once its gain exceeds 8 (Harnack et al. 2015 on the stability of
+homeostasis): cortex, STN and the slow cells that inhibit cortex form such a loop.
 
-Where the rule ends needs no time: at the reference's rates all that arrives is known, so each
-bias is what the population needs less what it gets (``biases``). It mends offsets at rest and no
-slopes: what an edit does to the way in which OUT follows the evidence, stays. A loss of a part of
-STN is no such edit where STN's way to SNr and its loop with GPe lose alike: OUT is what it was.
+The end point does not need the dynamics: at the reference rates all inputs are known, so each bias
+is the input that the population needs less the input that it receives (``biases``). This restores
+resting rates, not slopes: a change in how OUT follows the evidence remains. Losing a part of STN
+causes no such change if STN->SNr and the loop with GPe lose the same fraction: OUT is restored.
 
-A population that the reference lacks keeps its bias and rests where the others, at their rates,
-take it.
+A population that is missing from the reference keeps its bias; its resting rate follows from the
+others at their rates.
 
-A population that is silent in the reference, or at its highest rate, tells the rule nothing as long
-as it stays so: its bias stays, or moves just far enough (as dynamics it may have been moved further
-on the way: its rate is the same). Rates are those of the table's lines. Cells
-that fire at the rate of their line have exactly these; Lif and AdEx cells, which have laws of their
-own, come as near as their line comes to their law.
+A population that is silent, or at its highest rate, in the reference gives the rule no signal as
+long as it stays so: its bias stays, or moves just far enough (the dynamics may move it further on
+the way; its rate is the same). Rates are those of the table's lines. They are exact for cells that
+fire at the rate of their line; for Lif and AdEx cells they are as accurate as the line's fit to
+the cell's f-I curve.
 """
 
 from __future__ import annotations
@@ -46,26 +46,26 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SAME_NATS = 1e-12
-"""What is nearer to its reference than this, in nats, is left as it is: rounding."""
+"""Differences from the reference below this, in nats, are rounding and ignored."""
 ALIKE_NATS = 1e-9
-"""How far the biases that a population's channels need may lie apart."""
+"""Largest difference between the biases needed by a population's channels, nats."""
 STEP_NATS = 1e-4
-"""How far all channels are driven alike for a slope."""
+"""Common drive to all channels used to estimate a slope, nats."""
 SETTLED_NATS = 1e-6
-"""How near to their references the rates must come for the dynamics to have settled."""
+"""Distance of rates from their references below which the dynamics have settled."""
 
 
 def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
-    """Return the weight from a nucleus onto the read-out at which its mean does not follow cortex.
+    """Return the weight from a nucleus at which the read-out's mean does not follow cortex.
 
-    Use ``Circuit.balanced`` for the circuit that has it: arguments and errors are its own.
+    ``Circuit.balanced`` returns the circuit with this weight; arguments and errors are the same.
 
     Notes
     -----
-    Where an anti-Hebbian rule ends: the synapse is weakened while the read-out's mean over channels
-    rises with what all channels share, and strengthened while it falls. The read-out sends nothing
-    back, so its mean input is ``a + w b`` with neither a nor b depending on the weight w: at rest
-    and to first order ``w = - da / db``.
+    The end point of an anti-Hebbian rule: the synapse weakens while the read-out's mean over
+    channels rises with the input common to all channels, and strengthens while it falls. The
+    read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on
+    the weight w: at rest and to first order ``w = - da / db``.
     """
     row = circuit.projection(source, circuit.readout)
     if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
@@ -80,7 +80,7 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
-        said = f"{row.name} carries nothing of what all channels share: there is no rule"
+        said = f"{row.name} does not transmit common input, so the rule has nothing to balance"
         raise InputError(said, "source")
     return row.weight * (1 - whole / part)
 
@@ -90,14 +90,14 @@ def biases(
     reference: CircuitTable | None = None,
     rebound_nats: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Return the bias of each population at which all rest at the rates of a reference, nats.
+    """Return the bias, nats, with which each population rests at its rate in the reference.
 
-    Use ``Circuit.compensate`` for the circuit that has them: arguments and errors are its own.
+    ``Circuit.compensate`` returns the circuit with these biases; arguments and errors are the same.
 
     Notes
     -----
-    A population that rests at r needs the input ``x = f^-1((r - baseline) / gain)``. With all at
-    the rates wanted, what arrives is ``W g(deliver r + constant)``. The bias is the difference.
+    A population that rests at r needs the input ``x = f^-1((r - baseline) / gain)``. With all rates
+    at their targets, it receives ``W g(deliver r + constant)``. The bias is the difference.
     """
     goal = _goal(circuit, reference, rebound_nats)
     wiring = goal.wiring
@@ -107,7 +107,7 @@ def biases(
     for row in circuit.populations:
         own = change[wiring.blocks_of(row.name)]
         if np.ptp(own) > ALIKE_NATS:
-            said = f"{row.name} gets another input at rest in each channel, and has one bias"
+            said = f"{row.name} has one bias but a different resting input in each channel"
             rule = "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
             raise ValueError(f"{said}: {rule}")
         found[row.name] = row.bias_nats + float(own.mean())
@@ -123,30 +123,30 @@ def recovery(
     step: float = 0.1,
     until: float = 100.0,
 ) -> pd.DataFrame:
-    """Run the rule from the edited circuit on: the course of rates and biases.
+    """Run the rule as dynamics from the edited circuit; return the course of rates and biases.
 
-    Activity is taken to settle at once, for the rule takes hours.
+    Activity is assumed to be at its fixed point, because the rule takes hours.
 
     Parameters
     ----------
     circuit, reference, rebound_nats :
-        As for ``Circuit.compensate``; channels that differ have their mean rate held.
+        As for ``Circuit.compensate``; if channels differ, their mean rate is restored.
     speed : mapping from names to numbers, optional
-        Another factor W for some populations; 0 leaves the bias as it is.
+        Factors W that replace the default for some populations; 0 keeps the bias fixed.
     step, until : float
-        Time of a step, and when it must have settled, in time constants tau of the rule.
+        Time step, and the time by which it must have settled, in time constants tau of the rule.
 
     Returns
     -------
     DataFrame
         One row per time and population: time (in tau), population, rate_hz (the mean over
-        channels), bias_nats. It ends where all rates have settled.
+        channels), bias_nats. It ends when all rates have settled.
 
     Raises
     ------
     ValueError
-        If a state on the way has no fixed point, or the rates have not come to their references
-        in time: a population cannot fire at its rate, or the biases oscillate.
+        If there is no fixed point at some step, or the rates do not reach their references in
+        time because a population cannot fire at its rate or the biases oscillate.
     """
     if not 0 < step <= until < np.inf:
         raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
@@ -162,7 +162,7 @@ def recovery(
         try:
             hz = mean @ rest_rates(shifted)
         except ValueError as error:
-            raise ValueError(f"{circuit.name} does not recover: on the way {error}") from None
+            raise ValueError(f"{circuit.name} does not recover: during recovery, {error}") from None
         course.append((k * step, hz, bias + moved))
         pace = factors * (mean @ goal.rates_hz - hz) / gains
         if np.abs(pace).max() < SETTLED_NATS:
@@ -170,13 +170,13 @@ def recovery(
         moved = moved + step * pace
     raise ValueError(
         f"{circuit.name} does not recover: after {until:g} time constants "
-        f"{rows[int(np.abs(pace).argmax())].name} is not at its rate of rest; either it cannot "
-        "fire at that rate, or biases that move at these speeds oscillate"
+        f"{rows[int(np.abs(pace).argmax())].name} is not at its resting rate; either it cannot "
+        "fire at that rate, or the biases oscillate at these speeds"
     )
 
 
 def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.DataFrame:
-    import pandas as pd  # every circuit imports this module, and few ask for the course
+    import pandas as pd  # here, because every circuit imports this module
 
     time, hz, bias = (np.array(values) for values in zip(*course, strict=True))
     return pd.DataFrame(
@@ -191,16 +191,16 @@ def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.Dat
 
 @dataclass(frozen=True)
 class _Goal:
-    """Rates to recover, and the circuit that is to have them.
+    """Target resting rates, and the circuit that should reach them.
 
     Parameters
     ----------
     wiring, before : Wiring
-        Of the edited circuit, and of the reference.
+        Wiring of the edited circuit, and of the reference.
     rates_hz : array (blocks,)
-        Rates at rest that are wanted, in the order of the edited circuit's blocks.
+        Target resting rates, in the order of the edited circuit's blocks.
     before_nats : array (blocks,)
-        The reference's inputs at rest; NaN where a population has another line, or a rebound.
+        Resting inputs of the reference; NaN for a population with another line, or a rebound.
     """
 
     wiring: Wiring
@@ -209,9 +209,10 @@ class _Goal:
     before_nats: Array
 
     def needed(self, now: Array) -> Array:
-        """Return the input (blocks,) at which each block has its rate: the present one if it does.
+        """Return the input (blocks,) at which each block has its target rate.
 
-        Of a flat part it is the end that lies next to the rest of the line.
+        It is the present input if that gives the rate, and on a flat part of the line the end next
+        to the rest of the line.
         """
         wiring, found = self.wiring, now.copy()
         off = np.abs(wiring.rates(now) - self.rates_hz) / wiring.gain_hz_per_nat
@@ -224,12 +225,12 @@ class _Goal:
         if (wrong := np.flatnonzero(~(off < ALIKE_NATS))).size:
             row = wiring.row(wrong[0])
             said = f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz"
-            known = f"no input to its transfer {row.transfer!r} is known that gives this rate"
+            known = f"no input to its transfer {row.transfer!r} is known to give this rate"
             raise ValueError(f"{said}: {known}")
         return found
 
     def with_held(self, held: Truths) -> Array:
-        """Return the rates (blocks,), Hz, at which the others settle while some are held."""
+        """Return the rates (blocks,), Hz, at which the others settle while some are fixed."""
         wiring = self.wiring
         needed = self.needed(wiring.bias)
         pinned = replace(
@@ -241,13 +242,13 @@ class _Goal:
 
     @property
     def mean_over_channels(self) -> Array:
-        """The matrix (populations, blocks) that takes the mean of each population."""
+        """The matrix (populations, blocks) that averages over the channels of each population."""
         rows = np.arange(len(self.wiring.circuit.populations))
         own = (self.wiring.owner == rows[:, None]).astype(np.float64)
         return np.asarray(own / own.sum(axis=1, keepdims=True))
 
     def factors(self, speed: Mapping[str, float]) -> Array:
-        """Return W of each population: the total weight of its afferents before, at least 1."""
+        """Return W of each population: total afferent weight in the reference, at least 1."""
         wiring = self.before
         each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
         total = each.sum(axis=1)
@@ -295,10 +296,10 @@ def _goal(
 
 
 def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> CircuitTable:
-    """Return the circuit before the edits; ValueError where it is not known or does not fit."""
+    """Return the circuit before the edits; ValueError if it is unknown or does not fit."""
     for row in circuit.populations:
         if row.clamped:
-            rest = "which leaves resting rates what they were: there is nothing to compensate"
+            rest = "which keeps resting rates unchanged: there is nothing to compensate"
             raise InputError(f"{row.name} is clamped, {rest}", "clamp")
     if reference is None:
         if circuit == circuit.unlesioned:
@@ -312,6 +313,6 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
     require(same, "reference", must, reference.channels)
     for row in circuit.populations:
         if row.pooled != getattr(reference.get(row.name, row), "pooled", row.pooled):
-            said = f"{row.name} is pooled in the circuit or in the reference alone"
+            said = f"{row.name} is pooled in only one of circuit and reference"
             raise InputError(said, "reference")
     return reference

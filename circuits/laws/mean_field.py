@@ -1,7 +1,7 @@
-"""A circuit whose cells have their own f-I laws in place of the table's lines.
+"""The fixed point of a circuit with the cells' f-I curves in place of the table's lines.
 
-The table has every population follow a line. Integrate-and-fire cells bend away from it, near
-silence above all; here is the fixed point that they settle at.
+In the table every population follows a line. Integrate-and-fire cells deviate from it, most of all
+near silence, which shifts the fixed point.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ TOLERANCE = 1e-10
 
 
 def own_rates(wiring: Wiring, x: Array) -> Array:
-    """Return the rates (trials, blocks) of states in nats by the cells' own laws, Hz.
+    """Return the rates (trials, blocks), Hz, at states, nats, from the cells' f-I curves.
 
-    They are those of an input that does not fluctuate. Raises ValueError for a type without a law.
+    Inputs are taken as steady. Raises ValueError for a cell type without an f-I curve.
     """
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
@@ -43,11 +43,11 @@ def settled(
     drive : array (trials, channels), nats
         As for the engines.
     start : array (trials, blocks), nats
-        Where to look from: the fixed point of the lines.
+        Initial guess: the fixed point of the lines.
     extra_hz : array (trials, blocks) or float
-        What comes on top of each rate, Hz.
+        Added to each rate, Hz.
     extra_nats : array (trials, blocks) or float
-        What comes on top of each input, nats.
+        Added to each input, nats.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def settled(
 
         solution = root(missing, start[t], tol=TOLERANCE)
         if not solution.success:
-            said = "no fixed point was found with the cells' own f-I laws"
+            said = "no fixed point was found with the cells' own f-I curves"
             raise ValueError(f"{wiring.circuit.name}: {said}")
         found[t] = solution.x
     return found

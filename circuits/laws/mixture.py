@@ -1,7 +1,7 @@
-"""Cells of a population that differ: the mean of their answers.
+"""Mean responses of heterogeneous populations.
 
-Three factors of their constants vary with a standard deviation ``heterogeneity``. The mean over six
-points, each factor up or down by root 3 spreads, is right to third order.
+Three factors on the cells' constants vary with a standard deviation ``heterogeneity``. Averaging
+over six points, each factor up or down by sqrt(3) standard deviations, is exact to third order.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from circuits.dynamics.ticks import LEAST_FACTOR
 
 @lru_cache(maxsize=256)
 def differing(cell: Cell, heterogeneity: float) -> tuple[tuple[Cell, float], ...]:
-    """Return cells that stand for all, each with what its rate by the line is times."""
+    """Return representative cells, each with a factor on the rate of its line."""
     if not heterogeneity:
         return ((cell, 1.0),)
     ways = np.concatenate([np.eye(3), -np.eye(3)]) * np.sqrt(3) * heterogeneity
@@ -25,8 +25,8 @@ def differing(cell: Cell, heterogeneity: float) -> tuple[tuple[Cell, float], ...
 
 
 def mean_rate_hz(cell: Cell, heterogeneity: float, x: Array, hz: Array) -> Array:
-    """Return the mean rate at inputs x (S,), where the line is at ``hz`` (S,), Hz."""
-    alike = cell.rate_hz(x, hz)  # a type without a law says so, whether its cells differ or not
+    """Return the mean rate at inputs x (S,), where the line has the rates ``hz`` (S,), Hz."""
+    alike = cell.rate_hz(x, hz)  # raises for a type without an f-I curve
     if not heterogeneity:
         return alike
     every = [each.rate_hz(x, factor * hz) for each, factor in differing(cell, heterogeneity)]

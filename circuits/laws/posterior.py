@@ -1,4 +1,4 @@
-"""How far OUT lies off -ln P at the fixed point, where the table says that it is read."""
+"""Deviation of OUT from -ln P at the fixed point, over the table's readable range."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 
 STEPS = 21
-"""Values of OUT at which it is looked up, from the lowest to the highest that is read."""
+"""Number of values of OUT at which it is evaluated, over the readable range."""
 BEHIND_NATS = 30.0
-"""So far behind is a competitor that counts for nothing."""
+"""Deficit of a competitor whose contribution is negligible, nats."""
 
 
 def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[float, float]:
-    """Return the lowest and highest of OUT less -ln P, nats, of the leader at the fixed point.
+    """Return the lowest and highest OUT - (-ln P), nats, of the leader at the fixed point.
 
     Parameters
     ----------
     circuit : CircuitTable
-        The table, its drive centred and cut as it states.
+        The circuit; its drive is centred and limited as its table says.
     competitors : int, optional
-        Number of competitors that are level, the others being far behind; all if left out.
+        Number of competitors with equal drive, the others being far behind; by default all.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[flo
 
 
 def _entering(circuit: CircuitTable, drive: Array) -> Array:
-    """Return a drive as it enters: cut at the circuit's reach and centred, if it must be."""
+    """Return a drive as it enters: limited to the circuit's reach, and centred if required."""
     if not circuit.centred:
         return drive
     cut = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.max_deficit_nats)

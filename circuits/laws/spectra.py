@@ -1,8 +1,8 @@
-"""Power of rates and the noise of OUT in closed form.
+"""Power spectra of rates and the variance of OUT in closed form.
 
-Linear noise about the fixed point of a finite number of cells, at rest or at a held drive, also
-where pathways bend (``circuits.laws.fluctuation``): what ``Activity.spectrum`` and the scatter of
-OUT from trial to trial measure.
+Linear noise of finitely many cells about the fixed point, at rest or at a constant drive, including
+nonlinear pathways (``circuits.laws.fluctuation``). They predict ``Activity.spectrum`` and the
+variability of OUT across trials.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def rate_spectrum(
     frequency_hz: npt.ArrayLike,
     drive: npt.ArrayLike | None = None,
 ) -> Array:
-    """Return the one-sided power (F,), Hz^2/Hz, of a population's rate, its channels averaged.
+    """Return the one-sided power (F,), Hz^2/Hz, of a population's rate averaged over channels.
 
     Parameters
     ----------
@@ -34,15 +34,15 @@ def rate_spectrum(
     name : str
         The population.
     frequency_hz : array (F,)
-        From 1e-3 on.
+        At least 1e-3.
     drive : array (channels,), nats, optional
-        Held evidence; rest if left out.
+        Constant evidence; by default rest.
 
     Raises
     ------
     ValueError
-        If the circuit has courses, it has no fixed point or that is unstable, or if noise is not
-        known: see ``fluctuation.extra``.
+        If the circuit has courses, its fixed point does not exist or is unstable, or there is no
+        theory of its noise: see ``fluctuation.extra``.
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     lowest = FREQUENCIES_HZ[0]
@@ -50,7 +50,7 @@ def rate_spectrum(
     require((frequency >= lowest).all(), "frequency_hz", least, frequency.min())
     wiring = wired(circuit)
     x, extra_hz = _state(wiring, drive)
-    swept(wiring, x, extra_hz)  # raises where there is no spectrum
+    swept(wiring, x, extra_hz)  # raises if there is no spectrum
     found = linear(wiring, x, frequency, extra_hz)
     out, own = found.out[0], found.own[0]
     mean = out[:, wiring.blocks_of(name)].mean(axis=1)
@@ -67,9 +67,9 @@ def out_variance(
     circuit : CircuitTable
         The table.
     drive : array (channels,), nats, optional
-        Held evidence; rest if left out.
+        Constant evidence; by default rest.
     mean_ms : float
-        A time that OUT is averaged for, after the read-out's filter.
+        Averaging time of OUT, after the read-out filter.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def out_variance(
     power = np.abs(out[:, read]) ** 2 * own[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
     turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
     seen = np.sinc(frequency * mean_ms / 1000) ** 2 / (1 + turn**2)
-    # Two-sided: as much lies at negative frequencies.
+    # Two-sided: negative frequencies contribute as much.
     variance = 2 * np.trapezoid(power * seen[:, None, None], frequency, axis=0)
     return {
         row.name: variance[:, wiring.blocks_of(row.name)].sum(axis=1)
@@ -93,7 +93,7 @@ def out_variance(
 
 
 def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
-    """Return the state (1, blocks), nats, of a finite number of cells, and its extra rates, Hz."""
+    """Return the state (1, blocks), nats, with finite-size shifts, and the shifts of rates, Hz."""
     wiring.circuit.check_steady("its noise in closed form")
     held = held_drive(wiring, drive)
     start = settled(wiring, held, solve(wiring, held))

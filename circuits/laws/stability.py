@@ -1,9 +1,8 @@
-"""Whether a circuit's fixed point is stable: the loops' delays make it oscillate above some S.
+"""Stability of a circuit's fixed point: delays in its loops cause oscillations above some S.
 
-The scheme of ``circuits.dynamics.ticks`` in continuous time, linearised at the fixed point. A
-delay line is
-a transport equation, collocated at Chebyshev nodes, so that the rightmost roots of the delay
-equation are eigenvalues of one matrix (Breda, Maset & Vermiglio 2005).
+The scheme of ``circuits.dynamics.ticks`` in continuous time is linearised at the fixed point. A
+delay line is a transport equation, collocated at Chebyshev nodes, so that the rightmost roots of
+the delay equation are eigenvalues of one matrix (Breda, Maset & Vermiglio 2005).
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ from circuits.dynamics.wiring import Wiring
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
 RINGING_HZ = np.geomspace(0.02, 1000, 400)
-"""Frequencies, Hz, at which turns of the determinant are counted; amplification: 1 to 100."""
+"""Frequencies, Hz, at which turns of the determinant are counted; amplification uses 1 to 100."""
 LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
-"""Where the limit is looked for, and in what steps."""
+"""Range and step of the search for the limit."""
 
 
 @dataclass(frozen=True)
 class Onset:
-    """Where oscillation begins.
+    """Onset of oscillations.
 
     Parameters
     ----------
     total_nats : float
-        The ``S = ln sum exp y`` above which the fixed point is unstable; inf if there is none.
+        The ``S = ln sum exp y`` above which the fixed point is unstable; inf if it never is.
     frequency_hz : float
-        Frequency of the oscillation that begins there; nan if there is none.
+        Frequency of the oscillation at onset; nan if there is no onset.
     """
 
     total_nats: float
@@ -46,15 +45,15 @@ class Onset:
 def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex:
     """Return the rightmost root of the circuit linearised at its fixed point, 1/s.
 
-    A disturbance grows as ``exp(real * t)`` and turns at ``imag / (2 pi)`` Hz; -inf for a circuit
-    without loops, which forgets it as fast as its filters do.
+    A perturbation grows as ``exp(real * t)`` and oscillates at ``imag / (2 pi)`` Hz; -inf for a
+    circuit without loops, in which it decays with the filters.
 
     Parameters
     ----------
     circuit : CircuitTable
-        The table; its delays and time constants count as they stand, without a tick.
+        The circuit; its delays and time constants are used exactly, not in ticks.
     drive : array (channels,), nats, optional
-        Evidence; rest if left out.
+        Evidence; by default rest.
 
     Raises
     ------
@@ -68,8 +67,8 @@ def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex
 def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
     """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
 
-    Parameters and errors are those of ``growth``; the roots that lie far to the left, where delays
-    are collocated too coarsely, mean nothing.
+    Parameters and errors are those of ``growth``. Roots far to the left are meaningless, because
+    the collocation of delays is too coarse for them.
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)[0]
@@ -79,7 +78,7 @@ def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
 
 
 def is_stable(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> bool:
-    """Return whether the circuit returns to its fixed point after a small disturbance."""
+    """Return whether the circuit returns to its fixed point after a small perturbation."""
     return growth(circuit, drive).real < 0
 
 
@@ -89,7 +88,7 @@ def onset(circuit: CircuitTable) -> Onset:
     Raises
     ------
     ValueError
-        If it is unstable already at the lowest S, or has no fixed point there.
+        If it is already unstable at the lowest S, or has no fixed point there.
     """
     from scipy.optimize import brentq
 
@@ -100,7 +99,7 @@ def onset(circuit: CircuitTable) -> Onset:
 
     low = LOWEST_NATS
     if at(low).real >= 0:
-        raise ValueError(f"{circuit.name} is unstable already at S = {low} nats")
+        raise ValueError(f"{circuit.name} is already unstable at S = {low} nats")
     while low < HIGHEST_NATS:
         high = low * FACTOR
         if at(high).real >= 0:
@@ -113,20 +112,20 @@ def onset(circuit: CircuitTable) -> Onset:
 def ringing(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> tuple[float, float]:
     """Return the largest amplification of fluctuations by the loops, and its frequency, Hz.
 
-    The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point, L what goes once round
-    (Nyquist's criterion): 1 without loops, infinite where the fixed point is unstable.
+    The largest ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point, L the loop gain (Nyquist's
+    criterion): 1 without loops, infinite if the fixed point is unstable.
 
     Parameters
     ----------
     circuit : CircuitTable
         The table.
     drive : array (channels,), nats, optional
-        Held evidence; rest if left out.
+        Constant evidence; by default rest.
 
     Raises
     ------
     ValueError
-        If there is no fixed point, the drive does not fit the circuit, or that has courses.
+        If there is no fixed point, the drive does not fit the circuit, or the circuit has courses.
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)
@@ -150,13 +149,13 @@ def stability_limit_nats(circuit: CircuitTable) -> float:
 
 
 def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
-    """Return the state (1, blocks), nats, at a held drive, or at rest."""
+    """Return the state (1, blocks), nats, at a constant drive, or at rest."""
     wiring.circuit.check_steady("stability")
     return solve(wiring, held_drive(wiring, drive))
 
 
 def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
-    """Return the roots, 1/s, of one loop at the state x of the whole circuit."""
+    """Return the roots, 1/s, of one loop at the state x of the circuit."""
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
     if not slow.any():
@@ -170,7 +169,7 @@ def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
 def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:
     """Return the matrix F and times T, ms, of ``T dz/dt = F z``; where T is 0, ``0 = F z``.
 
-    z holds the blocks' inputs, the units' filtered activities and, unit by unit, what travels.
+    z contains the blocks' inputs, the units' filtered activities and each unit's delay line.
     """
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     units = np.flatnonzero(within)
@@ -194,7 +193,7 @@ def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:
             flow[b + k, :b] += outward[k]
             continue
         travels = slice(line, line + NODES)
-        # The first node is what enters; the last is what arrives.
+        # The first node is the input of the delay line, the last its output.
         flow[travels, :b] = -np.outer(derivative[1:, 0], outward[k])
         flow[travels, travels] = -derivative[1:, 1:]
         lag[travels] = delay[k]

@@ -15,7 +15,7 @@ def test_times_are_whole_ticks():
     assert whole_ticks("delay", 2.5, 0.1) == 25
     circuit = anatomy.bogacz_gurney().with_projection("STN", "GPe", delay_ms=2.05)
     with pytest.raises(
-        ValueError, match=r"delay of STN->GPe of 2.05 ms is no multiple of dt_ms = 0.1"
+        ValueError, match=r"delay of STN->GPe of 2.05 ms is not a multiple of dt_ms = 0.1"
     ):
         _ = Scheme(wire(circuit), 0.1).unit_delay
     with pytest.raises(ValueError, match="delay of STN->GPe"):
@@ -24,7 +24,7 @@ def test_times_are_whole_ticks():
         whole_ticks("delay", 2, 0)
     with refused("step_ms"):
         Clock(1, 0)
-    with refused("sample_ms of 0.25 ms is no multiple"):
+    with refused("sample_ms of 0.25 ms is not a multiple"):
         Clock(1, 1, sample_ms=0.25)
     with refused("settle_ms"):
         Clock(1, 1, settle_ms=-1)

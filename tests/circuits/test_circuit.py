@@ -147,7 +147,7 @@ EXACT, SPIKING, MACAQUE = anatomy.bogacz_gurney(), anatomy.spiking_msprt(), anat
     [
         ("channel ctx_inh is pooled", lambda: MACAQUE.lesion("ctx_inh", 0.5, channel=0)),
         ("nucleus SNr is the read-out", lambda: MACAQUE.lesion("SNr", 0.5, channel=0)),
-        ("nucleus GPe is clamped", lambda: SPIKING.clamp("GPe", channel=0).lesion("GPe", 0.5)),
+        ("nucleus GPe is already", lambda: SPIKING.clamp("GPe", channel=0).lesion("GPe", 0.5)),
         ("intact_by_channel 4 channels, got 2$",
          lambda: MACAQUE.lesion("GPe", 0.5, channel=0).with_channels(4)),
         ("intact_by_channel each of 2 channels, got 1$",

@@ -132,7 +132,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, refus
         assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
         assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
     idle = ("circuit", "compare-edits", out, "set STN.neurons 3", "--engine", "rate", "--force")
-    assert "'set STN.neurons 3' says nothing to the rate engine" in refusal(*idle)
+    assert "'set STN.neurons 3' has no effect in the rate engine" in refusal(*idle)
 
 
 def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):

@@ -69,7 +69,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must lie in 0..1, got 2"),
         ("lesion STN 20%", "set STN.bias_nat 1", "STN has no 'bias_nat': cell, baseline_hz, "),
         ("lesion STN 20%", "add D1->GPe weight=0.1", "D1->GPe: D1 releases GABA, so the weight"),
-        ("lesion STN 20%", "set STN->GPe.delay_ms 4", "4' says nothing to the algebra engine"),
+        ("lesion STN 20%", "set STN->GPe.delay_ms 4", "4' has no effect in the algebra engine"),
         ("trials = 120", "trials = 90", "trials must be 100 or more for an interval, got 90"),
         ("[[pred", EFFECT.format("mean", "own", 0), "measure must be one of accuracy, choice_0, "),
         (

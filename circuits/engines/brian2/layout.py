@@ -1,7 +1,7 @@
-"""Where everything lies in the arrays of the Brian2 engine, and what it holds as a run begins.
+"""Array layout of the Brian2 engine, and its initial values.
 
-Every group lies trial after trial. A unit of the wiring that serves whole blocks is a *shared
-input*; of a pathway that every cell sums for itself, each cell has an *own input*.
+Groups are ordered by trial. A unit of the wiring that serves a whole block is a *shared input*; if
+every cell sums a pathway separately, each cell has an *own input*.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
 
 Values = dict[tuple[str, str], Array]
-"""(group, variable) -> what it holds."""
+"""(group, variable) -> values."""
 Columns = tuple[npt.NDArray[Any], ...]
-"""Sources, targets, and what else belongs to each synapse."""
+"""Sources, targets, and further values of each synapse."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A circuit in a number of trials at once.
+    """A circuit in several parallel trials.
 
     Parameters
     ----------
     scheme : Scheme
-        The circuit at a tick.
+        The circuit with its tick.
     trials : int
         Trials in one network.
     explicit : bool
         Whether connections of probability 1 become synapses too.
     courses : Timed, optional
-        What changes from tick to tick; none if nothing does.
+        Changes from tick to tick, if any.
     """
 
     scheme: Scheme
@@ -55,11 +55,11 @@ class Layout:
 
     @cached_property
     def populations(self) -> list[str]:
-        """Populations of cells: a group each."""
+        """Populations of cells, one group each."""
         return [row.name for row in self.wiring.circuit.populations if row.spiking]
 
     def is_own(self, p: Projection) -> bool:
-        """Whether each target cell sums this pathway for itself."""
+        """Whether each target cell sums this pathway separately."""
         circuit = self.wiring.circuit
         return circuit.is_sparse(p) or (self.explicit and circuit.joins_cells(p))
 
@@ -101,7 +101,7 @@ class Layout:
 
     @cached_property
     def line(self) -> dict[int, int]:
-        """Ticks to remember of each block that a shared input hears."""
+        """Ticks of history needed for each block that feeds a shared input."""
         line: dict[int, int] = {}
         for place, b in zip(*np.nonzero(self.wiring.deliver[self.shared_inputs]), strict=True):
             delay = int(self.scheme.unit_delay[self.shared_inputs[place]])
@@ -109,7 +109,7 @@ class Layout:
         return line
 
     def line_end(self, block: int) -> int:
-        """Return the place behind a block's newest rate in the delay line of a trial."""
+        """Return the place after a block's newest rate in the delay line of a trial."""
         return sum(list(self.line.values())[: list(self.line).index(block) + 1])
 
     def size(self, group: str) -> int:
@@ -133,7 +133,7 @@ class Layout:
             row.name, self.wiring.channel[block] * row.neurons + np.arange(row.neurons)
         )
 
-    # ---- who reaches whom
+    # ---- connectivity
 
     def line_to_shared(self) -> Columns:
         """Return places in the delay line, shared inputs and nats/Hz."""
@@ -156,7 +156,7 @@ class Layout:
         )
 
     def cells_to_blocks(self, name: str) -> Columns:
-        """Return cells, blocks and Hz a spike."""
+        """Return cells, blocks and Hz per spike."""
         hz = spike_hz(self.wiring.circuit.population(name).neurons, self.scheme.dt_ms)
         blocks = self.wiring.blocks_of(name)
         return joined([(self.cells(b), self.index("blocks", b), hz) for b in blocks])
@@ -177,7 +177,7 @@ class Layout:
         here = [part for part in self.own_inputs if self.wiring.row(part[1]).name == name]
         return joined([(self.index("own_inputs", at), self.cells(b)) for _, b, at in here])
 
-    # ---- what the variables hold
+    # ---- values of the variables
 
     def fixed(self) -> Values:
         """Return the variables that are the same in every run."""
@@ -199,12 +199,12 @@ class Layout:
         return values
 
     def constants(self, block: int) -> dict[str, Any]:
-        """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
+        """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous."""
         constants = self.scheme.constants(block)
         return {name: np.float64(value) for name, value in constants.items()}
 
     def start(self, seed: int, first_trial: int) -> Values:
-        """Return the variables that change from run to run, as one begins."""
+        """Return the initial values of the variables that change from run to run."""
         w = self.wiring
         streams = noise.stream_keys(seed, first_trial + np.arange(self.trials), w.names)
         values = self._units() | self._blocks()
@@ -217,7 +217,7 @@ class Layout:
         return values
 
     def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
-        """Return the first value of each variable of a population's cells, trial after trial."""
+        """Return the initial values of a population's cells, ordered by trial."""
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
         constants = {b: self.scheme.constants(b) for b in blocks}
         begun = [

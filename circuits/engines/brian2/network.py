@@ -1,7 +1,7 @@
-"""A layout as a Brian2 network, and what its monitors say.
+"""A layout as a Brian2 network, and its recorded activity.
 
-A tick goes through the slot ``groups`` by order: delay line, units, blocks, cells; a sum over
-synapses comes one order before the group that it ends in. Spikes are counted after that.
+Within a tick, groups run in the slot ``groups`` by order: delay line, units, blocks, cells. Sums
+over synapses run one order before their target group. Spikes are counted afterwards.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from circuits.engines.brian2.layout import Columns, Layout, Values
 from circuits.engines.brian2.noise import functions, load_brian, looked_up
 
 ORDER = {"line": -6, "shared_inputs": -4, "own_inputs": -4, "blocks": -2}
-"""Of the groups within a tick; cells follow at 0, 1 and 2."""
+"""Order of the groups within a tick; cells follow at 0, 1 and 2."""
 WIDE = ("stream", "key", "block")
 """Variables of 64 bits."""
 
@@ -34,16 +34,16 @@ class Network:
     Parameters
     ----------
     layout : Layout
-        Where everything lies.
+        The array layout.
     clock : Clock
         Times of the run.
     spikes : names
-        Populations whose spikes are written down.
+        Populations whose spikes are recorded.
 
     Raises
     ------
     ValueError
-        If one has no cells, or a cell type no Brian2 text.
+        If one has no cells, or a cell type has no Brian2 code.
     """
 
     def __init__(self, layout: Layout, clock: Clock, spikes: Iterable[str] = ()) -> None:
@@ -123,7 +123,7 @@ class Network:
     def _connect(
         self, source: str, target: str, columns: Columns, add: str, value: str = ""
     ) -> None:
-        """Join two groups by a sum, ``a = b``, or by what a spike adds, ``a += b``."""
+        """Connect two groups by a sum, ``a = b``, or by increments at spikes, ``a += b``."""
         if not columns:
             return
         model = f"{value} : 1 (constant)\n" if value else ""
@@ -140,12 +140,12 @@ class Network:
         if value:
             setattr(synapses, value, columns[2])
         if len(columns) > 3:
-            # What arrives in this slot is heard a tick later.
+            # Spikes arriving in this slot take effect one tick later.
             synapses.delay = (columns[3] - 1) * self.clock.dt_ms * self.ms
         self.objects.append(synapses)
 
     def _texts(self, state: str, ticks: tuple[str, str], laws: list[str]) -> tuple[str, str]:
-        """Return the equations and the code of a tick, of those without and with courses."""
+        """Return the equations and the code of a tick, with courses if there are any."""
         timed = bool(self.layout.courses)
         state += brian_text.law_state(laws) + brian_text.COURSE_STATE * timed
         return state, ticks[timed].format(law=brian_text.law(laws))
@@ -196,7 +196,7 @@ class Network:
         self._link(cells, "key", "blocks", "key", "block")
         self._link(cells, f"block_{heard}", "blocks", heard, "block")
         self._every_tick(cells, "word = byte_counts(cell, key)", "word", clock=self.word_tick)
-        # The gather by itself: within the tick it would keep the compiler from vectors.
+        # The gather is separate: within the tick it would prevent vectorisation.
         self._every_tick(cells, hear, "hear", order=1)
         self._every_tick(cells, text.tick, "tick", order=2)
         self._connect(
@@ -216,16 +216,16 @@ class Network:
             setattr(self.groups[group], variable, value)
 
     def readings(self, drive: Array) -> Array:
-        """Return what ``reading`` holds, (steps, trials x blocks), for a drive."""
+        """Return the values of ``reading``, (steps, trials x blocks), for a drive."""
         x = self.layout.wiring.drive(drive)
         return np.moveaxis(x, 1, 0).reshape(self.clock.steps, -1)
 
     def run(self) -> None:
-        """Run; one tick more than the clock's, because a block hears of its spikes a tick later."""
+        """Run one tick more than the clock's, because blocks count their spikes a tick later."""
         self.network.run((self.clock.ticks + 1) * self.clock.dt_ms * self.ms, namespace={})
 
     def activity(self, seed: int, first_trial: int) -> Activity:
-        """Return what the monitors wrote down of the run of a seed."""
+        """Return the recorded activity of the run with a seed."""
         w, clock = self.layout.wiring, self.clock
         last = clock.settle_ticks + clock.sample_ticks * (1 + np.arange(clock.samples))
         spikes = {name: self._spike_table(name) for name in self.spikes}

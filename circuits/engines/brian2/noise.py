@@ -42,7 +42,7 @@ def ones(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
 
 
 def single(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Round to single precision; Brian2 holds that in double."""
+    """Round to single precision; Brian2 stores the result in double."""
     return np.asarray(arithmetic.single(x), dtype=np.float64)
 
 
@@ -66,11 +66,11 @@ FUNCTIONS: dict[str, tuple[Any, tuple[str, ...], str]] = {
     "exponential": (exponential, (_FLOAT,), _FLOAT),
     "chosen": (np.where, ("boolean", _FLOAT, _FLOAT), _FLOAT),
 }
-"""What the texts may call: function, types of its arguments, type of its result."""
+"""Functions available to the Brian2 code, with the types of their arguments and results."""
 
 
 def load_brian() -> ModuleType:
-    """Return Brian2, without its taking over how errors are reported."""
+    """Import Brian2 without letting it take over error reporting."""
     hook = sys.excepthook
     import brian2
 
@@ -80,12 +80,12 @@ def load_brian() -> ModuleType:
 
 
 def functions() -> dict[str, Any]:
-    """Return what the texts call, as Brian2 functions by name."""
+    """Return the functions that the code calls, as Brian2 functions by name."""
     return {name: _function(*given) for name, given in FUNCTIONS.items()}
 
 
 def looked_up(table: Array) -> Any:
-    """Return a table (rows, ticks) as a Brian2 function of row and tick; its last tick holds on."""
+    """Return a table (rows, ticks) as a Brian2 function of row and tick; the last tick persists."""
 
     def at(row: Integers, tick: Integers) -> Array:
         return np.asarray(table[row, np.minimum(tick, table.shape[1] - 1)])

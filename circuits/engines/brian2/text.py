@@ -1,6 +1,6 @@
-"""What the Brian2 engine runs every tick, as text, in the order of a tick.
+"""Code that the Brian2 engine runs every tick, in the order within a tick.
 
-The text of a cell type is its own (``Cell.brian``); nuclei and pathways are rows of the table.
+Cell types provide their own code (``Cell.brian``); nuclei and pathways are rows of the table.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from circuits.cells.cell import BrianText
 from circuits.declaration import transfer
 from circuits.declaration.rows import Population
 
-# ---- delay line of the blocks' rates, oldest first: each element takes over the next one's value
+# ---- delay line of the blocks' rates, oldest first: each element copies the next one's value
 
 LINE_STATE = """
 value_hz : 1
@@ -25,7 +25,7 @@ next_hz : 1 (linked)
 
 LINE_TICK = "value_hz = newest*now_hz + (1 - newest)*next_hz"
 
-# ---- units: a shared input hears the delay line, an own input hears spikes
+# ---- units: a shared input reads the delay line, an own input receives spikes
 
 UNIT_STATE = """
 heard : 1                   # nats that arrive in this tick
@@ -42,7 +42,7 @@ x = u + constant_nats
 sent = weight*({law})
 """
 
-# What a course of dopamine does to units, and courses to blocks: rows of tables, 0 for none.
+# Effects of courses on units (dopamine) and blocks: rows of tables, 0 for none.
 COURSE_STATE = "course : integer (constant)\n"
 
 TIMED_UNIT_TICK = UNIT_TICK.replace("({law})", "(({law})*factors(course, t_in_timesteps))")
@@ -122,15 +122,15 @@ hz = clip(baseline_hz + gain_hz_per_nat*({law}), 0, inf)
 
 
 def cell_text(row: Population) -> BrianText:
-    """Return the text of a population's cells; raises ValueError if their type has none."""
+    """Return the Brian2 code of a population's cells; ValueError if their type has none."""
     return row.cell.brian or row.cell.lacks("brian", "the brian2 engine")
 
 
-# ---- transfers: one expression in x, whichever of some names an element has
+# ---- transfers: one expression in x that covers all the transfers of a group
 
 
 def law(names: Iterable[str]) -> str:
-    """Return the text of named transfers of x; where there are several, ``is_name`` marks each."""
+    """Return the code of named transfers of x; if there are several, ``is_name`` selects one."""
     unique = sorted(set(names))
     texts = {name: transfer.named(name).brian.format(x="x") for name in unique}
     if len(unique) == 1:
@@ -139,12 +139,12 @@ def law(names: Iterable[str]) -> str:
 
 
 def law_state(names: Iterable[str]) -> str:
-    """Return the equations of the marks that ``law`` needs."""
+    """Return the equations of the selectors used by ``law``."""
     unique = sorted(set(names))
     return "".join(f"is_{name} : 1 (constant)\n" for name in unique if len(unique) > 1)
 
 
 def law_marks(names: list[str]) -> dict[str, Array]:
-    """Return what the marks hold, an element a name."""
+    """Return the values of the selectors, one element per name."""
     unique, kinds = sorted(set(names)), np.array(names, dtype=object)
     return {f"is_{name}": (kinds == name) * 1.0 for name in unique if len(unique) > 1}

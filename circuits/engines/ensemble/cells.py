@@ -1,8 +1,8 @@
-"""What the compiled engine needs of each cell type.
+"""Cell types in the compiled engine.
 
-The three types of the shipped tables have loops of their own (``lanes``), each an entry of
-``ENTRIES``. Every other type that spikes runs through ``loops``, which compiles the type's ``tick``
-as it stands. The loop is called by its address, so that the kernel need not be compiled anew.
+The types of the shipped tables have dedicated loops (``lanes``), each an entry of ``ENTRIES``. Any
+other spiking type runs through ``loops``, which compiles the type's ``tick`` unchanged. The loop is
+called by its address, so that the kernel does not have to be recompiled.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Columns = dict[str, float]
 
 
 class Entry(NamedTuple):
-    """What the compiled engine needs of a cell type that has loops of its own.
+    """A cell type with dedicated loops in the compiled engine.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ def _general_columns(cell: Cell, dt_ms: float) -> Columns:
 
 
 GENERAL = Entry(kernel.GENERAL, _general_columns, _general_varied)
-"""Of every type without loops of its own."""
+"""Entry of every type without dedicated loops."""
 
 
 def entry(cell: Cell) -> Entry:
-    """Return the entry of a cell; its exact type counts, for a subclass may tick otherwise."""
+    """Return the entry of a cell; by exact type, as a subclass may have another tick."""
     return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 
 
@@ -99,7 +99,7 @@ def entry(cell: Cell) -> Entry:
 
 
 class Loops(NamedTuple):
-    """A cell type's compiled loops, called by address: keep it while they are used."""
+    """A cell type's compiled loops, called by address: keep a reference while they are used."""
 
     advance: Any
     place: Any
@@ -126,12 +126,12 @@ PLACE = types.void(
 
 
 def loops(kind: type[Cell]) -> Loops:
-    """Compile a cell type's ``tick`` and ``begin``: once per process, for seconds.
+    """Compile a cell type's ``tick`` and ``begin``, once per process, which takes seconds.
 
     Raises
     ------
     ValueError
-        If the type has none, or they use what cannot be compiled.
+        If the type lacks them, or they cannot be compiled.
     """
     functions = (kind.tick, kind.begin)
     if functions not in _LOOPS:
@@ -140,7 +140,7 @@ def loops(kind: type[Cell]) -> Loops:
 
 
 _LOOPS: dict[tuple[Any, Any], Loops] = {}
-"""By ``tick`` and ``begin``: a type whose functions were replaced is compiled anew."""
+"""By ``tick`` and ``begin``, so that a type with replaced functions is recompiled."""
 
 
 def _compiled_loops(kind: type[Cell]) -> Loops:
@@ -205,6 +205,6 @@ def _place(begin: Callable[..., Any], size: int, count: int) -> Callable[..., No
 
 
 def _reason(error: Exception) -> str:
-    """Return the line of a compiler's message that says most."""
+    """Return the most informative line of a compiler's message."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return next((line for line in lines if "No implementation" in line), lines[0])

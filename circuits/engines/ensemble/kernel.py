@@ -1,7 +1,7 @@
 """One trial of the ensemble engine: the tick scheme of ``circuits.dynamics.ticks``, compiled.
 
-What arrives in the next ticks, up to the least delay, is known before they begin. So each block in
-turn goes through such a window of ticks; the read-out follows. No tick knows the difference.
+Input within the next ticks, up to the shortest delay, is known in advance. So each block in turn is
+advanced through such a window of ticks, and then the read-out. This does not change the results.
 
 Sums over populations are double precision, in the order of the Brian2 engine; cells, in
 ``lanes``, are single precision.
@@ -31,14 +31,14 @@ RATE, LIF, PHASE, GENERAL = range(4)
 _NAMES = ("linear", "rectified", "saturating", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES)}
 LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = TRANSFERS.values()
-# Whether a block's cells are alike, differ in their constants, or in their inputs as well.
+# Whether a block's cells are identical, differ in their constants, or also in their inputs.
 IDENTICAL, OWN_CONSTANTS, OWN_INPUTS = range(3)
 WORD = noise.TICKS_A_WORD
 WINDOW = 20
-"""Most ticks that a block is taken through at a time: whole words, or one tick if the least delay
-is shorter than a word."""
+"""Most ticks that a block is advanced at a time: whole words, or one tick if the shortest delay is
+less than a word."""
 LEAST_SCALE = 2.0**-10
-"""Filters of cells are written anew when what they are divided by falls below this."""
+"""Filters of cells are rescaled when their common scale falls below this."""
 MOST_ROWS = 255
 """Rows of connections that a count of a byte takes."""
 
@@ -58,20 +58,20 @@ def _law(code, x):
 
 @numba.njit(inline="always")
 def _most(work):
-    """Return how many spikes a list of found ones has room for."""
+    """Return the capacity of a list of spikes."""
     return len(work.found) // len(work.found_n)
 
 
 @compiled
 def _scale(first, window, factors, row):
-    """Multiply what a unit passes on in the ticks of a window by its factors."""
+    """Multiply the output of a unit in the ticks of a window by its factors."""
     for t in range(window):
         row[t] *= factors[first + t]
 
 
 @compiled
 def _arrivals(first, window, units, sources, factors, ring, state, passed):
-    """Filter what arrives at each unit in the ticks of a window (line 1 of the scheme)."""
+    """Filter what arrives at each unit in the ticks of a window (step 1 of the scheme)."""
     mask = ring.shape[1] - 1
     for q in range(len(units)):
         unit, row, u = units[q], passed[q], state[q]
@@ -99,9 +99,9 @@ def _arrivals(first, window, units, sources, factors, ring, state, passed):
 
 @compiled
 def _common(block, first, window, clock, inputs, passed, drive, nats, common):
-    """Sum up what all cells of a block receive, nats, in the ticks of a window (line 2).
+    """Sum up what all cells of a block receive, nats, in the ticks of a window (step 2).
 
-    The order is that of the Brian2 engine: another one would round otherwise.
+    The order is that of the Brian2 engine; another order would round differently.
     """
     for t in range(window):
         common[t] = 0.0
@@ -127,7 +127,7 @@ def _common(block, first, window, clock, inputs, passed, drive, nats, common):
 
 @numba.njit(inline="always")
 def _receive(block, b, first, window, dt_s, work):
-    """Turn a block's input into its rates, or into what its cells need."""
+    """Turn a block's input into its rates, or into the input of its cells."""
     common, mean_step = work.common, work.mean_step
     if block.kind == LIF and block.variation == IDENTICAL:
         for t in range(window):
@@ -151,7 +151,7 @@ def _receive(block, b, first, window, dt_s, work):
 
 @compiled
 def _rates(block, b, window, state, common):
-    """Turn a block's input into rates, Hz, in place: each loop does what can be done at once."""
+    """Turn a block's input into rates, Hz, in place; each loop does what can be vectorised."""
     x = state[b]
     for t in range(window):
         x = block.decay * x + block.filter_gain * common[t]
@@ -163,7 +163,7 @@ def _rates(block, b, window, state, common):
 
 @compiled
 def _advances(block, window, mean, mean_step, noise_step):
-    """Turn expected numbers of spikes a tick into what phases need."""
+    """Turn expected numbers of spikes per tick into the steps of phases."""
     if block.variation == OWN_CONSTANTS:
         for t in range(window):
             mean_step[t], noise_step[t] = mean[t], math.sqrt(mean[t])
@@ -178,11 +178,11 @@ def _advances(block, window, mean, mean_step, noise_step):
 def _filter(p, work, s, k, cells):
     """Take the filters of an own input to tick k.
 
-    They are kept divided by a common scale, which alone decays: only spikes touch them.
+    They are stored divided by a common scale. Only the scale decays; spikes change the values.
     """
     own_input, mask = p.own_inputs[s], p.clock[0].ring - 1
     if k < own_input.delay:
-        # What is under way at the start keeps the filter at rest.
+        # Spikes in transit at the start keep the filter at rest.
         return
     work.scale[s] *= own_input.decay
     if work.scale[s] < LEAST_SCALE:
@@ -205,7 +205,7 @@ def _filter(p, work, s, k, cells):
 
 @numba.njit(inline="always")
 def _weight(p, work, s, k):
-    """Return the weight of an own input at tick k, of what its filters hold."""
+    """Return the weight at tick k of the values stored in the filters of an own input."""
     own_input = p.own_inputs[s]
     weight = own_input.weight * work.scale[s]
     if own_input.course:
@@ -215,7 +215,7 @@ def _weight(p, work, s, k):
 
 @numba.njit(inline="always")
 def _cell_inputs(p, work, block, common, k, x):
-    """Fill x with what all cells of a block receive, and each through its own connections."""
+    """Fill x with the input common to all cells of a block plus each cell's own inputs."""
     first, last, u = block.own_input, block.own_inputs - 1, work.own_input
     for s in range(first, last + 1):
         _filter(p, work, s, k, block.filled)
@@ -230,7 +230,7 @@ def _cell_inputs(p, work, block, common, k, x):
 
 @compiled
 def _rates_varied(block, dt_s, x, state, constants):
-    """Turn each cell's input into its expected number of spikes a tick, in place in x."""
+    """Turn each cell's input into its expected number of spikes per tick, in place in x."""
     if constants is None:
         return
     first, code, factor = block.start, block.law, constants[lanes.FACTOR]
@@ -279,7 +279,7 @@ def _cells(p, work, block, t, ticks, noise_of):
 
 @numba.njit(inline="always")
 def _identical(work, block, t, ticks, noise_of):
-    """Advance cells that differ in noise alone."""
+    """Advance cells that differ only in their noise."""
     v, fired, first, cells = work.v, work.fired, block.start, block.filled
     step = _four(work.mean_step, t)
     if block.kind == LIF:
@@ -307,7 +307,7 @@ def _varied(p, work, block, t, ticks, x, noise_of):
 
 @compiled
 def _general(p, work, block, t, ticks, noise_of):
-    """Advance cells by the compiled tick of their own type."""
+    """Advance cells by the compiled tick of their type."""
     heard, marks = work.heard, work.marks
     lanes.refresh(work.counts, block.start, block.filled, noise_of)
     for i in range(len(ticks)):
@@ -327,7 +327,7 @@ def _general(p, work, block, t, ticks, noise_of):
 
 @numba.njit(inline="always")
 def _write(p, work, first, last, written, spikes):
-    """Write down the spikes of some ticks that are wanted; return how many so far."""
+    """Record the requested spikes of some ticks; return how many so far."""
     if not p.clock[0].listing:
         return written
     most = _most(work)
@@ -372,7 +372,7 @@ def _fire(p, work, block, b, t, k, stream):
 
 @numba.njit(inline="always")
 def _advance(p, work, b, first, window, drive, stream):
-    """Take a block through the ticks of a window (line 3 of the scheme)."""
+    """Advance a block through the ticks of a window (step 3 of the scheme)."""
     clock, block = p.clock[0], p.blocks[b]
     _common(block, first, window, clock, p.inputs, work.passed, drive, p.nats, work.common)
     _receive(block, b, first, window, clock.dt_s, work)
@@ -382,13 +382,13 @@ def _advance(p, work, b, first, window, drive, stream):
         k = first + t
         if block.variation == OWN_INPUTS:
             _inputs_varied(p, work, block, t, k, min(WORD, window - t))
-        # Ticks beyond the last of the run are computed, and read by nobody.
+        # Ticks beyond the end of the run are computed but not used.
         _fire(p, work, block, b, t, k, stream)
 
 
 @compiled
 def _read(clock, readout, ring, k, last, low_pass):
-    """Low-pass the read-out in the ticks from k to the last (line 4 of the scheme)."""
+    """Low-pass the read-out in the ticks from k to the last (step 4 of the scheme)."""
     kept, mask = clock.readout_decay, ring.shape[1] - 1
     for c in range(len(readout)):
         b, x = readout[c], low_pass[c]
@@ -455,7 +455,7 @@ def trial(
     ----------
     p : Plan
     work : Work
-        Memory; all of it is written over.
+        Working memory, which is overwritten.
     drive : array (steps, channels), nats
     streams : array (blocks,) uint64
     drop_below : float
@@ -465,12 +465,12 @@ def trial(
     rates : array (samples, blocks), or (samples, 0)
         Rates in Hz, written here.
     spikes : array (capacity, 3) int32
-        Block, cell and tick of each spike, as far as there is room.
+        Block, cell and tick of each spike, up to the capacity.
 
     Returns
     -------
     int
-        Spikes that there were to write down.
+        Number of spikes to record, which may exceed the capacity.
     """
     begin(p, work, streams)
     return go_on(p, work, drive, streams, drop_below, out, rates, spikes, 0, p.clock[0].ticks)

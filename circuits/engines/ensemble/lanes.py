@@ -1,22 +1,22 @@
-"""What makes the ensemble engine fast, in one place: loops over cells, a register at a time.
+"""Fast loops of the ensemble engine over cells, one register at a time.
 
-One trial at a time; neighbouring cells lie in neighbouring lanes of a register (``registers``). A
-word of noise serves four ticks, and a cell takes all four while its state and its noise are in
-registers. Each loop over cells leaves a bit in ``fired`` for each tick and cell; whoever wants to
-know how many counts the bits. Six things are needed for speed, and each is used below:
+One trial at a time; neighbouring cells occupy neighbouring lanes of a register (``registers``). A
+word of noise serves four ticks, and a cell advances through all four while its state and its noise
+are in registers. Each loop over cells sets a bit in ``fired`` for each tick and cell; spike counts
+are counts of bits. Six things are needed for speed:
 
 * 32-bit integer arithmetic. Numba widens to 64 bits, for which older machines have no vector
   multiplication; the few functions at the top and ``registers`` emit 32-bit instructions. Their
   NumPy twins are ``noise.words`` and ``noise.byte_counts``.
-* A number of cells that is a multiple of 64: nothing is left over at the end.
-* A loop over ticks whose length the compiler sees, as that of a tuple: it writes the ticks out.
-* Arguments that are None where a loop has no use for them: each combination is compiled apart.
-* An unsigned index, so that no negative one has to be wrapped.
-* No second array for refractory cells. A cell that waits holds ``-WAIT * (ticks left)`` instead of
-  a potential (measured from its reset), adds WAIT at each tick and is back at exactly 0 in time.
-  Cells that only fill a register up wait for ever, at minus infinity.
+* A number of cells that is a multiple of 64, so that there is no remainder.
+* A loop over ticks whose length the compiler knows, as that of a tuple, so that it is unrolled.
+* Unused arguments that are None: each combination is compiled separately.
+* An unsigned index, so that negative ones need no wrapping.
+* No second array for refractory cells. A refractory cell has ``-WAIT * (ticks left)`` instead of a
+  potential (measured from its reset), adds WAIT at each tick and returns to exactly 0 in time.
+  Cells that only pad a register stay refractory for ever, at minus infinity.
 
-The state of a cell is float32. The tests hold each loop to plain NumPy.
+The state of a cell is float32. The tests compare each loop with plain NumPy.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from circuits.engines.ensemble.registers import (
 )
 
 LANES = WIDTH
-"""Populations are filled up to a multiple of this many cells."""
+"""Populations are padded to a multiple of this many cells."""
 WHOLE = -LANES
 """Keeps of a number of cells what is such a multiple."""
 WAIT = np.float32(2.0**20)
@@ -57,9 +57,9 @@ WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
 NOISE_STEP, FACTOR = 3, 4
-"""Rows of the cells' constants: what a bit of noise does, and what a rate is multiplied by."""
+"""Rows of the cells' constants: effect of a bit of noise, and factor on the rate."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
-"""Ticks that a loop takes its cells through at once."""
+"""Ticks that a loop advances its cells at once."""
 HALF_BITS = np.float32(4.0)
 _BYTES = tuple(np.float32(256.0**-byte) for byte in range(4))
 
@@ -81,7 +81,7 @@ def _row(context, builder, kind, array):
 
 
 def _call(builder, address, *values):
-    """Call a function of no result by its address."""
+    """Call a function without a result by its address."""
     kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
     builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
@@ -247,7 +247,7 @@ def tick_key(stream, tick):
 
 @compiled
 def begin(v, start, cells, filled, key, least, span):
-    """Put each cell at ``least + span * word / 2**32``; what only fills up waits for ever."""
+    """Put each cell at ``least + span * word / 2**32``; padding stays refractory for ever."""
     for i in range(filled):
         place = least + span * (np.float32(word32(i, key)) * np.float32(2.0**-32))
         v[np.uint64(start + i)] = place if i < cells else -np.float32(np.inf)
@@ -255,7 +255,7 @@ def begin(v, start, cells, filled, key, least, span):
 
 @compiled
 def in_own_units(v, start, cells, constants):
-    """Take potentials into the units in which all cells have one threshold."""
+    """Convert potentials to units in which all cells have the same threshold."""
     if constants is None:
         return
     for j in range(start, start + cells):
@@ -264,7 +264,7 @@ def in_own_units(v, start, cells, constants):
 
 @compiled
 def refresh(counts, start, cells, noise_of):
-    """Draw the words that serve the next four ticks, as ones a byte, the next tick's lowest."""
+    """Draw the noise of the next four ticks, as counts of ones per byte, the next tick's lowest."""
     key, byte = noise_of
     for i in range(cells & WHOLE):
         counts[np.uint64(start + i)] = word32(i, key)
@@ -278,7 +278,7 @@ def refresh(counts, start, cells, noise_of):
 
 @numba.njit(inline="always")
 def _counts(place, noise_of, ticks):
-    """Return the noise of a register of cells: what serves four ticks, or one tick's lowest."""
+    """Return the noise of a register of cells: for four ticks, or one tick's in the lowest byte."""
     key, byte = noise_of
     counts = byte_counts(place, key)
     return counts if len(ticks) > 1 else later(counts, byte)
@@ -308,10 +308,10 @@ def _lif(old, moved, wait, waiting, threshold, refractory):
 def lif_identical(
     v, fired, start, cells, noise_of, ticks, decay, mean_step, noise_step, threshold, refractory
 ):
-    """Advance integrate-and-fire cells that differ in noise alone.
+    """Advance integrate-and-fire cells that differ only in their noise.
 
-    v is measured from the reset: ``v decay + (mean_step + noise_step * ones)``, waiting cells
-    apart: the bracket does not wait for the tick before.
+    v is measured from the reset: ``v decay + (mean_step + noise_step * ones)``, except for
+    refractory cells. The bracket does not depend on the tick before.
     """
     steps = _spread_four(mean_step)
     each = _spread_four(_per_bit((noise_step, noise_step, noise_step, noise_step)))
@@ -332,9 +332,9 @@ def lif_identical(
 def lif_varied(
     v, fired, start, cells, noise_of, ticks, common, x, constants, threshold, refractory
 ):
-    """Advance integrate-and-fire cells with constants each; with inputs x, or all with the common.
+    """Advance heterogeneous integrate-and-fire cells, with inputs x or a common input.
 
-    v is in units in which all cells have one threshold.
+    v is in units in which all cells have the same threshold.
     """
     if constants is None:
         return
@@ -356,14 +356,14 @@ def lif_varied(
 
 @numba.njit(inline="always")
 def _phase(old, mean_step, one):
-    """Return the next phase of cells, and whether they fire: they show that until the next tick."""
+    """Return the next phase of cells, and whether they fire; visible until the next tick."""
     new = where(old >= one, old - one, old) + mean_step
     return new, new >= one
 
 
 @compiled
 def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_step):
-    """Advance phases that differ in noise alone."""
+    """Advance phases that differ only in their noise."""
     steps, each, one = _spread_four(mean_step), _spread_four(_per_bit(noise_step)), spread(ONE)
     for g in range(cells // LANES):
         i = np.uint64(LANES * g)
@@ -377,7 +377,7 @@ def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_st
 
 @compiled
 def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, constants, each):
-    """Advance phases with an expected advance each: x, or the mean times the cell's factor.
+    """Advance phases with individual expected steps: x, or the mean times the cell's factor.
 
     The jitter of an advance m is ``each sqrt(m)``; mean_root is that of the mean, and a cell's
     noise step ``each`` times the root of its factor.
@@ -451,7 +451,7 @@ def add_row(sums, connections, row, cells):
 
 @compiled
 def arrive(u, start, sums, cells, jump):
-    """Add what arrived to the filters of cells, and empty the counts."""
+    """Add arrivals to the filters of cells, and clear the counts."""
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
         u[j] = fused(jump, np.float32(sums[np.uint64(i)]), u[j])
@@ -467,7 +467,7 @@ def scaled(u, start, cells, factor):
 
 @compiled
 def inputs(x, cells, common, u, first, weight, second, other):
-    """Set the input x of each cell to a common part and two filters of its own."""
+    """Set the input x of each cell to a common part plus two filters of the cell."""
     for i in range(cells & WHOLE):
         own = fused(other, u[np.uint64(second + i)], weight * u[np.uint64(first + i)])
         x[np.uint64(i)] = common + own

@@ -1,4 +1,4 @@
-"""From the wiring to what the compiled engine reads: flat records, units of one threshold."""
+"""Conversion of the wiring to the flat records of the compiled engine."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     clock : Clock
         Times of the run.
     kept : array (blocks,) bool
-        Blocks whose spikes are written down.
+        Blocks whose spikes are recorded.
 
     Raises
     ------
     ValueError
-        If a cell type lacks what the compiled engine needs, or it knows no such transfer.
+        If a cell type cannot be compiled, or the engine lacks a transfer.
     """
     places = _Places(Scheme(wiring, clock.dt_ms), timed(wiring, clock))
     own_inputs, own_sources, connections, needs = _own_inputs(places)
     of_block, nats = _added(places)
     window, ring = _window(places.scheme)
-    # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
+    # Single ticks are rare, so their spikes are listed, which avoids compiling more loops.
     listing = bool((kept | needs).any() or window == 1)
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, places.weight)
@@ -66,7 +66,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
 
 @dataclass(frozen=True)
 class _Places:
-    """Where blocks and cells lie, and what they are."""
+    """Places and kinds of blocks and cells."""
 
     scheme: Scheme
     courses: Timed
@@ -85,7 +85,7 @@ class _Places:
 
     @cached_property
     def sparse(self) -> npt.NDArray[np.bool_]:
-        """Which units every target cell sums for itself."""
+        """Units that every target cell sums separately."""
         return np.array([self.circuit.is_sparse(p) for p in self.wiring.projections], dtype=bool)
 
     @cached_property
@@ -95,12 +95,12 @@ class _Places:
 
     @cached_property
     def weight(self) -> Array:
-        """Weights of what is the same for all cells of a block."""
+        """Weights of input common to all cells of a block."""
         return np.where(self.sparse[None, :], 0.0, self.wiring.weight)
 
     @cached_property
     def variation(self) -> npt.NDArray[np.int64]:
-        """In what the cells of each block differ."""
+        """How the cells of each block differ."""
         heterogeneity = [row.spiking and row.heterogeneity for row in self.wiring.rows]
         variation = np.where(heterogeneity, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
         for q in np.flatnonzero(self.sparse):
@@ -113,7 +113,7 @@ class _Places:
 
     @cached_property
     def filled(self) -> npt.NDArray[np.int64]:
-        """Cells of each block with those that only fill up."""
+        """Cells of each block, including padding."""
         return -(-self.cells // lanes.LANES) * lanes.LANES
 
     @cached_property
@@ -123,7 +123,7 @@ class _Places:
 
 
 def _window(scheme: Scheme) -> tuple[int, int]:
-    """Return how many ticks are known before they begin, and how many rates are remembered."""
+    """Return the number of ticks whose input is known in advance, and of rates stored."""
     delays = scheme.unit_delay
     known = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
     window = known // kernel.WORD * kernel.WORD or 1
@@ -183,7 +183,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         floor=wiring.floor_hz,
         decay=scheme.block_decay,
         filter_gain=1 - scheme.block_decay,
-        # What a sparse unit always delivers is the same for all cells.
+        # The constant output of a sparse unit is the same for all cells.
         bias=wiring.bias + (wiring.weight - places.weight) @ wiring.constant,
         drive_gain=circuit.drive_gain,
         rest_x=rest_x,
@@ -208,7 +208,7 @@ def _units(places: _Places, source_from: Any) -> Any:
 
 
 def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return each block's row, and what courses add: also to what a sparse unit always delivers."""
+    """Return each block's row, and the nats added by courses, also through sparse units."""
     wiring, courses = places.wiring, places.courses
     sparse = places.sparse & (courses.of_unit > 0)
     if not sparse.any():
@@ -241,7 +241,7 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
 
 
 def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
-    """Return the constants of the cells of types without loops of their own."""
+    """Return the constants of cells without dedicated loops."""
     general = [b for b, made in enumerate(places.entries) if made is GENERAL]
     found = {b: list(places.scheme.constants(b).values()) for b in general}
     own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)
@@ -299,7 +299,7 @@ def _bits(who: npt.NDArray[np.int64], sources: int, targets: int) -> npt.NDArray
     who : array (target cells, in-degree)
         Source cells that reach each target cell.
     sources, targets : int
-        Cells there are, of targets with those that only fill up.
+        Number of source cells, and of target cells including padding.
     """
     table = np.zeros((sources, targets), np.uint8)
     table[who.ravel(), np.repeat(np.arange(len(who)), who.shape[1])] = 1
@@ -308,7 +308,7 @@ def _bits(who: npt.NDArray[np.int64], sources: int, targets: int) -> npt.NDArray
 
 
 def workspace(p: records.Plan) -> records.Work:
-    """Return the memory that one trial at a time runs in."""
+    """Return the working memory of one trial."""
     blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
     ring, window = int(clock["ring"]), max(int(clock["window"]), kernel.WORD)
     cells = int(p.blocks["filled"].sum())

@@ -1,4 +1,4 @@
-"""What the compiled engine reads and writes: a row of the table is a record."""
+"""Data structures of the compiled engine: each row of the table is a record."""
 
 from __future__ import annotations
 
@@ -30,37 +30,37 @@ OWN_SOURCE = record(i8="source connections")
 
 
 class Plan(NamedTuple):
-    """A circuit and a clock as the kernel wants them; made by ``plan.plan``.
+    """A circuit and a clock in the kernel's format; made by ``plan.plan``.
 
     Parameters
     ----------
     clock : record array (1,)
         Times in ticks, the read-out, and whether spikes are listed cell by cell.
     blocks : record array (blocks,)
-        One row a block: what it is, where its cells and its inputs lie, its constants.
+        One row per block: its kind, the places of its cells and inputs, its constants.
     units : record array (units,)
-        One row a postsynaptic sum, with where its sources lie.
+        One row per postsynaptic sum, with the places of its sources.
     sources, inputs : record arrays
-        Which block reaches a unit with which weight; which unit reaches a block.
+        Blocks, with weights, that reach a unit; units that reach a block.
     own_inputs : record array
-        Connections cell by cell: one row a target block of a sparse projection.
+        Connections cell by cell: one row per target block of a sparse projection.
     own_sources : record array
-        Which blocks feed an own input, and where their rows of bits lie in ``connections``.
+        Blocks that feed an own input, and the places of their rows of bits in ``connections``.
     connections : array uint64
-        Connections: for every source cell one row of target cells, a bit each.
+        Connections: for every source cell one row of target cells, one bit each.
     readout : array (channels,)
         Blocks of the read-out.
     ticks : tuple
-        As long as the number of ticks that cells are taken through at once.
+        A tuple whose length is the number of ticks that cells are advanced at once.
     constants : array (5, cells) float32, or None
-        Constants of each cell where cells differ: what nothing needs is not compiled. For a Lif:
-        decay, rest (which makes up for the mean of the noise), slope, noise step, unit of
+        Constants of each cell if cells differ; None avoids compiling unused code. For a Lif:
+        decay, rest (corrected for the mean of the noise), slope, noise step, unit of
         potential; for the others the last is a factor on the rate, and the noise step is that of a
         Phase, cv times the root of half of it.
     tick_constants : array (most constants, cells) float32
-        Constants of the ticks of types without loops of their own.
+        Constants of the ticks of types without dedicated loops.
     factors, nats : arrays (rows, ticks)
-        Tables of ``circuits.dynamics.timed``: ``course`` is the row that a unit or a block has, 0
+        Tables of ``circuits.dynamics.timed``; ``course`` is the row of a unit or a block, 0 for
         none.
     """
 
@@ -81,12 +81,12 @@ class Plan(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What a trial writes on while it runs; made by ``plan.workspace``.
+    """Working memory of a trial; made by ``plan.workspace``.
 
     Parameters
     ----------
     v, counts, cell_x : arrays (cells,)
-        State, noise of four ticks (of types without loops of their own), and filtered input of each
+        State, noise of four ticks (for types without dedicated loops), and filtered input of each
         cell.
     x : array (4, most cells of a block)
         Inputs of the cells of one block in four ticks.
@@ -95,13 +95,13 @@ class Work(NamedTuple):
     state, total : arrays (blocks,)
         Filtered inputs, nats; sums of rates over a sample.
     common, mean_step, noise_step : arrays (window,)
-        Input of all cells of one block, nats; what it does to a cell's state, and the noise of a
-        bit. Where cells have constants of their own mean_step is that input (of a Lif) or the mean
-        advance, and noise_step its root.
+        Common input of the cells of one block, nats; its effect on a cell's state, and the noise
+        per bit. If cells are heterogeneous, mean_step is that input (Lif) or the mean advance, and
+        noise_step its root.
     states : array (most variables, cells)
-        Variables of cells of types without loops of their own.
+        Variables of cells without dedicated loops.
     heard, marks : arrays (4, most cells of a block), (most cells of a block,)
-        What those cells hear, and a bit for each of four ticks in which one fired.
+        Inputs of those cells, and a bit for each of four ticks in which one fired.
     fired : array (4, most cells of a block / 64) uint64
         A bit for each cell of a block that fired, in four ticks.
     unit, passed : arrays (units,), (units, window)
@@ -111,7 +111,7 @@ class Work(NamedTuple):
     sums : array (most cells of a block,)
         Arrivals in a tick.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
-        Which cells fired in the last ticks, and how many.
+        Cells that fired in the last ticks, and how many.
     low_pass : array (channels,)
         Read-out, Hz.
     """

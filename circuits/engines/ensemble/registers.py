@@ -1,7 +1,7 @@
-"""Registers of cells: numbers of neighbouring cells as one value of compiled code.
+"""Registers of cells: the numbers of neighbouring cells as one value of compiled code.
 
-A loop over registers is written as for one cell; every operation is that of its numbers, rounded
-as theirs. A register is wider than those of a machine: its parts do not wait for each other.
+A loop over registers is written as if for one cell; operations act on each number and round in the
+same way. A register is wider than those of the processor, whose parts run in parallel.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
@@ -19,7 +19,7 @@ from numba.extending import intrinsic, models, overload, register_model
 from circuits.dynamics import noise
 
 WIDTH = 64
-"""Numbers in a register; a 64-bit word holds a truth of each."""
+"""Numbers in a register; a 64-bit word has one boolean for each."""
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 
 
@@ -68,12 +68,12 @@ def _pointer(context, builder, kind, array, place, target):
 
 
 def instruction(result, *kinds):
-    """Return the decorator that makes compiled code of a function of a builder and LLVM values.
+    """Return a decorator that turns a function of a builder and LLVM values into compiled code.
 
     Parameters
     ----------
     result, *kinds : types.Type
-        Of what it returns, and of its arguments after the builder.
+        Types of its result, and of its arguments after the builder.
     """
 
     def made(emit):
@@ -88,7 +88,7 @@ def instruction(result, *kinds):
 
 
 def lowbias32(builder, x, low, each):
-    """Return the words of ``noise.words``; ``each`` makes a constant as wide as x."""
+    """Return the words of ``noise.words``; ``each`` makes a constant with the width of x."""
     x = builder.xor(x, builder.lshr(x, each(16)))
     x = builder.add(builder.mul(x, each(noise.FIRST)), low)
     x = builder.xor(x, builder.lshr(x, each(15)))
@@ -178,13 +178,13 @@ def byte_counts(builder, index, key):
 
 @instruction(WORDS, WORDS, types.int64)
 def later(builder, counts, byte):
-    """Return counts with those of a byte brought down to the lowest."""
+    """Return counts shifted so that those of a byte are in the lowest byte."""
     return builder.lshr(counts, _spread(builder, bits_before(builder, byte)))
 
 
 @instruction(FLOATS, WORDS, types.int64)
 def ones_in(builder, counts, byte):
-    """Return the counts of a byte times ``256**byte``: nothing is shifted."""
+    """Return the counts of a byte times ``256**byte``, which needs no shift."""
     here = builder.shl(ir.Constant(_I32, 15), bits_before(builder, byte))
     return builder.sitofp(builder.and_(counts, _spread(builder, here)), _vector(FLOATS.element))
 
@@ -203,7 +203,7 @@ def root(builder, x):
 
 @instruction(FLOATS, TRUTHS, FLOATS, FLOATS)
 def where(builder, truths, yes, no):
-    """Return yes where it is true, no elsewhere."""
+    """Return ``yes`` where it is true, ``no`` elsewhere."""
     return builder.select(truths, yes, no)
 
 

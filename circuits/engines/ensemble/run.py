@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
-"""For how many spikes of a trial there is room at first."""
+"""Initial capacity for the spikes of a trial."""
 
 
 def run(
@@ -82,7 +82,7 @@ def stream(
     Raises
     ------
     ValueError
-        If a step is no multiple of the ticks that share their noise, or another time does not fit.
+        If a step is not a multiple of the ticks that share a noise word, or a time does not fit.
     """
     clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     for name in ("step", "settle"):
@@ -113,9 +113,9 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
     p : Plan
         The circuit.
     arrays : tuple
-        Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
+        Drive, keys of noise, OUT and rates, one row per trial; the last two are written.
     engine : Ensemble
-        Threads, and the OUT below which a trial is over.
+        Number of threads, and the OUT below which a trial ends.
     """
     trials = len(arrays[0])
     found = [np.empty((0, 3), np.int32)] * trials

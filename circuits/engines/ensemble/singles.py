@@ -1,6 +1,6 @@
 """``circuits.cells.single`` compiled for one cell at a time, with the same rounding.
 
-Only single precision is taken: what is not would be rounded here where NumPy does not.
+Only single precision is accepted: other numbers would be rounded here but not by NumPy.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ def _exponential(x):
 
 
 def _singles(*kinds):
-    """Whether all are single precision: what is not would be rounded where NumPy does not."""
+    """Whether all are single precision; others would be rounded here but not by NumPy."""
     return all(kind == types.float32 for kind in kinds)
 
 
 def kept(x: Any) -> Any:
-    """Return a variable of a cell, which must be single precision: nothing is rounded unasked."""
+    """Return a variable of a cell, which must be single precision to avoid implicit rounding."""
     return x
 
 
@@ -51,7 +51,7 @@ def _kept_single(x):
 
 
 def truth(x: Any) -> Any:
-    """Return whether a cell fires, which must be one truth: another number has more bits."""
+    """Return whether a cell fires, which must be a boolean: other numbers have more bits."""
     return x
 
 

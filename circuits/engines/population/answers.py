@@ -1,4 +1,4 @@
-"""What cells answer, in tables over their input: the law of their rate, and their two filters."""
+"""Responses of cells as tables over their input: their f-I curve and their two filters."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SLOWEST_HZ = 0.1
 FAR_NATS = 256.0
 """No input is further from 0."""
 ROUGH, SEEN_HZ = 0.25, (1.0, 120.0)
-"""A misfit of a filter that is worth a word, between these rates."""
+"""Misfit of a filter above which a warning is issued, and the rates where it is checked."""
 LEAST_POWER = 1e-6
 """Least power of noise at a frequency, over the rate."""
 OF_LIMIT = 0.95
-"""How much of the highest rate a law is known to; it goes on straight beyond."""
+"""Fraction of the highest rate up to which a law is tabulated; it is linear beyond."""
 SHARE = 1e-3
 """How near a rate comes to its limits."""
 BENT = 2e-3
@@ -53,7 +53,7 @@ class Straight:
 
 @dataclass(frozen=True)
 class Answers:
-    """What a population's cells answer between two inputs, nats.
+    """Responses of a population's cells between two inputs, nats.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ class Answers:
     rows : array (COEFFICIENTS, STEPS)
         Coefficients of how rates follow, and of the two sections of the noise.
     lags : bool
-        Whether rates follow their input with a lag of their own.
+        Whether rates lag behind their input.
     rough : str
-        A sentence if a filter is far off theory or the cells have no noise; else empty.
+        A warning if a filter deviates from theory or the cells have no noise; otherwise empty.
     """
 
     lowest: float
@@ -111,7 +111,7 @@ class Mixture:
 
 @lru_cache(maxsize=256)
 def answers(mixture: Mixture, dt_ms: float) -> Answers:
-    """Return the answers of a population's cells; raises ValueError if they lack one."""
+    """Return the responses of a population's cells; ValueError if one is not implemented."""
     rate = mixture.rate_hz
     low, high = _ends(rate, MOST_HZ)
     _, top = _ends(rate, min(TOP_HZ, OF_LIMIT * float(rate(np.array([FAR_NATS]))[0])))
@@ -146,12 +146,12 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
 
 @lru_cache(maxsize=64)
 def looked_up(name: str) -> tuple[float, float, Array]:
-    """Return a transfer without a loop of its own between two inputs, (POINTS,).
+    """Return a transfer without a dedicated loop between two inputs, (POINTS,).
 
     Raises
     ------
     ValueError
-        If it bends too much to be looked up.
+        If it is too curved to be looked up.
     """
     law, ends = transfer.named(name), (-FAR_NATS / 4, FAR_NATS / 4)
     grid = np.linspace(*ends, POINTS)
@@ -159,12 +159,12 @@ def looked_up(name: str) -> tuple[float, float, Array]:
     off = np.abs((values[1:] + values[:-1]) / 2 - middles).max()
     if not off <= BENT * np.abs(values).max():
         said = f"the population engine looks {name!r} up between points"
-        raise ValueError(f"{said}, and it bends too much there")
+        raise ValueError(f"{said}, and it is too curved for that")
     return *ends, values
 
 
 def _ends(rate: Callable[[Array], Array], most_hz: float) -> tuple[float, float]:
-    """Return the inputs between which the rate goes from LEAST_HZ to so much, or as it can."""
+    """Return the inputs at which the rate is LEAST_HZ and ``most_hz``, as far as they exist."""
     from scipy.optimize import brentq
 
     def of(x: float) -> float:
@@ -186,12 +186,12 @@ def _pace(hz: Array) -> Array:
 
 
 def _rough(cell: Cell, what: str, hz: Array, misfit: npt.NDArray[np.floating]) -> str:
-    """Return a sentence on where a filter is far off, or nothing."""
+    """Return a warning if a filter deviates too much, otherwise ""."""
     seen = (misfit > ROUGH) & (hz >= SEEN_HZ[0]) & (hz <= SEEN_HZ[1])
     if not seen.any():
         return ""
     worst = int(np.argmax(np.where(seen, misfit, 0)))
     return (
-        f"{cell}: the population engine meets {what} at {hz[worst]:.0f} Hz only within "
-        f"{misfit[worst]:.0%}: hold what follows to spikes"
+        f"{cell}: the population engine reproduces {what} at {hz[worst]:.0f} Hz only to within "
+        f"{misfit[worst]:.0%}: check the results with a spiking engine"
     )

@@ -1,10 +1,10 @@
-"""Answers of cells as filters: how their rates follow an input, and the colour of their noise.
+"""Responses of cells as filters: how rates follow an input, and the spectrum of their noise.
 
 Theory gives both as functions of frequency (``Cell.response``). Here each becomes a filter with few
 coefficients, fitted to it by least squares up to 250 Hz, state by state: how cells follow by
 ``(1 + n1 s + n2 s^2) / (1 + d1 s + d2 s^2)``, so 1 at rest (the cascade "LNdos" of Augustin,
-Ladenbauer, Baumann & Obermayer 2017, PLoS Comput Biol 13, e1005545, with zeros of its own); the
-power of their noise by two such sections. Nothing is fitted to spikes.
+Ladenbauer, Baumann & Obermayer 2017, PLoS Comput Biol 13, e1005545, with separate zeros); the power
+of their noise by two such sections. No parameters are fitted to spikes.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy.typing as npt
 from circuits.arrays import Array, Complex
 
 FREQUENCIES_HZ = np.concatenate([[1e-3, 1.0, 2.0, 4.0], np.geomspace(6, 250, 36)])
-"""Where answers are fitted; the first stands for rest."""
+"""Frequencies at which responses are fitted; the first represents 0."""
 KEPT = 0.03
-"""How much a coefficient is held to that of the state before, where the answer does not tell."""
+"""Regularisation of a coefficient towards that of the previous state."""
 MIDDLING_HZ = 25.0
 """Rate at which a pacemaker's coefficients begin where those of others do."""
 SECTIONS = 2
@@ -94,7 +94,7 @@ def colour(power: Array, rate_hz: Array) -> Fitted:
 
 
 def _colour(power: Array, unit: Array) -> Fitted:
-    """Fit the colour of noise with frequencies in units of their own at each state."""
+    """Fit the spectrum of noise with frequencies in a separate unit for each state."""
     wanted = np.log(power)
 
     def polynomials(p: Array, state: int) -> Complex:

@@ -1,9 +1,9 @@
-"""The ticks of the population engine, compiled: many trials side by side in registers.
+"""The ticks of the population engine, compiled: many trials run in parallel lanes of registers.
 
-A group of ``LANES`` trials shares every loop, one trial a lane. Nothing goes from lane to lane, so
-a trial's bytes do not depend on those beside it; a trial that is over makes room for the next,
-whose clock starts then. What arrives in the next ticks, up to the least delay, is known before they
-begin: so each block in turn goes through a window of ticks.
+A group of ``LANES`` trials shares every loop, one trial per lane. Lanes are independent, so that
+the result of a trial does not depend on the others, to the bit; a trial that ends is replaced by
+the next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known
+in advance, so each block in turn is advanced through a window of ticks.
 
 The compiler vectorises a loop over lanes if it sees that their number is a multiple of ``LANES``,
 that no index is negative (``_at``), and that rows of one array lie a fixed way apart.
@@ -26,14 +26,14 @@ from circuits.engines.ensemble.registers import instruction
 LANES = 64
 WHOLE = -LANES
 WINDOW = 4
-"""Most ticks that a block is taken through at a time: those of one key of noise."""
+"""Most ticks that a block is advanced at a time: those of one key of noise."""
 REFRESH = 16
 """Ticks after which the coefficients of a block's filters follow its state."""
 LOOKED_UP = 0
 _NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
 LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
-"""Transfers with a loop of their own; any other law is looked up."""
+"""Transfers with a dedicated loop; any other law is looked up."""
 HEARD, ACTIVE, NOISE = range(3)
 """Rows of what a block works on: its input, what it makes of it, and the noise of its cells."""
 X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND = 0, 1, 2, 3, 4, 5, 8
@@ -133,7 +133,7 @@ def _apply(n, law, values, row, into, lowest, per, points):
 
 @compiled
 def _look_up(n, values, row, into, lowest, per, points):
-    """Put a law that is known at even steps into a row; beyond the ends it goes on straight."""
+    """Put a law tabulated at even steps into a row; it is linear beyond the ends."""
     last = np.float32(len(points) - 2)
     for i in range(n & WHOLE):
         at = (values[_at(row, i)] - lowest) * per
@@ -204,7 +204,7 @@ def _section(n, found, c, values, state, s):
 
 @compiled
 def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
-    """Turn activity into a rate, with the noise of so many cells."""
+    """Turn activity into a rate, with the noise of a finite number of cells."""
     for i in range(n & WHOLE):
         ring[_at(place, i)] = max(fused(hz_per_nat, values[_at(ACTIVE, i)], baseline), floor)
     if noise > ZERO:
@@ -222,9 +222,9 @@ def _place(places, i, t, table):
 
 @compiled
 def _scale(n, factors, row, places, t, passed, jumps):
-    """Multiply what a unit passes on by its factor; note by how much that jumps.
+    """Multiply the output of a unit by its factor; record the size of the jump.
 
-    A factor holds for a tick: what jumps is no straight line to a filter.
+    A factor is constant within a tick, so the filters must not interpolate across a jump.
     """
     if factors is None:
         return
@@ -263,7 +263,7 @@ def _push(n, nats, row, places, t, values, state):
 
 @compiled
 def _find_places(factors, places, begun, first):
-    """Find where the next tick of each lane lies in the tables of courses."""
+    """Find the place of each lane's next tick in the tables of courses."""
     if factors is None:
         return
     for lane in range(LANES):
@@ -341,7 +341,7 @@ def _advance(p, work, b, first):
 
 @numba.njit(inline="always")
 def _read(p, work, place):
-    """Low-pass the read-out (line 4 of the scheme), and sum up rates."""
+    """Low-pass the read-out (step 4 of the scheme), and sum up rates."""
     n, gain, before = len(work.keys), p.clock[0].readout_gain, p.clock[0].readout_before
     past = (place - 1) & (work.ring.shape[1] // LANES - 1)
     for c in range(len(p.readout)):
@@ -427,7 +427,7 @@ def _sample(p, work, place, level, out, rates):
 
 @numba.njit(inline="always")
 def _hold(p, work, first, drive):
-    """Hold the reading of each lane for a window; what jumps is no straight line to a filter."""
+    """Hold the reading of each lane for a window; filters must not interpolate across its jump."""
     clock = p.clock[0]
     _find_places(p.factors, work.places, work.begun, first)
     for lane in range(LANES):

@@ -1,4 +1,4 @@
-"""From the wiring to what the population kernel reads: records, laws and filters in tables."""
+"""Conversion of the wiring to the population kernel's records and tables of laws and filters."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
 
 SLOW_MS = 50.0
-"""Time in which coefficients follow the state: well above the noise, well below a decision."""
+"""Time constant with which coefficients follow the state: slower than noise, faster than RTs."""
 RUNAWAY_HZ = 1e6
-"""Rate above which a run stops: the loop is unstable."""
+"""Rate above which a run is stopped because a loop is unstable."""
 FEW = 30
 FEW_CELLS = (
-    f"the population engine takes noise for Gaussian, and that of fewer than {FEW} cells is not: "
-    "hold what follows to spikes"
+    f"the population engine assumes Gaussian noise, and that of fewer than {FEW} cells is not: "
+    "check the results with a spiking engine"
 )
 NO_ANSWERS = {"table": -1.0} | dict.fromkeys(("lags", "state_lowest", "state_per", "noise"), 0.0)
-"""Fields of the record of a block whose cells answer nothing."""
+"""Fields of the record of a block whose cells have no filters."""
 TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 """Ticks that are tried, ms, the longest first."""
 
@@ -56,12 +56,12 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     clock : Clock
         Times of the run.
     engine : PopulationsEngine
-        What rates follow, and whether they have noise.
+        The engine with its options.
 
     Raises
     ------
     ValueError
-        If a cell type lacks an answer, or cells differ in a way that theory does not tell.
+        If a cell type lacks a method, or there is no theory for its heterogeneity.
     """
     wiring = scheme.wiring
     if engine.noise or engine.by_cells:
@@ -107,16 +107,16 @@ def tick_ms(wiring: Wiring, *times_ms: float) -> float:
 
 
 def _check(wiring: Wiring) -> None:
-    """Raise ValueError where cells of a channel hear different cells: that is not known here."""
+    """Raise ValueError if cells of a channel have different inputs, which is not supported."""
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            said = "the population engine takes all cells of a channel to hear the same"
+            said = "the population engine assumes that all cells of a channel share their input"
             connects = f"{p.name} connects {p.probability:.0%}: use ensemble"
-            raise InputError(f"{said}, and {connects}", "probability")
+            raise InputError(f"{said}, but {connects}", "probability")
 
 
 class _Tables:
-    """Laws and coefficients that are looked up, each once, and which of them each block has."""
+    """Tables of laws and coefficients, each stored once, and their assignment to blocks."""
 
     def __init__(self, wiring: Wiring, engine: PopulationsEngine, dt_ms: float) -> None:
         self.wiring, self.engine, self.dt_ms = wiring, engine, dt_ms
@@ -163,7 +163,7 @@ class _Tables:
 
 
 def _per(ends: tuple[float, float], points: int) -> float:
-    """Return the steps per nat of so many points between two ends."""
+    """Return the steps per nat of ``points`` points between two ends."""
     return (points - 1) / (ends[1] - ends[0])
 
 
@@ -258,7 +258,7 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
 
 
 def workspace(p: records.Plan, *, kept: bool) -> records.Work:
-    """Return the memory that a group of trials runs in."""
+    """Return the working memory of a group of trials."""
     blocks, units, channels = len(p.blocks), len(p.units), len(p.readout)
     places = 1 << (int(p.units["delay"].max(initial=1)) + kernel.WINDOW).bit_length()
 

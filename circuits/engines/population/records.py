@@ -1,4 +1,4 @@
-"""What the population engine reads and writes: a row of the table is a record."""
+"""Data structures of the population engine: each row of the table is a record."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EDGE = record(i8="index", f4="weight")
 
 
 class Plan(NamedTuple):
-    """A circuit and a clock as the kernel wants them; made by ``plan.plan``.
+    """A circuit and a clock in the kernel's format; made by ``plan.plan``.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Plan(NamedTuple):
         Coefficients of the blocks' filters, state by state.
     factors, nats : arrays (rows, 1 + ticks) float32, or None
         Tables of ``circuits.dynamics.timed``, behind a tick of rest: ``course`` is the row that a
-        unit or a block has. None where nothing changes: what nothing needs is not compiled.
+        unit or a block has. None if there are no courses, which avoids compiling unused code.
     """
 
     clock: Any
@@ -59,7 +59,7 @@ class Plan(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What a group of trials writes on; made by ``plan.workspace``.
+    """Working memory of a group of trials; made by ``plan.workspace``.
 
     A row holds one number for each lane; the rows of a unit or a block lie one after the other.
 
@@ -85,7 +85,7 @@ class Work(NamedTuple):
     indices, trial, begun, samples : arrays (LANES,)
         Places in a table; each lane's trial, its first tick, and samples so far.
     places : array (LANES,)
-        Where each lane's next tick lies in the tables of courses.
+        Place of each lane's next tick in the tables of courses.
     kept : bool
         Whether rates are kept.
     """

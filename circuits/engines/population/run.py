@@ -1,4 +1,4 @@
-"""The population engine: rates in place of cells, at a cost that does not grow with their number.
+"""The population engine: rates in place of cells, at a cost independent of the number of cells.
 
 Every population passes a rate on. It follows the row's line behind its membrane
 (``laws="lines"``), or the cells' own f-I law with their own lags (``laws="cells"``); with
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
 
 RINGING = 8.0
-"""Amplification of fluctuations by the loops above which a run warns."""
+"""Amplification of fluctuations by the loops above which a warning is issued."""
 _ringing = lru_cache(maxsize=64)(ringing)
 
 
@@ -57,12 +57,12 @@ def run(
 ) -> Activity:
     """Run a circuit's populations on many trials; the arguments are those of ``Engine.run``.
 
-    Warns near an oscillation, below 30 cells, and where a filter is far off theory.
+    Warns near an oscillation, below 30 cells, and if a filter deviates from theory.
 
     Returns
     -------
     Activity
-        Rates are means from sample to sample, OUT is low-passed and read at each sample's end.
+        Rates are means between samples; OUT is low-pass filtered and read at each sample's end.
 
     Raises
     ------
@@ -164,8 +164,8 @@ def _warn_of_ringing(circuit: Circuit) -> None:
     amplified, hz = _ringing(circuit.steady)
     if amplified > RINGING:
         warnings.warn(
-            f"{circuit.name} is near an oscillation, or beyond, at {hz:.0f} Hz: its cells fire "
-            "together there, and the population engine takes their noise for independent",
+            f"{circuit.name} is near an oscillation at {hz:.0f} Hz, or beyond its onset: cells "
+            "synchronise there, but the population engine assumes that their noise is independent",
             NoiseWarning,
             stacklevel=user_level(),
         )

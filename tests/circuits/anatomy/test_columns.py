@@ -23,9 +23,11 @@ def test_parts_of_a_table_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="STN: 3 columns, got 2 values"):
         rows(Projection, ("source target weight", ("STN", "GPe")))
     two = ("name cell", ("STN", Rate()), ("GPe", Rate()))
-    with pytest.raises(ValueError, match="'name tau_ms' has a row SNr, the first part has none"):
+    with pytest.raises(ValueError, match="'name tau_ms' has a row SNr, the first part does not"):
         rows(Population, two, ("name tau_ms", ("STN", 5), ("SNr", 5)))
-    with pytest.raises(ValueError, match="a part begins with source target, got 'source weight'"):
+    with pytest.raises(
+        ValueError, match="a part must begin with source target, got 'source weight'"
+    ):
         rows(Projection, ("source weight", ("STN", 1)))
 
 

@@ -309,7 +309,7 @@ def test_a_rebound_compensates_the_others_too():
 def test_a_clamped_nucleus_is_neither_lesioned_nor_compensated():
     clamped = TABLE.clamp("GPe", 0.5)
     assert clamped != TABLE.lesion("GPe", 0.5)
-    with refused("nucleus GPe is clamped already"):
+    with refused("nucleus GPe is already clamped"):
         clamped.lesion("GPe", 0.1)
     with pytest.raises(ValueError, match="GPe is clamped"):
         TABLE.edited("clamp GPe 50%", "compensate")

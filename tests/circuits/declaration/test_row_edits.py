@@ -249,7 +249,7 @@ def test_a_change_without_sense_is_named_as_it_was_written(change, says):
         ("STN.bias_nats=1", "a new row is its name"),
         ("D1->GPe weight=0.1", "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA"),
         ("D1->Thal weight=-1", "'D1->Thal weight=-1': spiking_msprt has no nucleus 'Thal': ctx"),
-        ("STN->GPe weight=1", "STN->GPe exists already: use set"),
+        ("STN->GPe weight=1", "STN->GPe already exists: use set"),
         ("D1->GPe like=STN", "D1->GPe can't be like STN: one of them is a pathway"),
         ("D1->GPe weight=-1 cell=Rate", "D1->GPe has no 'cell': weight"),
         ("TRN neurons=3", "TRN needs cell, or like=ROW"),

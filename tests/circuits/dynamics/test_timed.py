@@ -199,6 +199,6 @@ def test_what_knows_no_time_refuses_courses():
         (lambda: ringing(circuit), "stability"),
         (lambda: out_variance(circuit), "its noise in closed form"),
     ):
-        with pytest.raises(ValueError, match=f"spiking_msprt has courses, and {what} knows no"):
+        with pytest.raises(ValueError, match=f"spiking_msprt has courses, but {what} has no"):
             call()
     assert growth(circuit.steady) == growth(table)

@@ -114,7 +114,7 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
 
 def test_noise_is_refused_where_a_state_grows_without_an_oscillation():
     """As slowly as the lowest frequency can show."""
-    with pytest.raises(ValueError, match="the fixed point of creeping as edited is unstable"):
+    with pytest.raises(ValueError, match="the fixed point of creeping is unstable"):
         out_variance(creeping(0.0074))
     assert np.isfinite(out_variance(creeping(-0.0074))["source"]).all()
 

@@ -156,7 +156,9 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
     edited = circuit.scale("ctx", "D1", 1.1, channel=0)
-    with pytest.raises(ValueError, match=r"^D1 gets another input at rest in each channel"):
+    with pytest.raises(
+        ValueError, match=r"^D1 has one bias but a different resting input in each channel"
+    ):
         edited.compensate(circuit)
     end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
     wiring = wired(circuit)
@@ -251,7 +253,7 @@ def test_a_pooled_population_must_be_so_in_both():
     apart = circuit.with_population("ctx_inh", pooled=False)
     assert isinstance(apart.population("ctx_inh"), Population)
     assert cell == apart.population("ctx_inh").cell
-    with refused("reference ^ctx_inh is pooled in the circuit or in the reference"):
+    with refused("reference ^ctx_inh is pooled in only one of circuit and reference"):
         apart.compensate(circuit)
 
 

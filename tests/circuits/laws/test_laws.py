@@ -255,7 +255,7 @@ def test_noise_is_refused_from_the_onset_of_oscillation_on():
     limit = brentq(lambda d: growth(loop(300, delay_ms=d)).real, 1, 20, xtol=1e-6)
     below = out_variance(loop(MANY, delay_ms=0.98 * limit))["STN"][0]
     assert below > 3 * out_variance(loop(MANY, delay_ms=0.7 * limit))["STN"][0]
-    with pytest.raises(ValueError, match="the fixed point of loop as edited is unstable"):
+    with pytest.raises(ValueError, match="the fixed point of loop is unstable"):
         out_variance(loop(MANY, delay_ms=1.02 * limit))
 
 
@@ -302,7 +302,7 @@ def test_out_is_the_read_outs_rate_averaged_and_filtered():
     ],
 )
 def test_noise_right_at_a_kink_is_refused(fields, where):
-    with pytest.raises(ValueError, match=f"^{where} of kinked as edited is right at a kink"):
+    with pytest.raises(ValueError, match=f"^{where} of kinked is right at a kink"):
         out_variance(kinked(**fields))
     beside = fields | {"source_nats": fields.get("source_nats", 0.0) + 0.01}
     assert np.isfinite(out_variance(kinked(**beside))["source"]).all()

@@ -51,7 +51,7 @@ def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
 )  # fmt: skip
 def test_a_filter_that_errs_by_more_than_a_quarter_is_named_from_1_to_120_hz(misfit, hz, said):
     sentence = _rough(Phase(0.3), "its noise", np.array([20.0, hz]), np.array([0.1, misfit]))
-    assert (f"its noise at {hz:.0f} Hz only within {misfit:.0%}" in sentence) == said
+    assert (f"its noise at {hz:.0f} Hz only to within {misfit:.0%}" in sentence) == said
     assert bool(sentence) == said
 
 
@@ -65,7 +65,7 @@ def test_a_law_is_looked_up_if_it_bends_by_less_than_a_five_hundredth_between_po
     name = f"wave {share}"
     monkeypatch.setitem(transfer.TRANSFERS, name, wave)
     if share > 1:
-        with pytest.raises(ValueError, match="bends too much"):
+        with pytest.raises(ValueError, match="too curved for that"):
             looked_up(name)
     else:
         low, high, values = looked_up(name)

@@ -235,7 +235,7 @@ def test_a_transfer_that_bends_too_much_is_refused(monkeypatch):
         lambda x: (x > 0).astype(float), np.zeros_like, np.zeros_like, "int({x} > 0)", "a step"
     )
     monkeypatch.setitem(transfer.TRANSFERS, "step", step)
-    with pytest.raises(ValueError, match="looks 'step' up between points, and it bends too much"):
+    with pytest.raises(ValueError, match="looks 'step' up between points, and it is too curved"):
         run(
             source(Rate(), 0.0).with_population("ctx", transfer="step"),
             np.zeros((1, 1, 2)),
