@@ -149,7 +149,7 @@ BAD_USE = {
     "circuit show spiking_msprt --noise .99": "that spiking_msprt reads, 0.52 to 0.95",
     "circuit show spiking_msprt --noise .8 --edits 'connections 0.5'": "ctx->D1 connects 50%",
     "circuit show macaque --edits 'dopamine 0.9' --edits 'lesion D1'": "--edits is given twice",
-    "circuit designed --thresholds .05": "macaque reads no OUT below 0.0798 nats",
+    "circuit designed --thresholds .05": "macaque resolves no OUT below 0.0798 nats",
     "circuit designed --thresholds nan": "thresholds must be finite",
     "circuit designed --circuit spiking_msprt --thresholds .7": "would decide without evidence",
     "circuit designed --channels 2": "designed trials need 3 channels or more, got 2",

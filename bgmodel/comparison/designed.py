@@ -208,7 +208,8 @@ def check_read(circuit: Circuit, threshold: float) -> None:
     check_threshold(circuit, threshold)
     if threshold > circuit.readable_nats[1]:
         raise InputError(
-            f"{circuit.name} reads no OUT above {circuit.readable_nats[1]:.3g} {circuit.unit}; the "
+            f"{circuit.name} resolves no OUT above {circuit.readable_nats[1]:.3g} "
+            f"{circuit.unit}; the "
             f"threshold is {threshold:.2f} {circuit.unit}",
             "threshold",
         )

@@ -98,7 +98,7 @@ def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path
         ({"decoder": "nothing"}, "there is no decoder"),
         ({"folder": "nowhere"}, "there is no folder"),
         ({"engine": "algebra"}, "takes all readings of a trial at once"),
-        ({"posterior": 0.99}, "reads no OUT below"),
+        ({"posterior": 0.99}, "resolves no OUT below"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(given, says, sensor, tmp_path, capsys):

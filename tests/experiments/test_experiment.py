@@ -259,9 +259,9 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))
     careful = replace(experiment.manipulation, posterior=0.96)
-    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds resolves no OUT below 0\.0539 nats"):
         replace(experiment, manipulation=careful).run()
-    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds resolves no OUT below 0\.0539 nats"):
         replace(experiment, control=Changes(posterior=0.96)).run()
 
 
