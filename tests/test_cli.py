@@ -91,7 +91,7 @@ BAD_USE = {
     "decide out.csv --period-mm 7": "period_mm must be one of",
     "decide file/out.csv": "output folder",
     "decide out.csv --seed -1": "seed must be a whole number >= 0",
-    "decide out.csv --onset-ms 5": "onset_ms is for a table of your own",
+    "decide out.csv --onset-ms 5": "onset_ms is for your own table",
     "decide out.csv --channels 3": "same-different has 2 alternatives",
     "decide out.csv --trials 1e12": "of memory",
     "decide out.csv --trials many": "must be a whole number, got 'many'",

@@ -124,8 +124,8 @@ def _scatter(table: Circuit, posterior: float) -> str:
     total = sum(variance.values())
     shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
     return (
-        f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, linear "
-        f"theory); shares of its variance: {shares}"
+        f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, "
+        f"linear theory); shares of its variance: {shares}"
     )
 
 

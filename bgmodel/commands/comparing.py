@@ -69,7 +69,7 @@ class Compare(Comparison):
     """
 
     noise_ceiling: bool = False
-    """Whether the circuit decides again with noise of another seed: its agreement with itself is the
+    """Whether to run the circuit again with noise of another seed: its agreement with itself is the
     highest that can be expected."""
 
     def __call__(self) -> None:

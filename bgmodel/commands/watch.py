@@ -46,7 +46,7 @@ class Watch(Asks, Writes):
     decoder: Path
     """A decoder from `bgmodel train`."""
     taps: Path
-    """Taps of the same sensor, decoded by it: the likelihoods of readings are estimated from them."""
+    """Taps of the same sensor, decoded by it, from which likelihoods of readings are estimated."""
     mm_per_px: float
     """Scale of the images, mm."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "edge-direction"
@@ -133,7 +133,7 @@ class Watch(Asks, Writes):
             begun = None
 
     def _begin(self) -> tuple[Callable[[Path], Array | None], tuple[str, ...], Session]:
-        """Return the function from an image to a reading, names of alternatives, and the session."""
+        """Return the reader of images, the names of alternatives, and the session."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia
         from bgmodel.integrators.sprt import Msprt
         from bgmodel.tactile.decoder import Decoder

@@ -145,7 +145,7 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     if len(path.name.encode()) > MOST_NAME_BYTES:
         raise InputError(f"a file's name has at most {MOST_NAME_BYTES} bytes", "path", path.name)
     if not force and (path.exists() or path.is_symlink()):
-        raise InputError(f"{str(path)!r} is there already: give another name, or --force", "path")
+        raise InputError(f"{str(path)!r} already exists: give another name, or --force", "path")
     check_provenance_place(path)
 
 

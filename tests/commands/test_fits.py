@@ -174,14 +174,14 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "cells.csv").write_text("dear diary")
     said = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
-    assert said.startswith("'out/cells.csv' is there and no result of a fit: give another folder")
+    assert said.startswith("'out/cells.csv' exists and is not a result of a fit: give another folder")
 
 
 def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
-    assert "cosines of the directions" in shown
+    assert "parameter trade-offs" in shown
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]
@@ -422,7 +422,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     shown = capsys.readouterr().out
     assert len(done) == 1
     for name in ("a, constant_gap", "a, macaque", "b/c, constant_gap"):
-        assert f"{name}: there already" in shown
+        assert f"{name}: already done" in shown
     whole = pd.read_csv("fits/mine/parameters.csv")
     assert (~whole["held"]).sum() == 4 * 3
 

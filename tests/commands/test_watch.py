@@ -80,7 +80,7 @@ def test_images_are_decided_on_as_they_arrive(who, sensor, tmp_path, capsys):
     assert found["readings"].sum() <= 20
     told = capsys.readouterr()
     assert "decisions on 20 readings" in told.out
-    assert "not a readable image: this image is left out" in told.err
+    assert "not a readable image: this image is skipped" in told.err
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
