@@ -203,9 +203,7 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
 
     if model.raw and evidence.baseline:
         less = f"{evidence.baseline:.3g}"
-        say(
-            f"each channel gets its own evidence, minus the baseline of a reading: {less} nats"
-        )
+        say(f"each channel gets its own evidence, minus the baseline of a reading: {less} nats")
     at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
     if model.engine.threaded:

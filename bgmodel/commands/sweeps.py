@@ -105,8 +105,8 @@ class SweepRun:
         missing = [shard for shard, state in states.items() if state != "done"]
         damaged = list(states.values()).count("damaged")
         print(
-            f"points: {len(points)}; shards: {len(states)}, {len(states) - len(missing)} "
-            f"already finished{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
+            f"points: {len(points)}; shards: {len(states)}, {len(states) - len(missing)} done"
+            f"{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
         say_of_edits(*(point.edits for point in points))

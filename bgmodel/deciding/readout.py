@@ -120,8 +120,7 @@ class ReadOut:
             if wrong.any():
                 said = why(float(rows[wrong].flat[0]))
                 RangeWarning.warn(
-                    f"{wrong.sum()} of {len(rows)} thresholds are unusable, the first: "
-                    f"{said}"
+                    f"{wrong.sum()} of {len(rows)} thresholds are unusable, the first: {said}"
                 )
 
     def _without_evidence(self, threshold: float) -> str:

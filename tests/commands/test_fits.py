@@ -174,7 +174,9 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "cells.csv").write_text("dear diary")
     said = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
-    assert said.startswith("'out/cells.csv' exists and is not a result of a fit: give another folder")
+    assert said.startswith(
+        "'out/cells.csv' exists and is not a result of a fit: give another folder"
+    )
 
 
 def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):

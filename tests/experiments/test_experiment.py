@@ -56,7 +56,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, choice_0, .*got 'mean'"),
         ("= 20", "= -1", "at_least must be >= 0, got -1"),
         ("= 20", "= nan", "at_least must be >= 0, got nan"),
-        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
+        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 if the direction is "no'),
         ('name = "a lesion"', "", "the key 'name' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
         ('["lesion STN 20%"]', '"STN"', r'edits = \["lesion STN 10%"\]'),
