@@ -154,7 +154,7 @@ BAD_USE = {
     "circuit designed --circuit spiking_msprt --thresholds .7": "would decide without evidence",
     "circuit designed --channels 2": "designed trials need 3 channels or more, got 2",
     "circuit designed --trials 0": "trials must be at least 1",
-    "circuit designed --trials 1": "trials must be at least 2 where there is noise",
+    "circuit designed --trials 1": "trials must be at least 2 for an engine with noise",
     "circuit show gpr --save mine.csv": "save must end in .toml, got 'mine.csv'",
     "circuit designed --circuit gpr --engine rate": "gpr has no default gain",
     "circuit designed --output a.txt": "output must end in .parquet or .csv",

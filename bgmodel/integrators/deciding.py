@@ -120,9 +120,9 @@ def decide_at_thresholds(
         If OUT of the circuit cannot reach even the highest threshold.
 
     Notes
+    -----
     If the engine supports it, a trial is dropped once its OUT is a little below the lowest
     threshold. If the decoder has not crossed all thresholds by then, it is run again to its end.
-    the decoder has not crossed all thresholds by then, the trial is run again to its end.
     """
     if np.max(thresholds) < model.circuit.readable_nats[0]:
         # Thresholds above OUT at rest may be of interest; unreachable ones are not.
