@@ -279,7 +279,7 @@ def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
 def test_a_csv_that_is_no_utf8_gets_one_sentence(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_bytes("trial,step,ll_a,ll_b\nübung,0,1,2\n".encode("latin-1"))
-    with refused("path it is no text in UTF-8"):
+    with refused("path it is not text in UTF-8"):
         read_evidence_table(path)
 
 
