@@ -1,4 +1,4 @@
-"""Decision making in the basal ganglia: circuits, the optimal test, experiments and fits.
+"""Decision making in the basal ganglia: circuits, the optimal decision rule, experiments, fits.
 
     import bgmodel as bg
 
@@ -26,8 +26,8 @@ try:
     from circuits.errors import BgmodelWarning, InputError
 except ImportError as error:
     raise ImportError(
-        "the package 'circuits' that was found is not bgmodel's: another distribution of that "
-        "name is installed beside it; use an environment of its own"
+        "found a package named 'circuits' that is not part of bgmodel: another distribution of "
+        "that name is installed in this environment; install bgmodel in a separate one"
     ) from error
 
 from bgmodel.deciding.decision import Decision, Trace, first_crossing, tally
@@ -69,7 +69,7 @@ LAZY = {
     "read_choices": "bgmodel.tables.choices",
     "read_evidence": "bgmodel.tables.evidence",
 }
-"""Names that load circuits and pandas: their modules are imported where they are used."""
+"""Names whose modules load circuits and pandas; they are imported on first access."""
 
 __all__ = [
     "BasalGanglia",
@@ -101,10 +101,10 @@ __all__ = [
     "threshold_from_posterior",
 ]
 
-if not TYPE_CHECKING:  # mypy would take any name for one that is there
+if not TYPE_CHECKING:  # otherwise mypy would accept any attribute name
 
     def __getattr__(name: str) -> Any:
-        """Return a name that is loaded where it is used."""
+        """Import and return a lazily loaded name."""
         from importlib import import_module
 
         if name == "engines":

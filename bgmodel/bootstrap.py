@@ -18,7 +18,7 @@ RESAMPLES = 1000
 
 
 FEWEST_DRAWN = {"resamples": 100, "groups": 10}
-"""Resamples and groups below which an interval is warned of."""
+"""Numbers of resamples and of groups below which intervals give a warning."""
 
 
 def resampled(
@@ -27,18 +27,18 @@ def resampled(
     rng: np.random.Generator | int,
     groups: npt.ArrayLike | None = None,
 ) -> Array:
-    """Return weights (1 + resamples, trials): each trial once, then how often each is drawn.
+    """Return weights (1 + resamples, trials): ones, then how often each trial is drawn.
 
     Parameters
     ----------
     trials, resamples : int
-        Their numbers.
+        Number of trials and of bootstrap resamples.
     rng : numpy.random.Generator or int
-        Of the draws, or a seed.
+        Random numbers of the draws, or a seed.
     groups : array (trials,), optional
-        A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), as where
-        trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G), and of
-        few it is rough.
+        A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), for example
+        if trials share taps. With G groups the interval is too narrow by about sqrt(1 - 1 / G),
+        and with few groups it is rough.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def resampled(
 
 
 def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
-    """Refuse a number of resamples that is none; warn of intervals that are too rough to tell.
+    """Refuse an invalid number of resamples; warn of intervals that are too rough.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
     for name, count in drawn.items():
         if count < FEWEST_DRAWN[name]:
             NoiseWarning.warn(
-                f"95 % intervals from {count} {name} are too rough to tell: give "
+                f"95 % intervals from {count} {name} are too rough: give "
                 f"{FEWEST_DRAWN[name]} or more"
             )
 
@@ -82,13 +82,13 @@ def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
 
 
 def interval(values: Array) -> tuple[float, float, float]:
-    """Return the value, the first entry, and the 95 % interval of its resamples, the others."""
+    """Return the first entry, the value, and the 95 % interval of the others, its resamples."""
     ends = np.nanquantile(values[1:], [0.025, 0.975]) if mostly_known(values) else (np.nan, np.nan)
     return float(values[0]), float(ends[0]), float(ends[1])
 
 
 def shown(value: float, low: float, high: float, form: str) -> str:
-    """Return a value and its interval as text; what is not known is said to be so."""
+    """Return a value and its interval as text, with "unknown" for unknown ends."""
     if not np.isfinite(value):
         return "unknown"
     inside = f"{low:{form}}, {high:{form}}" if np.isfinite(low) and np.isfinite(high) else "unknown"
@@ -96,11 +96,11 @@ def shown(value: float, low: float, high: float, form: str) -> str:
 
 
 def check_trials(trials: int) -> None:
-    """Raise ValueError if these are too few for an interval."""
+    """Raise ValueError if there are too few trials for an interval."""
     fewest = f"must be {FEWEST_TRIALS} or more for an interval"
     require(trials >= FEWEST_TRIALS, "trials", fewest, trials)
 
 
 def mostly_known(values: Array) -> bool:
-    """Whether a value and nearly all of its resamples are there."""
+    """Whether a value and nearly all of its resamples are known."""
     return bool(np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95)

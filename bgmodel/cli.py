@@ -1,4 +1,4 @@
-"""The ``bgmodel`` command: thin, its options come from the parameter classes."""
+"""The ``bgmodel`` command: a thin layer, whose options come from parameter classes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
             check_outputs(command)
         with _plain_warnings():
             command()
-    except BrokenPipeError:  # whoever read has read enough
+    except BrokenPipeError:  # the reader closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except ImportError as error:
@@ -54,11 +54,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
-    """Return the command that was asked for; ValueError, one sentence, if it is none.
+    """Return the requested command; ValueError with one sentence if it is invalid.
 
-    Asking for help ends the program, as tyro does it.
+    A request for help ends the program, as in tyro.
     """
-    # Imported inside main, which says it in one sentence if another package is called circuits.
+    # Imported within main, which reports in one sentence another package named circuits.
     from bgmodel.commands.table import COMMANDS
 
     given = sys.argv[1:] if arguments is None else arguments
@@ -83,7 +83,7 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
 
 def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
-    """Raise ValueError if help is asked of a command that there is not: tyro would show another."""
+    """Raise ValueError for help on an unknown command: tyro would show another help."""
     commands: Any = top
     before = "bgmodel"
     if not {"-h", "--help"} & {*arguments}:
@@ -102,7 +102,7 @@ def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
 
 
 def _registry() -> ConstructorRegistry:
-    """Return tyro's rules and more: of whole numbers such as 1e5, of names, and of edits."""
+    """Return tyro's rules, with additions for whole numbers such as 1e5, names and edits."""
     from bgmodel.names import Name
     from circuits.declaration.edits import Edits
 
@@ -159,9 +159,9 @@ def _whole(text: str) -> int:
 
 
 def _sentence(box: str) -> str:
-    """Return the first part of the box that tyro draws about an error, as one line."""
+    """Return the first part of tyro's error box as one line."""
     lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
-    # Where the terminal's alphabet has no frames, the title stands by itself above a line.
+    # If the terminal's encoding has no frames, the title is on its own above a line.
     title = 0 if box.lstrip().startswith("╭") else 1
     parts = re.split(r"[─-]{3,}", " ".join(lines))[title:]
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
@@ -174,7 +174,7 @@ def _sentence(box: str) -> str:
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """Say warnings as a sentence, without the place in the sources that they come from."""
+    """Print warnings as one sentence, without their place in the source code."""
     before = warnings.formatwarning
     warnings.formatwarning = lambda message, *where, **more: f"bgmodel: {message}\n"
     try:
@@ -184,7 +184,7 @@ def _plain_warnings() -> Iterator[None]:
 
 
 def choices(commands: Mapping[str, Any]) -> Any:
-    """Return the type that tyro parses: one subcommand a name, one level more for a group."""
+    """Return the type that tyro parses: one subcommand per name, nested for groups."""
     options: list[Any] = []
     for name, command in commands.items():
         about, kind = command if isinstance(command, tuple) else (None, command)

@@ -1,6 +1,6 @@
-"""One record of what decides on what: circuit, edits, engine, gain, seed, task and stopping rule.
+"""One record of a run: circuit, edits, engine, gain, seed, task and stopping rule.
 
-Experiments, sweeps, comparisons, learning and the commands hold it, so that each setting is
+Experiments, sweeps, comparisons, learning and the commands share it, so that each setting is
 declared and checked in one place.
 """
 
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 
 CIRCUIT = CircuitName(DEFAULT)
 POSTERIOR = 0.82
-"""Stopping posterior unless told otherwise. The output of the default circuit follows -ln P there
-for two to eight alternatives."""
+"""Default stopping posterior. The default circuit's output tracks -ln P up to this posterior for
+two to eight alternatives."""
 STREAM = "circuit run"
-"""Stream of random numbers from which the evidence of a condition is drawn."""
+"""Name of the random-number stream from which the evidence of a condition is drawn."""
 ENGINE = EngineName("population")
-"""Engine unless told otherwise: it has the noise of spikes and is about fifty times as fast."""
+"""Default engine: it includes spiking noise and is about fifty times as fast as spikes."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A circuit as it is edited and run: all that its output depends on, but the evidence.
+    """An edited circuit and its engine: everything that determines its output except the evidence.
 
     Raises
     ------
@@ -57,16 +57,16 @@ class Setup:
     edits: Edits = field(default_factory=Edits)
     """Differences from the table, one line each: "lesion STN 10%", "dopamine 0.9"."""
     engine: EngineName = ENGINE
-    """How the circuit is run: population is fast and has the noise of finitely many cells, ensemble
-    runs their spikes."""
+    """Engine that runs the circuit: population is fast and includes the noise of finitely many
+    cells; ensemble simulates their spikes."""
     gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that per nat);
-    the circuit's default unless given."""
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that unit per
+    nat); the circuit's default if omitted."""
     seed: int = 0
-    """Seed of the noise, and of evidence that is drawn."""
+    """Seed of the noise and of randomly drawn evidence."""
 
     def __post_init__(self) -> None:
-        # Looking names up imports all circuits and engines: the help of commands does without.
+        # Looking up names imports all circuits and engines; command help must not need that.
         for name, default, kind in (
             ("circuit", CIRCUIT, CircuitName),
             ("engine", ENGINE, EngineName),
@@ -78,7 +78,7 @@ class Setup:
         require(self.seed >= 0, "seed", "must be at least 0", self.seed)
         if self.gain is not None:
             check_positive(gain=self.gain)
-        require(isinstance(self.edits, Edits), "edits", "must be Edits of lines", self.edits)
+        require(isinstance(self.edits, Edits), "edits", "must be an Edits of lines", self.edits)
         if self.edits:
             from circuits.ignored import check_edits
 
@@ -91,12 +91,12 @@ class Setup:
         return load_circuit(self.circuit, channels)
 
     def table(self, channels: int | None = None) -> Circuit:
-        """Return the circuit as edited, with one channel per alternative.
+        """Return the edited circuit, with one channel per alternative.
 
         Parameters
         ----------
         channels : int, optional
-            Number of alternatives; that of a file, or 2, unless given.
+            Number of alternatives; by default that of the file, or 2.
         """
         return self.intact(channels).edited(*self.edits)
 
@@ -116,9 +116,9 @@ class Setup:
         channels : int, optional
             Number of alternatives.
         seed : int, optional
-            Of the noise; the record's own unless given.
+            Seed of the noise; by default that of this record.
         workers, rates, sample_ms :
-            Of engines that are made for many trials, as for ``Engine.tuned``.
+            Options of engines built for many trials, as for ``Engine.tuned``.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Condition(Setup):
-    """A circuit, what it decides on, and when it stops.
+    """A circuit, its task and its stopping rule.
 
     Raises
     ------
@@ -146,11 +146,11 @@ class Condition(Setup):
     """
 
     task: Stimuli = field(default_factory=Stimuli)
-    """What is decided."""
+    """The task: how the evidence is made."""
     posterior: float | None = None
-    """Stopping posterior, in the circuit's nats; 0.82 unless given, or a threshold is."""
+    """Stopping posterior, in the circuit's nats; 0.82 if neither it nor a threshold is given."""
     threshold: float | None = None
-    """Output (OUT) at which the circuit decides, in its own unit, in place of a posterior."""
+    """Output (OUT) at which the circuit decides, in the circuit's unit; replaces the posterior."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -165,20 +165,20 @@ class Condition(Setup):
 
     @property
     def hypotheses(self) -> int:
-        """Number of alternatives; a table of evidence is read for it."""
+        """Number of alternatives, read from the evidence table if there is one."""
         if self.task.evidence is not None:
             return read_once(self.task).evidence.hypotheses
         return 2 if self.task.task == "same-different" else self.task.channels
 
     @property
     def trials(self) -> int:
-        """Number of trials; a table of evidence is read for it."""
+        """Number of trials, read from the evidence table if there is one."""
         if self.task.evidence is not None:
             return read_once(self.task).evidence.trials
         return self.task.trials
 
     def drawn(self, name: str) -> Trials:
-        """Return the trials of the task, drawn from the stream of random numbers of that name."""
+        """Return the trials of the task, drawn from the random-number stream of that name."""
         return self.task.draw(self.seed, name)
 
     def threshold_at(self, hypotheses: int) -> float:
@@ -214,7 +214,7 @@ class Condition(Setup):
         Raises
         ------
         ValueError
-            If it is to stop at a posterior and does not work in nats.
+            If the stopping rule is a posterior and the circuit does not work in nats.
         """
         table = self.table(self.hypotheses)
         if self.threshold is None:
@@ -222,12 +222,12 @@ class Condition(Setup):
         return table
 
     def check(self, control: Condition | None = None) -> None:
-        """Raise ValueError for what can be seen before a run.
+        """Raise ValueError for errors that can be detected before a run.
 
         Parameters
         ----------
         control : Condition, optional
-            The condition with which this one is compared; by default, this one without its edits.
+            The control of the comparison; by default this condition without its edits.
         """
         from bgmodel.integrators.basal_ganglia import check_conditions, gain_of
 
@@ -244,7 +244,7 @@ class Condition(Setup):
         Parameters
         ----------
         workers : int
-            Threads of engines that can use several; the results do not depend on it.
+            Number of threads, for engines that can use several; it does not affect results.
         """
         self.task.check_idle()
         evidence = self.drawn(STREAM).evidence
@@ -254,10 +254,10 @@ class Condition(Setup):
 
 @dataclass(frozen=True)
 class Observed(Condition):
-    """A condition whose behaviour is measured: choices, times, and responses without evidence."""
+    """A condition whose behaviour is measured: choices, response times and anticipations."""
 
     foreperiod_ms: float = 500.0
-    """Foreperiod without evidence in which responses are anticipatory, ms."""
+    """Duration of the evidence-free foreperiod; responses within it count as anticipatory, ms."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -265,7 +265,7 @@ class Observed(Condition):
         whole("foreperiod_ms", self.foreperiod_ms, 1)
 
     def check(self, control: Condition | None = None) -> None:
-        """Raise ValueError as ``Condition.check`` does, and for evidence without the truth."""
+        """Raise ValueError as ``Condition.check`` does, and for evidence without known truth."""
         if self.task.evidence is not None:
             needed_truth(read_once(self.task).evidence)
         super().check(control)
@@ -278,12 +278,12 @@ class Observed(Condition):
         return behaviour_of(model, evidence, level, self.foreperiod_ms)
 
     def with_changes(self, **changes: Any) -> Observed:
-        """Return the condition alone, without what a subclass adds, with some fields changed."""
+        """Return a plain Observed with some fields changed, without the fields of subclasses."""
         kept = {f.name: getattr(self, f.name) for f in fields(Observed)}
         return Observed(**(kept | changes))
 
 
 @cache
 def read_once(task: Stimuli) -> Trials:
-    """Return the trials of a table of evidence, which is read once."""
+    """Return the trials of an evidence table, which is read only once (cached)."""
     return task.draw(0, "")

@@ -1,4 +1,4 @@
-"""One decision of the spiking circuit beside the MSPRT: the first thing to look at."""
+"""One decision of the spiking circuit and of the MSPRT: the first thing to look at."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ CELLS = 30
 
 @dataclass(frozen=True)
 class Demo:
-    """One trial: what was given, what the circuit did, and both decisions.
+    """One trial: evidence, activity of the circuit, and both decisions.
 
     Parameters
     ----------
     evidence : Evidence
-        Of one trial; the first alternative is true.
+        Evidence of one trial; the first alternative is true.
     spikes : dict of DataFrame
-        By nucleus: channel, neuron and time_ms.
+        Spikes by nucleus: channel, neuron and time_ms.
     traces : dict of Trace
         OUT of "circuit" and "MSPRT", nats.
     decisions : dict of Decision
-        Of both; they may be undecided at the end of the readings.
+        Decisions of both; they may be undecided at the end of the readings.
     readable_nats : float
-        Highest OUT that the circuit reads.
+        Highest OUT within the range of the read-out.
     gain : float
-        Nats in the circuit per nat of evidence; the test has the same.
+        Nats in the circuit per nat of evidence; the same for the test.
     """
 
     evidence: Evidence
@@ -83,14 +83,14 @@ def _outcome(decision: Decision) -> str:
 
 
 def demo(seed: int = 1, alternatives: int = 3) -> Demo:
-    """Let the default circuit and the MSPRT at its gain decide on one trial of Gaussian evidence.
+    """Run the default circuit and the MSPRT at its gain on one trial of Gaussian evidence.
 
     Parameters
     ----------
     seed : int
-        Of the evidence and of the noise of cells.
+        Seed of the evidence and of the noise of cells.
     alternatives : int
-        Their number, 2 to 12.
+        Number of alternatives, 2 to 12.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
     Raises
     ------
     ValueError
-        If the circuit does not take so many alternatives, or the seed is no whole number >= 0.
+        If the circuit has too few channels, or the seed is not a whole number >= 0.
     """
     table = load_circuit(DEFAULT, alternatives)
     evidence = separated_evidence(
@@ -111,7 +111,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
         hypotheses=alternatives,
         step_ms=STEP_MS,
     )
-    # The plain engine has the compiled one's spikes, and compiles nothing.
+    # The plain engine has the same spikes as the compiled one, without compiling.
     model = BasalGanglia(table, Plain(spikes=tuple(NUCLEI)), gain_of(table), seed)
     activity = model.activity(evidence)
     traces = {
@@ -128,7 +128,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
 
 
 def draw(found: Demo) -> Figure:
-    """Draw evidence, OUT beside -ln P, and the spikes of every nucleus."""
+    """Draw evidence, OUT with -ln P, and the spikes of every nucleus."""
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(
@@ -164,7 +164,7 @@ def _evidence(panel: Axes, evidence: Evidence) -> None:
     panel.legend(panel.lines, names, ncols=len(names), loc="upper left", frameon=False, fontsize=8)
     panel.margins(y=0.25)
     panel.set_ylabel("evidence\n(nats)")
-    panel.set_title("evidence for each alternative, summed: what its channel is told", fontsize=9)
+    panel.set_title("summed evidence for each alternative, the input of its channel", fontsize=9)
 
 
 def _out(panel: Axes, found: Demo) -> None:
@@ -179,7 +179,7 @@ def _out(panel: Axes, found: Demo) -> None:
     )
     panel.axhspan(found.readable_nats, 2.0, color="0.94", lw=0, zorder=0)
     right = (READINGS + 1) * STEP_MS - 8
-    panel.text(right, 1.95, "beyond what is read", ha="right", va="top", fontsize=8, color="0.4")
+    panel.text(right, 1.95, "beyond the read-out", ha="right", va="top", fontsize=8, color="0.4")
     panel.set(ylabel="OUT (nats)", ylim=(0, 2.0))
     panel.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False, fontsize=8)
 

@@ -1,4 +1,4 @@
-"""Evidence: what every integrator, abstract or neural, is given."""
+"""Evidence: the input of every integrator, abstract or neural."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_NATS = 1e6
-"""Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
+"""Beyond this, sums of log-likelihoods lose the differences between hypotheses to rounding."""
 MOST_MS = 1e9
-"""Longest time of a reading or of a foreperiod: with more, times would be rounded."""
+"""Longest reading or foreperiod, ms: longer times would be rounded."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,28 +46,28 @@ class Evidence(Facts):
     log_likelihood : array (trials, steps, hypotheses), nats
         ``log p(reading | hypothesis)``, up to a constant shared by the hypotheses of a reading.
     truth : array (trials,), int, or None
-        Index of the hypothesis that made each trial's readings; None where nobody knows.
+        Index of the hypothesis that made each trial's readings; None if unknown.
     prior : array (hypotheses,), optional
-        Prior probabilities; equal if left out.
+        Prior probabilities; equal if omitted.
     onset_ms : float
         Foreperiod: the time from the start of a trial to the onset of evidence, ms.
         Reading ``k`` (k = 1, 2, ...) arrives at ``onset_ms + k * step_ms``.
     step_ms : float
         Time between readings, ms.
     lengths : array (trials,), int, optional
-        Number of readings of each trial; all of them if left out. Readings after the last of a
-        trial must be 0: they say nothing, and no decision is made there.
+        Number of readings of each trial; all of them if omitted. Entries after the last reading
+        of a trial must be 0; they carry no information, and no decision is made there.
     numbers : array (trials,), int, optional
-        Number of each trial, which decides its ties; 0, 1, 2, ... if left out.
+        Number of each trial, used to break ties; 0, 1, 2, ... if omitted.
     baseline : float, nats, optional
-        Constant taken from every reading where each channel of a circuit gets its own evidence:
-        what a reading says on the whole, for instance the mean over all readings and hypotheses
-        (``mean_reading``). One for all hypotheses, or it would be evidence between them; it must
-        not depend on the reading. Tests don't need one.
+        Constant subtracted from every reading if each channel of a circuit gets its own
+        evidence, for instance the mean over all readings and hypotheses (``mean_reading``). It
+        is the same for all hypotheses, otherwise it would itself be evidence, and must not
+        depend on the reading. Tests do not need a baseline.
     expectancy_nats : array (trials, foreperiod steps), nats, optional
-        What all hypotheses have in common before the onset, one value per ``step_ms`` of the
-        foreperiod; the last one stays on. It says nothing about which is true, and a test does not
-        hear it; channels of a circuit that get their own evidence do.
+        Input common to all hypotheses before the onset, one value per ``step_ms`` of the
+        foreperiod; the last one persists. It carries no information about the truth, and tests
+        ignore it; it reaches a circuit in which each channel gets its own evidence.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Evidence(Facts):
     expectancy_nats: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check once, here, so that nothing downstream has to."""
+        """Check all fields once, so that later code need not."""
         values = reals("log_likelihood", self.log_likelihood)
         require(
             values.ndim == 3 and 0 not in values.shape and (values.shape[2] >= 2),
@@ -114,7 +114,7 @@ class Evidence(Facts):
         if max(values.max(), -values.min()) > MOST_NATS:
             raise InputError(
                 f"log_likelihood must lie within +-{MOST_NATS:.0e} nats, got {values.min():.3g} to "
-                f"{values.max():.3g}: take off what the hypotheses of a reading share",
+                f"{values.max():.3g}: subtract the part common to the hypotheses of a reading",
                 "log_likelihood",
             )
         object.__setattr__(self, "log_likelihood", values)
@@ -160,7 +160,7 @@ class Evidence(Facts):
         trial : int
             Position of the trial.
         ax : Axes, optional
-            Drawn on and returned; that of a new figure unless given.
+            Axes to draw on, by default those of a new figure; returned.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Evidence(Facts):
 
     @property
     def foreperiod_steps(self) -> int:
-        """Number of steps before the onset in which something is expected."""
+        """Number of steps of the foreperiod that carry expectancy."""
         return 0 if self.expectancy_nats is None else int(self.expectancy_nats.shape[1])
 
     @property
@@ -187,7 +187,7 @@ class Evidence(Facts):
 
     @property
     def steps(self) -> int:
-        """Number of readings that the longest trial holds, T_max."""
+        """Number of readings of the longest trial, T_max."""
         return int(self.log_likelihood.shape[1])
 
     @property
@@ -215,20 +215,20 @@ class Evidence(Facts):
 
     @property
     def own_totals(self) -> Array:
-        """What each channel is told by itself, (trials, 1 + steps, hypotheses) nats.
+        """Input of each channel from its own evidence, (trials, 1 + steps, hypotheses) nats.
 
-        The totals less constants that are known before a trial: the baseline for each reading so
-        far, and the mean of the log prior. Nothing here looks across channels.
+        The totals minus constants known before the trial: the baseline for each reading so far, and
+        the mean of the log prior. No information is shared between channels.
 
         Raises
         ------
         ValueError
-            Without a baseline, with what one could be.
+            Without a baseline; the message suggests one.
         """
         if self.baseline is None:
             raise InputError(
-                "this evidence has no baseline, the constant that each channel takes from its "
-                "readings where it gets its own: give one, nats a reading, such as the mean of all "
+                "this evidence has no baseline, the constant subtracted from readings where "
+                "each channel gets its own: give one, nats per reading, such as the mean of all "
                 f"readings, Evidence(..., baseline={self.mean_reading:.3g})",
                 "baseline",
             )
@@ -241,7 +241,7 @@ class Evidence(Facts):
 
     @property
     def mean_reading(self) -> float:
-        """Mean over all readings and hypotheses of what a reading says, nats."""
+        """Mean log-likelihood over all readings and hypotheses, nats."""
         total = self.log_likelihood.sum(dtype=np.float64)
         return float(total / (self.readings.sum() * self.hypotheses))
 
@@ -261,7 +261,7 @@ class Evidence(Facts):
             If none is chosen.
         """
         chosen: Any = self._among(trials)
-        part = object.__new__(Evidence)  # checked already
+        part = object.__new__(Evidence)  # already checked
         of_trials = ("log_likelihood", "truth", "lengths", "numbers", "expectancy_nats")
         for name in (field.name for field in fields(self)):
             value = self.trial_numbers if name == "numbers" else getattr(self, name)
@@ -283,7 +283,7 @@ class Evidence(Facts):
                 f"{error}"
             ) from None
         if not found.size:
-            raise InputError(f"evidence needs a trial or more, got none of {self.trials}", "trials")
+            raise InputError(f"evidence needs at least one trial, got 0 of {self.trials}", "trials")
         return trials
 
 
@@ -293,7 +293,7 @@ def needed_truth(evidence: Evidence) -> Integers:
 
 
 def check_evidence(given: Evidence) -> Evidence:
-    """Return evidence as it is; ValueError for anything else, as a bare array."""
+    """Return the evidence; ValueError for anything else, such as a bare array."""
     if isinstance(given, Evidence):
         return given
     hint = "Evidence(log_likelihood) makes one from nats (trials, steps, hypotheses)"
@@ -327,15 +327,15 @@ def gaussian_evidence(
     conflict: float = 0.0,
     seed: np.random.Generator | int,
 ) -> Evidence:
-    """Draw Gaussian evidence, as the terminal's task "gaussian" does.
+    """Draw Gaussian evidence, as for the task "gaussian" of the command line.
 
     Parameters
     ----------
     trials : int
         Number of trials. Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``.
     d_prime : float
-        What one reading tells of two hypotheses: their separation over the standard deviation of
-        the difference of their channels, > 0.
+        Discriminability of two hypotheses by one reading: their separation over the standard
+        deviation of the difference of their channels, > 0.
     channels : int
         Number of hypotheses, N.
     t_max : int
@@ -343,8 +343,8 @@ def gaussian_evidence(
     step_ms : float
         Time between readings, ms.
     conflict : float
-        How far one competitor rises towards the truth: 0 no further than the others, 1 level. The
-        likelihoods do not know of it.
+        Mean of one competitor relative to that of the truth: 0 is that of the other channels, 1
+        that of the truth. The likelihoods do not account for it.
     seed : int or numpy.random.Generator
         The source of all random numbers.
 
@@ -377,11 +377,11 @@ def separated_evidence(
 ) -> Evidence:
     """Draw the classic Gaussian problem: the true channel has mean ``separation``, the others 0.
 
-    Each reading holds one unit-variance sample a channel, and ``log p(reading | H_i)`` is
+    Each reading holds one unit-variance sample per channel, and ``log p(reading | H_i)`` is
     ``separation * x_i`` up to a shared constant (Bogacz & Gurney 2007, with g* = separation).
     For two hypotheses the log-likelihood ratio has mean ``+-separation**2`` and variance
-    ``2 separation**2``, so one reading tells two alternatives apart with ``d' = sqrt(2)
-    separation``.
+    ``2 separation**2``, so the discriminability of two alternatives by one reading is
+    ``d' = sqrt(2) separation``.
 
     Parameters
     ----------
@@ -390,13 +390,13 @@ def separated_evidence(
     separation : float
         (mu+ - mu-) / sigma of one channel, > 0.
     rng : numpy.random.Generator or int
-        The source of every random number, or a seed: ``stream(seed)`` is taken then.
+        Source of all random numbers, or the seed of ``stream(seed)``.
     step_ms : float
         Time between readings, ms.
     conflict : float
         Mean of one competitor, the channel after the true one, as a fraction of the true one's. The
-        likelihoods do not know of it: they stay those of the problem without a competitor, so what
-        they say is then too sure. What all channels share changes nothing and is left out.
+        likelihoods remain those of the problem without a competitor, and are then overconfident.
+        Terms common to all channels cancel and are left out.
     """
     trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
     hypotheses = whole("hypotheses", hypotheses, 2)
@@ -414,25 +414,25 @@ def separated_evidence(
 def expecting(
     evidence: Evidence, most_nats: float, foreperiod_ms: float, *, rng: np.random.Generator | int
 ) -> Evidence:
-    """Return evidence with a foreperiod over which expectancy rises in a straight line.
+    """Return evidence with a foreperiod over which expectancy rises linearly.
 
-    By the onset it comes to R nats, drawn anew for each trial, evenly from 0 to ``most_nats``.
+    At the onset it is R nats, drawn for each trial from a uniform distribution on [0, most_nats].
 
     Parameters
     ----------
     evidence : Evidence
-        What follows the foreperiod.
+        The readings that follow the foreperiod.
     most_nats : float
         Highest R, in nats of evidence.
     foreperiod_ms : float
         Length of the foreperiod, a multiple of the evidence's ``step_ms``.
     rng : numpy.random.Generator or int
-        The source of every R, or a seed.
+        Source of the values of R, or a seed.
 
     Raises
     ------
     ValueError
-        If ``most_nats`` is negative, or the foreperiod is not made of whole steps.
+        If ``most_nats`` is negative, or the foreperiod is not a whole number of steps.
     """
     check_evidence(evidence)
     check_range(0, np.inf, most_nats=most_nats)
@@ -443,24 +443,24 @@ def expecting(
 
 
 def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
-    """Return the number of steps of a foreperiod; ValueError unless they are one or more."""
+    """Return the number of steps of a foreperiod; ValueError unless it is a positive integer."""
     known = is_number(foreperiod_ms) and np.isfinite(foreperiod_ms)
     steps = round(foreperiod_ms / step_ms) if known else 0
     if steps < 1 or abs(steps * step_ms - foreperiod_ms) > 1e-9 * step_ms:
-        must = f"must be one or more whole steps of {step_ms:g} ms, of an expectancy"
+        must = f"must be one or more whole steps of {step_ms:g} ms if something is expected"
         raise InputError.of("foreperiod_ms", must, foreperiod_ms)
     return steps
 
 
 def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> Array:
-    """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is none."""
+    """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is invalid."""
     if prior is None:
         return np.full(hypotheses, 1.0 / hypotheses)
     values = np.asarray(reals("prior", prior), dtype=np.float64)
     if values.shape != (hypotheses,) or not (values > 0).all():
         raise InputError.of("prior", f"must hold {hypotheses} probabilities > 0", values)
     total = values.sum()
-    require(abs(total - 1) <= 1e-9, "prior", f"must sum to 1, and not to {total:.12g}", values)
+    require(abs(total - 1) <= 1e-9, "prior", f"must sum to 1, not to {total:.12g}", values)
     return values
 
 
@@ -471,8 +471,8 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     require(
         not value.shape and np.isfinite(value),
         "baseline",
-        "must be one finite number for all hypotheses, nats (another for each "
-        "would be evidence between them)",
+        "must be one finite number for all hypotheses, nats (a different one for each "
+        "would itself be evidence)",
         value,
     )
     return float(value)
@@ -500,7 +500,7 @@ def _checked_lengths(lengths: npt.ArrayLike | None, log_likelihood: Reals) -> In
         return None
     check_inside("lengths", values, 1, steps)
     if (values < steps).any() and log_likelihood[np.arange(steps) >= values[:, None]].any():
-        raise InputError("readings after the last of a trial must be 0, got others", "lengths")
+        raise InputError("entries after the last reading of a trial must be 0", "lengths")
     return values
 
 

@@ -22,7 +22,7 @@ class Name(str):
 
     @classmethod
     def parse(cls, given: str) -> Self:
-        """Return the name; ValueError, with the names that are known, for any other text."""
+        """Return the name; ValueError listing the known names for any other text."""
         if given not in cls.known():
             raise ValueError(f"it must be one of {', '.join(cls.known())}, got {given!r}")
         return cls(given)
@@ -47,7 +47,7 @@ else:
 
         @classmethod
         def known(cls) -> tuple[str, ...]:
-            """Return the circuits that come with the package."""
+            """Return the shipped circuits."""
             from circuits.anatomy import CIRCUITS
 
             return tuple(CIRCUITS)
@@ -74,7 +74,7 @@ MACAQUE = CircuitName(DEFAULT)
 
 
 def check(what: str, given: object, kind: Any) -> None:
-    """Raise ValueError, with all names, for something that is no name of a kind."""
+    """Raise ValueError listing the known names, for anything that is not a name of a kind."""
     try:
         kind.parse(given)
     except (ValueError, TypeError):

@@ -17,7 +17,7 @@ HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
 
 
 def new_axes(ax: Axes | None = None) -> Axes:
-    """Return the Axes that are given, or those of a new figure.
+    """Return the given Axes, or those of a new figure.
 
     Raises
     ------
@@ -73,14 +73,14 @@ def choice_times(ax: Axes, choice: npt.ArrayLike, time_ms: npt.ArrayLike) -> Axe
 
 
 def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> Any:
-    """Draw measures of conditions with their intervals, a panel per measure.
+    """Draw measures of conditions with their intervals, one panel per measure.
 
     Parameters
     ----------
     table : DataFrame
         Columns condition, measure, value, low, high; measures without a value are left out.
     ax : Axes, one per measure, optional
-        Drawn on; a new figure unless given.
+        Axes to draw on; those of a new figure by default.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> 
 def wilson(
     correct: npt.ArrayLike, trials: npt.ArrayLike, z: float = 1.96
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return Wilson's interval of a proportion (low, high), 95 % unless told."""
+    """Return Wilson's interval of a proportion (low, high), 95 % by default."""
     n = np.asarray(trials, dtype=float)
     p = np.asarray(correct, dtype=float) / n
     centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
@@ -175,7 +175,7 @@ def speed_accuracy(
 
 
 def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:
-    """Draw gaps over trials, one row a run and one column a trial: median and 10-90 % of runs."""
+    """Draw gaps (a row per run, a column per trial) over trials: median and 10-90 % of runs."""
     low, middle, high = np.percentile(runs.to_numpy(), [10, 50, 90], axis=0)
     ax.plot(runs.columns, middle, **line)
     ax.fill_between(runs.columns, low, high, color=line.get("color"), alpha=0.2, lw=0)
@@ -194,7 +194,7 @@ def reliability(ax: Axes, table: pd.DataFrame, **line: Any) -> Axes:
 
 
 def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line: Any) -> Axes:
-    """Draw a line a channel over time (columns channel, time_ms, value), in colours C0, C1, ...
+    """Draw one line per channel over time (columns channel, time_ms, value), in colours C0, C1, ...
 
     With ``steps`` a value holds until the next.
     """
@@ -206,16 +206,16 @@ def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line:
 
 
 def raster(ax: Axes, spikes: pd.DataFrame, *, channels: int, neurons: int, **dots: Any) -> Axes:
-    """Draw the spikes of the first neurons of each channel, a row a neuron, channel 0 on top.
+    """Draw the spikes of the first neurons of each channel, one row per neuron, channel 0 on top.
 
     Parameters
     ----------
     ax : Axes
         Dots are rasterized: many of them make a vector file large.
     spikes : DataFrame
-        One row a spike: channel, neuron and time_ms.
+        One row per spike: channel, neuron and time_ms.
     channels, neurons : int
-        How many channels there are, and how many neurons of each are shown.
+        Number of channels, and of neurons shown of each.
     """
     shown = spikes[spikes["neuron"] < neurons]
     for channel in range(channels):

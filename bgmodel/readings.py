@@ -1,4 +1,4 @@
-"""Doubts about log-likelihoods: numbers that are likely to be something else."""
+"""Plausibility checks of log-likelihoods."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from bgmodel.support.arrays import Integers, Reals, Truths
 from circuits.errors import DataWarning
 
 MOST_TRIALS = 1000
-"""Trials that are looked at: enough to tell, and quick."""
+"""Number of trials examined: sufficient, and quick."""
 FEWEST_READINGS = 100
 """Number of readings below which there is no warning."""
 SHORTEST = 10
-"""Readings of the shortest trial whose serial correlation tells: in shorter ones it is low even for
-running sums."""
+"""Least number of readings of the shortest trial for its serial correlation to count: in shorter
+trials it is low even for running sums."""
 MANY = 20
-"""Hypotheses from which on more of them than readings are doubted: tasks have fewer."""
+"""From this number of hypotheses on, having more of them than readings is doubtful."""
 CORRELATED = 0.5
 """Serial correlation from which a warning is given; running sums over 10 readings have 0.6, over 20
 0.8, and independent readings about 0."""
 
 
 def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> None:
-    """Warn if values look like probabilities or running sums, or axes as if they were exchanged.
+    """Warn if values look like probabilities or running sums, or if axes seem to be exchanged.
 
     Parameters
     ----------
     log_likelihood : array (trials, steps, hypotheses)
-        What each reading says, nats.
+        Log-likelihoods of each reading, nats.
     lengths : array (trials,), int, optional
-        Number of readings of each trial; all of them if left out.
+        Number of readings of each trial; all of them by default.
 
     Warns
     -----
     UserWarning
         If all values lie between 0 and 1, if successive readings of a trial correlate, or if there
-        are more hypotheses than readings, and many.
+        are many hypotheses, and more than readings.
     """
     _, steps, hypotheses = log_likelihood.shape
     if hypotheses >= MANY and hypotheses > steps:
@@ -65,15 +65,15 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
 
 
 def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
-    """Warn if trials hold the very readings of other ones: together they tell no more than one.
+    """Warn if trials have exactly the readings of others, and so add no information.
 
-    Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be alike by
-    chance: they do not count.
+    Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be equal by
+    chance and do not count.
 
     Parameters
     ----------
     log_likelihood : array (trials, steps, hypotheses)
-        What each reading says, nats.
+        Log-likelihoods of each reading, nats.
     lengths : array (trials,), int
         Number of readings of each trial.
     """
@@ -85,20 +85,20 @@ def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
         seen.add(key)
     if copies:
         DataWarning.warn(
-            f"{copies} of {len(lengths)} trials hold the very readings of an earlier trial: "
-            "intervals count them as new; keep one of each"
+            f"{copies} of {len(lengths)} trials have exactly the readings of an earlier trial: "
+            "intervals count them as independent; keep one of each"
         )
 
 
 def serial_correlation(values: Reals, read: Truths) -> float:
-    """Return the correlation of successive readings within a trial; 0 if it is not known.
+    """Return the correlation of successive readings within a trial; 0 if unknown.
 
     Parameters
     ----------
     values : array (trials, steps, hypotheses)
-        What each reading says, nats. What the hypotheses of a reading share does not count.
+        Log-likelihoods, nats. The part common to the hypotheses of a reading is ignored.
     read : bool array (trials, steps)
-        Whether the trial has this reading. Trials of fewer than ``SHORTEST`` do not count.
+        Whether the trial has this reading. Trials with fewer than ``SHORTEST`` are ignored.
     """
     long = read.sum(axis=1) >= SHORTEST
     values, read = values[long].astype(np.float64), read[long]
@@ -106,7 +106,7 @@ def serial_correlation(values: Reals, read: Truths) -> float:
     mean = (between * read[:, :, None]).sum(axis=1) / read.sum(axis=1)[:, None]
     deviation = (between - mean[:, None]) * read[:, :, None]
     variance = (deviation**2).sum()
-    # Rounding alone is no variance.
+    # Rounding error does not count as variance.
     if not variance > 1e-12 * (between**2).sum():
         return 0.0
     return float((deviation[:, 1:] * deviation[:, :-1]).sum() / variance)

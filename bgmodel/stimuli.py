@@ -1,4 +1,4 @@
-"""What a circuit is to decide: options that commands and experiments share."""
+"""The task of a circuit: options shared by commands and experiments."""
 
 from __future__ import annotations
 
@@ -36,42 +36,42 @@ OF_TASK = {
 
 @dataclass(frozen=True)
 class Stimuli:
-    """What is to be decided: Gaussian evidence, tactile evidence, or a table of your own."""
+    """The task: Gaussian evidence, tactile evidence, or your own evidence table."""
 
     evidence: Path | None = None
     """A table of log-likelihoods, as for `bgmodel decide`, instead of a task."""
     task: Task = "gaussian"
-    """Gaussian evidence, or a tactile question: are two gratings the same or different, which of N
-    orientations has a grating, by how many steps was an edge turned, which of N directions has
-    it."""
+    """Gaussian evidence, or a tactile task: are two gratings the same or different, which of N
+    orientations has a grating, by how many steps was an edge turned, which of N directions does it
+    have."""
     channels: int = 2
-    """Alternatives; 2..8 for a tactile question."""
+    """Alternatives; 2..8 for a tactile task."""
     d_prime: float = 0.5
-    """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
-    their difference."""
+    """Discriminability of Gaussian evidence per reading: separation of two hypotheses, in standard
+    deviations of their difference."""
     conflict: float = 0.0
-    """How far one competitor rises towards the truth in Gaussian evidence: 0 no further than the
-    others, 1 level."""
+    """Mean of one competitor relative to that of the truth in Gaussian evidence: 0 is that of the
+    other channels, 1 that of the truth."""
     period_mm: float = 2.0
     """Period of the tactile grating, mm."""
     step_deg: float = 5.0
-    """Degrees between the alternatives of a question on edges."""
+    """Degrees between the alternatives of a task with edges."""
     taps: Path | None = None
-    """Taps that `bgmodel decode` has decoded, .parquet or .csv; the shipped ones, of a simulated
-    sensor on gratings, if left out."""
+    """Taps decoded by `bgmodel decode`, .parquet or .csv; by default the shipped ones, of a
+    simulated sensor on gratings."""
     fold: int = 0
     """Which sixth of the held-out taps is scored, 0..5."""
     trials: int = 100
-    """Trials to draw."""
+    """Number of trials to draw."""
     t_max: int = 40
-    """Most readings in a trial."""
+    """Largest number of readings in a trial."""
     step_ms: float = 50.0
     """Time between readings, ms."""
     expectancy_nats: float = 0.0
-    """Most that is expected by the end of a foreperiod, common to all channels, nats of evidence;
-    what is expected rises from 0 to a value that each trial draws evenly up to this."""
+    """Largest expectancy at the end of a foreperiod, common to all channels, nats of evidence. It
+    rises from 0 to a value drawn for each trial from a uniform distribution up to this."""
     expectancy_ms: float = 0.0
-    """Length of that foreperiod, ms."""
+    """Duration of that foreperiod, ms."""
 
     def __post_init__(self) -> None:
         for name in ("evidence", "taps"):
@@ -103,12 +103,12 @@ class Stimuli:
             )
 
     def check_idle(self, default: Stimuli | None = None) -> None:
-        """Raise ValueError for a setting that this task makes no use of.
+        """Raise ValueError for a setting that this task does not use.
 
         Parameters
         ----------
         default : Stimuli, optional
-            What holds unless something else is given.
+            The default values.
         """
         default = default or Stimuli(trials=self.trials, t_max=self.t_max)
         if self.evidence is not None:
@@ -125,7 +125,7 @@ class Stimuli:
             )
 
     def _check_task(self, default: Stimuli) -> None:
-        """Refuse what is said of gratings beside Gaussian evidence, and the other way round."""
+        """Refuse options of tactile tasks with Gaussian evidence, and the reverse."""
         own = ("channels", *OF_TASK[self.task])
         every = dict.fromkeys(name for names in OF_TASK.values() for name in names)
         for name in every:
@@ -134,18 +134,18 @@ class Stimuli:
                 raise InputError(f"{name} is for {users}: task {self.task} does not use it", name)
 
     def _check_alone(self, default: Stimuli) -> None:
-        """Refuse what is said of evidence to draw beside a table of evidence."""
+        """Refuse options of randomly drawn evidence with an evidence table."""
         own = replace(default, evidence=self.evidence, step_ms=self.step_ms)
         for option in fields(self):
             if getattr(self, option.name) != getattr(own, option.name):
                 raise InputError(
-                    f"{option.name} is for evidence that is drawn, it says nothing about "
+                    f"{option.name} is for evidence that is drawn and does not apply to "
                     f"{str(self.evidence)!r}",
                     option.name,
                 )
 
     def used(self) -> dict[str, Any]:
-        """Return the options that have a say, by name: for provenance."""
+        """Return the options in effect, by name, for provenance."""
         names = [name for name in OF_TASK[self.task] if name != "taps" or self.taps is not None]
         names = ["task", *names, "trials", "t_max", "step_ms"]
         names = ["evidence", "step_ms"] if self.evidence is not None else names
@@ -171,9 +171,9 @@ class Stimuli:
         Parameters
         ----------
         seed, name : int and str
-            Of the stream of random numbers.
+            Seed and name of the random-number stream.
         prior : sequence of float (hypotheses,), optional
-            What the decider believes; equal if left out.
+            Prior probabilities assumed by the integrator; equal if omitted.
         density : Density, optional
             How likelihoods of decoded taps are estimated.
         """
@@ -185,7 +185,7 @@ class Stimuli:
         drawn = self._drawn(stream(seed, name), prior, density)
         if not self.expectancy_nats:
             return drawn
-        # A stream of its own: the evidence is the same with and without.
+        # A separate stream: the evidence is the same with and without expectancy.
         rng = stream(seed, name, "expectancy")
         ahead = expecting(drawn.evidence, self.expectancy_nats, self.expectancy_ms, rng=rng)
         return replace(drawn, evidence=ahead)
@@ -193,7 +193,7 @@ class Stimuli:
     def _drawn(
         self, rng: np.random.Generator, prior: Sequence[float] | None, density: Density | None
     ) -> Trials:
-        """Return the evidence of a task, from its onset on."""
+        """Return the evidence of a task from its onset."""
         if self.task == "gaussian":
             drawn = gaussian_evidence(
                 self.trials, d_prime=self.d_prime, channels=self.channels, t_max=self.t_max,
@@ -207,7 +207,7 @@ class Stimuli:
         return Trials(tapped, list(readings.names))
 
     def readings(self, density: Density | None = None) -> Source:
-        """Return all readings of a tactile task, and warn where they say nothing."""
+        """Return all readings of a tactile task; warn if they are uninformative."""
         from bgmodel.tactile.source import readings_of
 
         return readings_of(
@@ -217,7 +217,7 @@ class Stimuli:
 
 
 def circuit_seen_from(folder: Path, name: str) -> str:
-    """Return a circuit's name as it is, or its path as seen from the folder of the file naming it.
+    """Return a circuit's name unchanged, or its path relative to the folder of the naming file.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def circuit_seen_from(folder: Path, name: str) -> str:
 
 
 def seen_from(folder: Path, asked: Asked) -> Asked:
-    """Return the contents of a file, with the files that it names looked for in its folder.
+    """Return the contents of a file, with relative paths resolved against its folder.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def seen_from(folder: Path, asked: Asked) -> Asked:
     Returns
     -------
     dataclass
-        Of the same type; absolute paths stay.
+        Of the same type; absolute paths are unchanged.
     """
     task = asked.task
     for name in ("evidence", "taps"):

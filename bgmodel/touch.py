@@ -1,4 +1,4 @@
-"""The story of one sensor: what its taps say, and how test, learner and circuit decide on them."""
+"""The story of one sensor: information in its taps, and decisions of test, learner and circuit."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POSTERIOR = 0.9
-"""Stopping posterior of the test in the table, and of the decision that is shown."""
+"""Stopping posterior of the test in the table, and of the decision shown."""
 ACCURACIES = (0.8, 0.85, 0.9, 0.95)
-"""Accuracies at which circuit and test are compared, as far as the taps allow them."""
+"""Accuracies at which circuit and test are compared, as far as the taps allow."""
 XI, START_DELTA, RUNS = 50.0, 0.5, 5
-"""Cost of an error in readings, the gap at the start, and repeats of the learner."""
+"""Cost of an error in readings, initial gap in nats, and number of runs of the learner."""
 T_MAX = 40
 STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Steps of the psychometric curve of an edge."""
@@ -50,33 +50,33 @@ LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
 @dataclass(frozen=True)
 class Story:
-    """What one sensor's decoded taps are good for.
+    """Results for one sensor's decoded taps.
 
     Parameters
     ----------
     axis : str
-        What changes from stimulus to stimulus, with its unit.
+        Quantity that varies between stimuli, with its unit.
     psychometric : DataFrame
         By stimulus: accuracy of one reading (mean, low and high over folds of taps); claimed, the
         mean posterior of the likeliest hypothesis, which is the accuracy if likelihoods are
         calibrated; spread_deg, the standard deviation of readings of one hypothesis; shrink, the
-        factor on log-likelihoods that predicts other taps best, 0 if a reading says nothing.
+        factor on log-likelihoods that predicts other taps best, 0 for uninformative readings.
     curves : DataFrame
-        Speed against accuracy of test and circuit: model, accuracy, mean_ms.
+        Speed-accuracy tradeoff of test and circuit: model, accuracy, mean_ms.
     table : DataFrame
-        Circuit and test at equal accuracy, as of ``Comparison.table``.
+        Circuit and test at equal accuracy, as in ``Comparison.table``.
     learning : DataFrame
-        Course of the gap: run, episode, mean_delta.
+        Course of the learned gap: run, episode, mean_delta.
     numbers : dict
         Measures by name.
     courses : DataFrame
         OUT of "test" and "circuit in spikes" on one trial: who, channel, time_ms, out_nats.
     decided : DataFrame
-        What they decided on it: who, choice, time_ms.
+        Their decisions on this trial: who, choice, time_ms.
     step_ms : float
         Time between readings, ms.
     remarks : tuple of str
-        All that was warned of.
+        All warnings.
     """
 
     axis: str
@@ -95,21 +95,21 @@ class Story:
         return pd.DataFrame(self.numbers.items(), columns=["measure", "value"])
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return all of it as one table, whose column ``part`` names what a row belongs to."""
+        """Return all tables as one, with a column ``part`` that names the table of each row."""
         parts = {name: getattr(self, name) for name in PARTS} | {"numbers": self.summary()}
         every = [rows.assign(part=name) for name, rows in parts.items() if len(rows)]
         return cast("pd.DataFrame", pd.concat(every))
 
     @classmethod
     def from_dataframe(cls, rows: pd.DataFrame, axis: str, step_ms: float) -> Story:
-        """Return a story from its table, with what its stimuli are and the time of a reading."""
+        """Return a story from its table, its axis and the time between readings."""
         given = {name: rows[rows["part"] == name].dropna(axis=1, how="all") for name in PARTS}
         numbers = rows[rows["part"] == "numbers"]
         values = dict(zip(numbers["measure"], numbers["value"], strict=True))
         return cls(axis, numbers=values, step_ms=step_ms, **given)  # type: ignore[arg-type]
 
     def plot(self) -> Figure:
-        """Draw it: one reading, speed and accuracy, the learned gap, one decision in spikes."""
+        """Draw one reading, speed and accuracy, the learned gap, and one decision in spikes."""
         import matplotlib.pyplot as plt
 
         figure, axes = plt.subplots(2, 2, figsize=(8.4, 6.0), layout="constrained")
@@ -117,7 +117,7 @@ class Story:
         return figure
 
     def draw(self, axes: Iterable[Axes], letters: Sequence[str] = LETTERS) -> None:
-        """Draw its four panels on given axes; letters begin their titles."""
+        """Draw the four panels on given axes; letters begin their titles."""
         for panel, letter, ax in zip(PANELS, letters, axes, strict=True):
             panel(ax, self)
             title = ax.get_title("left") or ax.get_title()
@@ -139,28 +139,28 @@ def story(
     seed: int = 0,
     workers: int = 1,
 ) -> Story:
-    """Let test, learner and circuit decide on decoded taps.
+    """Run test, learner and circuit on decoded taps.
 
     Parameters
     ----------
     taps : DataFrame
-        Decoded, as from ``read_decoded``.
+        Decoded taps, as from ``read_decoded``.
     task_of : function
-        Takes the number of a stimulus; returns the task.
+        Maps the value of a stimulus to the task.
     values : sequence of float
         Stimuli of the psychometric curve.
     value : float
-        The stimulus of everything else.
+        The stimulus of all other results.
     axis : str
-        What changes from stimulus to stimulus.
+        Quantity that varies between stimuli.
     trials : int
-        Decisions of test and circuit.
+        Number of decisions of test and circuit.
     step_ms : float
         Time between readings, ms.
     learner : Learner, optional
-        Of the gap.
+        Learner of the gap.
     seed, workers : int
-        Of evidence and noise, and threads.
+        Seed of evidence and noise, and number of threads.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def story(
 
 
 def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float) -> dict[str, float]:
-    """Return what one reading says of a stimulus: see ``Story.psychometric``."""
+    """Return measures of one reading at a stimulus; see ``Story.psychometric``."""
     sources = folds(taps, task).sources
     accuracy = [_over_hypotheses(source, _right) for source in sources]
     claimed = [_over_hypotheses(source, _claimed) for source in sources]
@@ -214,7 +214,7 @@ def _over_hypotheses(source: Source, measure: Callable[[Array, int], float]) -> 
 
 
 def _right(log_likelihood: Array, truth: int) -> float:
-    """Return the share of readings for which the truth is likeliest; a tie counts in part."""
+    """Return the share of readings for which the truth is likeliest; ties count fractionally."""
     best = log_likelihood == log_likelihood.max(axis=1, keepdims=True)
     return float((best[:, truth] / best.sum(axis=1)).mean())
 
@@ -225,7 +225,7 @@ def _claimed(log_likelihood: Array, truth: int) -> float:
 
 
 def _spread_deg(taps: pd.DataFrame, task: Task) -> float:
-    """Return the standard deviation of readings of one hypothesis, the mean over hypotheses."""
+    """Return the standard deviation of readings within a hypothesis, averaged over hypotheses."""
     low, high = task.range_deg
     each = task.readings(task.pool(taps))
     sds = [circstd(one, high, low) if task.circular else np.std(one) for one in each]
@@ -242,7 +242,7 @@ def _compared(
 
 
 def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
-    """Return agreement, r of times and extra time at the highest accuracy that is known."""
+    """Return agreement, r of times and extra time at the highest accuracy with values."""
     rows = table[(table["model"] == CIRCUIT) & (table["reference"] == MSPRT_AT_GAIN)]
     known = rows[rows["value"].notna() & rows["accuracy"].notna()]
     wide = known.pivot(index="accuracy", columns="measure", values="value")
@@ -255,7 +255,7 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 
 
 def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return the course of the gap learned on the first fold; nothing with three choices."""
+    """Return the course of the gap learned on the first fold; empty without two choices."""
     first = readings.sources[0]
     if len(first.names) != 2 or first.silent:
         return pd.DataFrame(columns=["run", "episode", "mean_delta"]), {}
@@ -293,7 +293,7 @@ def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataF
 
 
 def _readable(model: BasalGanglia) -> float:
-    """Return the posterior of the decision that is shown: the circuit must read it."""
+    """Return the posterior of the decision shown, within the range of the circuit's read-out."""
     low, high = (float(np.exp(-nats)) for nats in model.circuit.readable_nats[::-1])
     return min(max(POSTERIOR, low), high)
 
@@ -330,7 +330,7 @@ def _speed(ax: Axes, of: Story) -> None:
 def _learning(ax: Axes, of: Story) -> None:
     if not len(of.learning):
         ax.set(xticks=[], yticks=[], title="learning")
-        why = "a gap is learned where there are two\nhypotheses and taps tell them apart"
+        why = "a gap is learned if there are two\nhypotheses and taps tell them apart"
         ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
@@ -362,16 +362,16 @@ PANELS = (_psychometric, _speed, _learning, _decision)
 
 
 def page(of: Story, title: str, made: str) -> str:
-    """Return a story as one HTML page: picture, numbers, and what was warned of.
+    """Return a story as one HTML page: picture, numbers and warnings.
 
     Parameters
     ----------
     of : Story
-        What to show.
+        The story.
     title : str
-        Which sensor and task.
+        Sensor and task.
     made : str
-        How it was made: the command and the version.
+        How it was made: command and version.
     """
     picture = io.BytesIO()
     of.plot().savefig(picture, format="png", dpi=150)
@@ -391,17 +391,17 @@ img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
 <p><img alt="One reading, speed and accuracy, the learned gap, and one decision"
 src="data:image/png;base64,{encoded}"></p>
 <p><b>a</b>, how often the likeliest hypothesis of one reading is true, with the range over six
-folds of taps, and how often its posterior claims it. <b>b</b>, accuracy against mean decision
-time. <b>c</b>, the gap between two hypotheses that reward teaches if an error costs {XI:g}
-readings, five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines show when test
-and circuit decide.</p>
+folds of taps, and the probability claimed by its posterior. <b>b</b>, accuracy against mean
+decision time. <b>c</b>, the gap between two hypotheses learned from reward if an error costs
+{XI:g} readings, five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines show
+when test and circuit decide.</p>
 {numbers}
 <h2>One reading</h2>
 <p>By {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range over six
 folds of taps. claimed is the mean posterior of that hypothesis, which is the accuracy if
 likelihoods are calibrated. spread_deg is the standard deviation of readings of one hypothesis.
 Log-likelihoods are multiplied by shrink, which predicts other taps best; 0 means that a reading
-says nothing.</p>
+is uninformative.</p>
 {curve}
 <h2>Warnings</h2><ul>{remarks or "<li>none</li>"}</ul>
 <p>{html.escape(made)}</p></body></html>

@@ -40,9 +40,9 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     assert run("circuit", "show", "gpr", "--save", "mine.toml") == 0
     before = (here / "mine.toml").read_bytes()
     four = ("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4)
-    assert "'mine.toml' is there already" in refusal(*four)
+    assert "'mine.toml' already exists" in refusal(*four)
     own = ("circuit", "show", "mine.toml", "--save", "mine.toml", "--force")
-    assert "circuit and save are one file" in refusal(*own)
+    assert "circuit and save are the same file" in refusal(*own)
     assert (here / "mine.toml").read_bytes() == before
     assert run(*four, "--force") == 0
     assert anatomy.load_circuit("mine.toml").channels == 4

@@ -117,7 +117,7 @@ def test_circuits_is_ours():
 
 
 FOREIGN = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
-SENTENCE = "the package 'circuits' that was found is not bgmodel's"
+SENTENCE = "found a package named 'circuits' that is not part of bgmodel"
 
 
 def test_a_foreign_package_called_circuits_is_named():

@@ -26,7 +26,7 @@ from tests.strategies.edits import driven, edited_circuits, refused_edits
 
 QUICK = ["--training.width", "0.1", "--training.epochs", "1", "--training.batch", "8"]
 OTHER_WORDS = {"scale ctx->STN 0.3": "without evidence", "1e12": "memory", "1e13": "memory"}
-OTHER_WORDS["0.9999"] = "reads no OUT below"
+OTHER_WORDS["0.9999"] = "resolves no OUT below"
 OTHER_WORDS["connections 2"] = "between cells that spike"
 """What a sentence says of a value that it does not repeat."""
 FOLDER, FILE = Path("here"), Path("mine.toml")

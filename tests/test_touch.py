@@ -112,7 +112,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     made = {name: checksum(mine / name) for name in ("decoder.safetensors", "decoded.parquet")}
     assert {"yaw_deg", "edge_deg"} <= set(read_table(mine / "decoded.parquet"))
     assert run(*asked, "--force") == 0
-    assert capsys.readouterr().err.count("is there already") == 2
+    assert capsys.readouterr().err.count("already exists") == 2
     assert made == {name: checksum(mine / name) for name in made}
 
 
@@ -120,7 +120,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     ("given", "says"),
     [
         (["--task", "edge-turn"], "task edge-turn needs taps of an edge"),
-        (["--training", "."], "recordings take two folders"),
+        (["--training", "."], "recordings need two folders"),
         (["--training", "a", "--held-out", "nowhere", "--mm-per-px", "1"], "there is no folder"),
         (["--training", "a", "--held-out", "b"], "recordings need their scale"),
         (["--training", "a", "--held-out", "b", "--task", "orientation"], "needs taps of gratings"),

@@ -1,4 +1,4 @@
-"""What several commands check or record about their options."""
+"""Checks and records of options that several commands share."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from circuits.declaration.edits import Edits
 
 COMPILES = "compiling, once for this kind of circuit"
-"""What a command says when an engine compiles, which is kept on disk."""
+"""Message while an engine compiles; the result is cached on disk."""
 OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
-"""Options on which the numbers do not depend, and the seed, which is recorded on its own."""
+"""Options that do not affect results, and the seed, which is recorded separately."""
 RECORDS = ("setup", "condition")
 """Fields of commands whose own fields are options."""
 
@@ -35,16 +35,16 @@ class Writes:
     """A command that writes files."""
 
     force: bool = False
-    """Write over results that are there already."""
+    """Overwrite existing results."""
 
     def more_outputs(self) -> list[Path]:
-        """Return files that are written beside those that options name."""
+        """Return files that are written in addition to those named by options."""
         return []
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shows(Writes):
-    """A command that shows its result: a table for readers, or JSON for programs."""
+    """A command that shows its result: a table to read, or JSON for programs."""
 
     json: bool = False
     """Print one JSON object, the rows of the result under "records", and nothing else on stdout."""
@@ -59,12 +59,12 @@ class Shows(Writes):
         table : DataFrame
             Its rows.
         **facts
-            What else there is to say, as plain values.
+            Further facts, as plain values.
         """
         print(json_text(table, **facts) if self.json else text)
 
     def note(self, text: str) -> None:
-        """Print a line beside the result; beside JSON it goes to stderr."""
+        """Print a line in addition to the result; to stderr if the result is JSON."""
         if self.json:
             say(text)
         else:
@@ -72,7 +72,7 @@ class Shows(Writes):
 
 
 def json_text(table: pd.DataFrame, **facts: Any) -> str:
-    """Return one JSON object: facts, and rows as "records"; what is not known is null."""
+    """Return one JSON object: facts, and rows as "records"; unknown values are null."""
     records = json.loads(table.to_json(orient="records", double_precision=15))
     plain = {k: str(value) if isinstance(value, Path) else value for k, value in facts.items()}
     return json.dumps({**plain, "records": records})
@@ -86,9 +86,9 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
     command : dataclass
         A command.
     idle : names
-        Options that had no say in this run.
+        Options without effect in this run.
     **settled
-        Values of options that were left open.
+        Values of options that the user left open.
     """
     found: dict[str, Any] = {}
     for field in fields(command):
@@ -108,7 +108,7 @@ def made_with(command: Any, model: BasalGanglia, **settled: Any) -> dict[str, An
 
 
 def recorded(value: Any) -> Any:
-    """Return an option as it is kept: what had a say, and of a file its name and checksum."""
+    """Return an option as recorded: only what had an effect, and files by name and checksum."""
     if hasattr(value, "used"):
         return {name: recorded(inner) for name, inner in value.used().items()}
     if is_dataclass(value):
@@ -131,31 +131,31 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
 
 
 def check_outputs(command: Writes) -> None:
-    """Raise ValueError, before anything is run, if what a command writes has no place.
+    """Raise ValueError, before anything is run, if a command's results cannot be written.
 
-    Two of its options may not name one file, a result that is there is written over only with
-    ``force``, and its folder must be one that can be written.
+    Two options may not name the same file, existing results are overwritten only with ``force``,
+    and folders must be writable.
     """
     check_apart(_paths(command))
     outputs = [getattr(command, name) for name in OUTPUTS if getattr(command, name, None)]
     for path in [*outputs, *command.more_outputs()]:
-        # What nobody named is written over only where it is a result.
+        # Files that no option names are overwritten only if they are results.
         named = path in outputs or files.is_result(path)
         files.check_new(path, force=command.force and named)
         files.check_writable(path.parent)
     folders = [path.resolve() for _, path in _paths(command) if path.is_dir()]
     for path in outputs:
         if any(folder in path.resolve().parents for folder in folders):
-            raise InputError(f"{str(path)!r} lies in a folder that is read: move it", "path")
+            raise InputError(f"{str(path)!r} is in a folder that is read as input: move it", "path")
 
 
 def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
-    """Raise ValueError if two options, by name, are one file: one would be written over."""
+    """Raise ValueError if two options, by name, are the same file: one would be overwritten."""
     seen: dict[Path, str] = {}
     for name, path in paths:
         other = seen.setdefault(path.resolve(), name)
         if other != name:
-            raise InputError(f"{other} and {name} are one file, {str(path)!r}", "path")
+            raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
 
 
 def _paths(options: Any) -> Iterator[tuple[str, Path]]:
@@ -170,29 +170,29 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
 
 
 def say(text: str) -> None:
-    """Say a sentence on stderr, as the command."""
+    """Print a sentence on stderr, prefixed by the program's name."""
     print(f"bgmodel: {text}", file=sys.stderr)
 
 
 def say_of_edits(*edits: Edits) -> None:
-    """Say, once for each kind, what an edit does that is taken for another."""
+    """Explain edits that are easily mistaken for others, once for each kind."""
     for text in dict.fromkeys(note for one in edits for note in one.notes()):
         say(text)
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:
-    """Say, before a circuit runs, what is done.
+    """Announce a run of a circuit.
 
     Parameters
     ----------
     what : str
-        What is done, as "comparing".
+        The action, such as "comparing".
     model : BasalGanglia
         The circuit.
     evidence : Evidence
-        What it is given.
+        Readings of all trials.
     runs : int
-        Number of circuits that are given it.
+        Number of circuits run on it.
 
     Raises
     ------
@@ -203,9 +203,7 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
 
     if model.raw and evidence.baseline:
         less = f"{evidence.baseline:.3g}"
-        say(
-            f"each channel gets its own evidence, less what a reading says on the mean: {less} nats"
-        )
+        say(f"each channel gets its own evidence, minus the baseline of a reading: {less} nats")
     at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
     if model.engine.threaded:
@@ -221,7 +219,7 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
 
 @contextmanager
 def bar(total: int, unit: str = "trial") -> Iterator[None]:
-    """Show a bar, on a terminal, of the trials that circuits decide inside."""
+    """Show a progress bar, on a terminal, of the trials that circuits decide within the block."""
     from tqdm import tqdm
 
     with tqdm(total=total, unit=unit, disable=None) as shown, progress.shown_by(shown.update):

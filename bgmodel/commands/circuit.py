@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CircuitShow(Writes):
-    """Print a circuit's table, as edited; draw it if a file is given.
+    """Print a circuit's table, with its edits; draw it if a file is given.
 
     Examples: bgmodel circuit show macaque;
     bgmodel circuit show appendix_b --edits "lesion STN 50%" --drawing circuit.pdf;
@@ -51,17 +51,17 @@ class CircuitShow(Writes):
     circuit: Positional[CircuitName] = MACAQUE
     """Name of the table, or the path of a .toml file."""
     channels: int | None = None
-    """Number of alternatives; 2 unless given, or that of the file."""
+    """Number of alternatives; by default 2, or that of the file."""
     edits: Edits = field(default_factory=Edits)
     """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     drawing: Path | None = None
-    """Where a drawing goes, .pdf, .svg or .png."""
+    """File for a drawing, .pdf, .svg or .png."""
     save: Path | None = None
-    """Where the table goes as a file of your own, .toml, as edited."""
+    """File to save the edited table to, .toml."""
     rest: bool = False
-    """Whether to run it without evidence too, and print rates and how irregular its cells fire."""
+    """Whether to run it without evidence too, and print resting rates and their irregularity."""
     noise: float | None = None
-    """Posterior, .85 say, at which to print how much OUT scatters and whose noise that is."""
+    """Posterior, such as 0.85, at which to print the noise of OUT and its sources."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -86,7 +86,7 @@ class CircuitShow(Writes):
             print(f"\nedited, in this order: {edits}")
             say_of_edits(self.edits)
         if self.rest and not any(row.spiking for row in table.populations):
-            print("\nthere are no cells that spike")
+            print("\nthis circuit has no spiking cells")
         elif self.rest:
             from bgmodel.integrators.steady import resting_activity
 
@@ -107,7 +107,7 @@ def _scatter(table: Circuit, posterior: float) -> str:
     from circuits.laws.spectra import out_variance
 
     table.check_nats("a posterior (--noise)")
-    # Between the readable OUTs, and above chance.
+    # Within the range of the read-out, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
     require(
@@ -117,40 +117,40 @@ def _scatter(table: Circuit, posterior: float) -> str:
         posterior,
     )
     if not any(row.spiking for row in table.populations):
-        return "OUT does not scatter: there are no cells"
+        return "OUT has no noise: the circuit has no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
     drive = leader_drive(odds, table.channels)[0, 0]
     variance = {k: v[0] for k, v in out_variance(table, drive).items()}
     total = sum(variance.values())
     shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
     return (
-        f"at a posterior of {posterior:g} OUT scatters by {np.sqrt(total):.3f} nats (sd, linear "
-        f"noise); of its variance {shares}"
+        f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, "
+        f"linear theory); shares of its variance: {shares}"
     )
 
 
 @dataclass(frozen=True)
 class CircuitRun(Writes):
-    """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
+    """Run a circuit to decisions on Gaussian or tactile evidence or on your own evidence table.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
     bgmodel circuit run lesioned.csv --edits "lesion STN 10%" --engine rate
     """
 
     output: Positional[Path]
-    """Where the trial table goes, .parquet or .csv."""
+    """File for the table of trials, .parquet or .csv."""
     condition: OmitArgPrefixes[Condition] = field(default_factory=Condition)
     workers: int = 2
-    """Threads of the engines that can use several; the results do not depend on it."""
+    """Threads, for engines that can use several; the results do not depend on it."""
     rates: Path | None = None
-    """Where mean rates go, .parquet or .csv."""
+    """File for mean rates, .parquet or .csv."""
     spikes: Path | None = None
-    """Where the spikes of the first trials go, one row each, .parquet or .csv; those trials are run
+    """File for the spikes of the first trials, one row each, .parquet or .csv; these trials are run
     a second time, to their ends."""
     spike_trials: int = 10
     """Number of trials, from the first, whose spikes are written."""
     nwb: Path | None = None
-    """Where the first trial's spikes and rates go, .nwb."""
+    """File for the first trial's spikes and rates, .nwb."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -169,7 +169,7 @@ class CircuitRun(Writes):
         means = None if self.rates is None else RateMeans()
         with bar(evidence.trials):
             decision = model.decide(evidence, threshold, rates=means)
-        # A table of evidence on an engine without noise: nothing was drawn.
+        # A table of evidence on an engine without noise: nothing is random.
         seed = asked.seed if asked.task.evidence is None or model.engine.noisy else None
         about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
@@ -192,7 +192,7 @@ class CircuitRun(Writes):
 
     @staticmethod
     def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
-        """Return the first trials, to their ends, with their spikes if the engine has any."""
+        """Return the first trials, run to their ends, with spikes if the engine has any."""
         names = tuple(row.name for row in model.circuit.populations if row.spiking)
         model = replace(model, engine=model.engine.recording(names))
         return model.activity(evidence[:trials])
@@ -200,7 +200,7 @@ class CircuitRun(Writes):
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
     ) -> None:
-        """Print how many trials decided, how well and how fast."""
+        """Print the number of decisions, their accuracy and mean time."""
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "

@@ -31,36 +31,36 @@ if TYPE_CHECKING:
 LESIONS = (
     "lesion STN 20%", "lesion GPe 20%", "lesion D2", "scale ctx->STN 0.9", "scale D1->SNr 0.9"
 )  # fmt: skip
-"""Edits of `circuit compare-edits` where none is given."""
+"""Default edits of `circuit compare-edits`."""
 MANY = Stimuli(trials=1000, t_max=110)
 
 
 @dataclass(frozen=True)
 class Comparison(Shows):
-    """What commands that compare have in common."""
+    """Common options of commands that compare."""
 
     output: Positional[Path]
-    """Where the table of measures goes, .parquet or .csv."""
+    """File for the table of measures, .parquet or .csv."""
     setup: OmitArgPrefixes[Setup] = field(default_factory=Setup)
     task: OmitArgPrefixes[Stimuli] = MANY
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
-    """Threads of the engines that can use several; the results do not depend on it."""
+    """Threads, for engines that can use several; the results do not depend on it."""
 
     def _about(self, evidence: Evidence) -> dict[str, Any]:
-        """Return the JSON values beside the rows."""
+        """Return the JSON values other than the rows."""
         return {"trials": evidence.trials, "output": self.output}
 
 
 @dataclass(frozen=True)
 class Compare(Comparison):
-    """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
+    """Compare decisions of a circuit and of the MSPRT on the same evidence, trial by trial.
 
     Thresholds are matched to equal accuracy. The references are the MSPRT at the circuit's gain and
-    the full one. A decoder of the circuit's own cortical spikes and baseline models are compared
-    too, and each share of agreement comes with its chance level, that of shuffled trials. For an
-    edited circuit there is also each measure minus that of the intact circuit.
+    at full gain. A decoder of the circuit's cortical spikes and baseline models are compared too,
+    and each agreement comes with its chance level, from shuffled trials. For an edited circuit, the
+    difference of each measure from the intact circuit is reported too.
 
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare ceiling.csv --engine population --noise-ceiling;
@@ -69,8 +69,8 @@ class Compare(Comparison):
     """
 
     noise_ceiling: bool = False
-    """Whether the circuit decides again with noise of another seed: how far it agrees with itself,
-    the most that can be expected."""
+    """Whether to run the circuit again with noise of another seed: its agreement with itself is the
+    highest that can be expected."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -79,10 +79,10 @@ class Compare(Comparison):
 
         model, evidence = _model(self)
         gaussian = self.task.evidence is None and self.task.task == "gaussian"
-        # Elsewhere the zero of the evidence means nothing.
+        # Other evidence has an arbitrary zero.
         baselines = baselines_on(zero_is_nothing=gaussian)
         if left := [name for name in BASELINES if name not in baselines]:
-            say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
+            say(f"{' and '.join(left)} are left out: the zero of this evidence is arbitrary")
         whole = self.setup.intact(evidence.hypotheses)
         intact = None if model.circuit == whole else whole
         again = self.noise_ceiling and model.engine.noisy
@@ -106,21 +106,21 @@ class Compare(Comparison):
 
 @dataclass(frozen=True)
 class CircuitCompareEdits(Comparison):
-    """Compare edited circuits with the circuit as it is, on the same evidence and noise.
+    """Compare edited circuits with the unedited circuit, on the same evidence and noise.
 
-    Each edit makes a circuit of its own: "lesion STN 20%", "clamp GPe", "cut GPe->STN 30%",
+    Each edit is applied to a separate copy: "lesion STN 20%", "clamp GPe", "cut GPe->STN 30%",
     "scale D1->SNr 0.9", "set STN->GPe.delay_ms 4", "add D1->GPe weight=-0.1", "dopamine 0.9". Those
-    of --edits are made before, in all of them, and the circuit that has these alone is called "as
-    edited"; with --edits compensate each nucleus returns to its resting rate after each edit too.
-    Behaviour is shown at the threshold of the circuit before its lesions, and with thresholds tuned
-    anew. What a lesion does here is the model's prediction, not what an experiment found.
+    of --edits are made first, in all copies, and the circuit with these alone is called "as
+    edited"; with --edits compensate, nuclei also return to their resting rates after each edit.
+    Behaviour is shown at the threshold of the circuit before the edits, and with thresholds
+    matched again. The effects of lesions are predictions of the model, not data.
 
     Example: bgmodel circuit compare-edits lesions.csv "lesion STN 20%" "set STN->GPe.delay_ms 4"
     --channels 4
     """
 
     lesions: Positional[tuple[str, ...]] = LESIONS
-    """Edits, each on its own."""
+    """Edits, each made separately."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -138,7 +138,7 @@ class CircuitCompareEdits(Comparison):
         edited = {line: model.circuit.edited(*edits) for line, edits in asked.items()}
         say_of_edits(*asked.values())
         if self.lesions == LESIONS:
-            say(f"no edit given, these run: {', '.join(LESIONS)}")
+            say(f"no edits given, running the default ones: {', '.join(LESIONS)}")
         circuits = 1 + len(edited)
         say_before("lesioning", model, evidence, runs=circuits)
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
@@ -147,7 +147,7 @@ class CircuitCompareEdits(Comparison):
         files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
         text = (
             f"at the threshold of the circuit {before} (a prediction):\n{behaviour(table)}\n\n"
-            "against the MSPRT, thresholds tuned anew:\n"
+            "against the MSPRT, thresholds matched again:\n"
             f"{page(table[table['kind'] == 'value'].drop(columns='kind'))}"
         )
         self.show(text, table, **self._about(evidence))
@@ -185,6 +185,6 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     if table.unit != NATS:
         say(
             f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "
-            "matched to accuracies that the evidence's own posterior gives, beside the full MSPRT"
+            "matched to accuracies expected from the posterior, and compared with the full MSPRT"
         )
     return model, evidence

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Data(Shows):
-    """List published sets of choices and times that come with the package, or show one of them.
+    """List the published data sets that come with the package, or show one of them.
 
-    Of one set it prints accuracy and times of each participant in each condition.
+    For one set it prints accuracy and response times of each participant in each condition.
 
     Examples: bgmodel data; bgmodel data roitman_shadlen_2002;
     bgmodel data cavanagh_2011 --out cavanagh.csv
@@ -29,7 +29,7 @@ class Data(Shows):
     name: Positional[str] = ""
     """Name of a set."""
     output: Annotated[Path | None, arg(name="out")] = None
-    """Where the set goes, one row per trial, .parquet or .csv."""
+    """File for the set, one row per trial, .parquet or .csv."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -50,7 +50,7 @@ class Data(Shows):
             self._write(sets[self.name], self.output)
 
     def _list(self, sets: dict[str, Shipped]) -> None:
-        """Show what there is."""
+        """Show all sets."""
         import pandas as pd
 
         rows = [
@@ -80,13 +80,13 @@ class Data(Shows):
         self.show(text, found, columns=one.columns, output=self.output, **about)
 
     def _write(self, one: Shipped, output: Path) -> None:
-        """Write a set, with where it comes from."""
+        """Write a set, with its source."""
         files.write_table(one.table, output, columns=one.columns, **one.about)
         self.note(f"{one.trials} trials -> {output}")
 
 
 def _head(one: Shipped) -> str:
-    """Return what a set is and where it comes from."""
+    """Return the description and source of a set."""
     signed = [] if one.strength is None else [f"{one.strength} (signed)"]
     return (
         f"{one.name}: {one.trials} trials of {one.people} participants, by "

@@ -1,4 +1,4 @@
-"""Commands on evidence: decide by the sequential test, learn its gap from reward."""
+"""Commands on evidence: decide by the sequential test; learn its gap from reward."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 GAP_NATS = 4.0
-"""Gap of `decide` where no criterion is given."""
+"""Default gap of `decide`, nats."""
 TAPPED = Stimuli(task="same-different", trials=1000, t_max=30, step_ms=500.0)
-"""What `decide` decides on unless told: taps of the paper's task, one every half second."""
+"""Default evidence of `decide`: taps of the paper's task, one every half second."""
 
 
 @dataclass(frozen=True)
 class Decide(Shows):
-    """Decide by the sequential test: on tactile evidence, or on a table of your own.
+    """Decide by the sequential test, on tactile evidence or on your own evidence table.
 
     A table has one row per reading with the columns trial, step, ll_<hypothesis> (natural log
     likelihoods; two or more such columns) and, if known, truth. Trials may differ in length: each
-    is forced, or left undecided, at its own last reading. Other columns come back with the result.
+    is forced, or left undecided, at its own last reading. Other columns are kept in the result.
 
     Examples: bgmodel decide decisions.csv --period-mm 2 --delta 4;
     bgmodel decide mine.csv --taps decoded.parquet --task orientation --channels 4 --posterior 0.9;
@@ -45,16 +45,16 @@ class Decide(Shows):
     """
 
     output: Positional[Path]
-    """Where the trial table goes, .parquet or .csv."""
+    """File for the table of trials, .parquet or .csv."""
     task: OmitArgPrefixes[Stimuli] = TAPPED
     delta: float | None = None
-    """Gap between the two bounds of the SPRT, nats (two hypotheses); 4 if no criterion is given."""
+    """Boundary separation (gap) of the SPRT, nats (two hypotheses); 4 unless posterior is given."""
     posterior: float | None = None
     """Posterior probability at which the MSPRT stops, instead of delta."""
     prior: tuple[float, ...] | None = None
-    """Prior probabilities; equal if left out."""
+    """Prior probabilities; equal by default."""
     onset_ms: float = 0.0
-    """Time from the start of a trial of your own table to the onset of evidence, ms."""
+    """Time from the start of a trial to the onset of evidence, ms; for your own table."""
     forced: bool = True
     """Whether the deadline forces a response."""
     density: Density = field(default_factory=Density)
@@ -77,7 +77,7 @@ class Decide(Shows):
         self._show(table, known=evidence.truth is not None)
 
     def _show(self, table: pd.DataFrame, known: bool) -> None:
-        """Show how many trials decided, how well and how fast."""
+        """Show the number of decisions, their accuracy and mean number of readings."""
         right = table["correct"].dropna().astype(float) if known else None
         accuracy = "no truth given"
         if right is not None:
@@ -97,7 +97,7 @@ class Decide(Shows):
         self.show(text, table, **about)
 
     def _options(self) -> dict[str, Any]:
-        """Return the options that had a say."""
+        """Return the options in effect."""
         idle = {"posterior" if self.posterior is None else "delta"}
         idle |= {"onset_ms"} if self.task.evidence is None else set()
         idle |= set() if self._tactile else {"density"}
@@ -111,19 +111,19 @@ class Decide(Shows):
         return GAP_NATS if self.delta is None else self.delta
 
     def _check(self) -> None:
-        """Refuse what contradicts itself, before long work starts."""
+        """Refuse contradictory options before long work starts."""
         if self.posterior is not None and self.delta is not None:
             raise InputError(
-                "delta and posterior are two ways to say one thing: give one of them", "delta"
+                "delta and posterior both set the threshold: give one of them", "delta"
             )
         sprt_threshold_from_gap(self._gap())
         stream(self.seed)
         self.task.check()
         self.task.check_idle(replace(TAPPED, task=self.task.task))
         if self.task.evidence is None and self.onset_ms:
-            raise InputError("onset_ms is for a table of your own, say --evidence", "onset_ms")
+            raise InputError("onset_ms is for your own table, given by --evidence", "onset_ms")
         if not self._tactile and self.density != Density():
-            raise InputError("density is for tactile evidence, it says nothing here", "density")
+            raise InputError("density is for tactile evidence and has no effect here", "density")
         if self.task.evidence is None:
             hypotheses = 2 if self.task.task == "same-different" else self.task.channels
             check_evidence_memory(self.task.trials, self.task.t_max, hypotheses)
@@ -156,33 +156,33 @@ class Decide(Shows):
 
 @dataclass(frozen=True)
 class GapLearn(Writes):
-    """Learn the gap from reward by REINFORCE with baseline, beside the exact optimum.
+    """Learn the gap from reward by REINFORCE with a baseline, and compare it with the optimum.
 
     Example: bgmodel learn learning.parquet --period-mm 2 --xi 50 --start-delta 0.5
     """
 
     output: Positional[Path]
-    """Where the table of trials goes, .parquet or .csv."""
+    """File for the table of trials, .parquet or .csv."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "same-different"
-    """Question about taps, with two answers."""
+    """Tactile task with two alternatives."""
     period_mm: float = 2.0
     """Period of the grating, mm."""
     step_deg: float = 5.0
-    """Degrees between the two answers of a question on edges."""
+    """Degrees between the two alternatives of a task with edges."""
     taps: Path | None = None
-    """Taps that `bgmodel decode` has decoded; the shipped ones if left out."""
+    """Taps decoded by `bgmodel decode`; by default the shipped ones."""
     xi: float = 50.0
     """Cost of an error, readings."""
     start_delta: float = 0.5
-    """Gap at the start, nats, 0..8."""
+    """Initial gap, nats, 0..8."""
     runs: int = 10
-    """Independent repeats."""
+    """Number of independent runs."""
     fold: int = 0
-    """Which sixth of the held-out taps is learned on, 0..5."""
+    """Which sixth of the held-out taps is used for learning, 0..5."""
     t_max: int = 30
-    """Most readings in a trial."""
+    """Largest number of readings in a trial."""
     policy: Literal["gaussian", "bernoulli"] = "gaussian"
-    """Gaussian over the gap, or the Bernoulli units of Lepora 2016."""
+    """Policy: Gaussian over the gap, or the Bernoulli units of Lepora 2016."""
     learner: Learner = field(default_factory=Learner)
     seed: int = 0
 

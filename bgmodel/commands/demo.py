@@ -1,4 +1,4 @@
-"""The command that shows one decision, computed on the spot."""
+"""The command that computes and shows one decision."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from circuits.errors import require
 
 @dataclass(frozen=True)
 class DemoRun(Writes):
-    """One decision of the spiking circuit beside the optimal test, computed, drawn and explained.
+    """Compute, draw and explain one decision of the spiking circuit and of the optimal test.
 
     Example: bgmodel demo
     """
 
     drawing: Positional[Path] = Path("demo.png")
-    """Where the picture goes, .png, .pdf or .svg."""
+    """File for the picture, .png, .pdf or .svg."""
     seed: int = 1
-    """Of the evidence and of the noise of cells."""
+    """Seed of the evidence and of the noise of cells."""
     alternatives: int = 3
     """Number of alternatives."""
 
@@ -30,7 +30,7 @@ class DemoRun(Writes):
         """Run the command."""
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
         require(self.alternatives >= 2, "alternatives", "must be at least 2", self.alternatives)
-        say("one decision of some thousands of spiking cells")
+        say("one decision of several thousand spiking cells")
         from bgmodel.demo import demo, draw
 
         found = demo(self.seed, self.alternatives)

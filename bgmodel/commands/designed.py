@@ -1,4 +1,4 @@
-"""The command on designed trials: which theory of decisions a circuit follows."""
+"""The command on designed trials, which tell theories of decision making apart."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
 
 CHANNELS = 4
-"""Alternatives, where neither an option nor a file says how many."""
+"""Default number of alternatives."""
 
 
 @dataclass(frozen=True)
 class CircuitDesigned(Shows):
-    """Tell which theory of decisions a circuit follows, on trials designed to tell them apart.
+    """Test which theory of decisions a circuit follows, on trials designed to tell them apart.
 
-    The evidence has no noise: competitors stand apart from the first reading on, then the leader
-    rises steadily. Printed is when the circuit decides, less its latency, less when the MSPRT at
-    its gain, max-vs-next and max-vs-average do. Each theory's threshold is set with equal
-    competitors.
+    The evidence has no noise: competitors are separated from the first reading on, then the leader
+    rises steadily. The output is the decision time of the circuit, corrected for its latency, minus
+    those of the MSPRT at its gain, of max-vs-next and of max-vs-average. The threshold of each
+    theory is set with equal competitors.
 
     Examples: bgmodel circuit designed;
     bgmodel circuit designed --circuit spiking_msprt --engine ensemble --trials 100;
@@ -44,15 +44,15 @@ class CircuitDesigned(Shows):
 
     setup: OmitArgPrefixes[Setup] = field(default_factory=Setup)
     thresholds: tuple[float, ...] = (0.35, 0.25, 0.15)
-    """OUT at which it decides, in the circuit's unit."""
+    """Thresholds on OUT, in the circuit's unit."""
     channels: int | None = None
-    """Number of alternatives, 3 or more; 4 unless given, or that of the file."""
+    """Number of alternatives, 3 or more; by default 4, or that of the file."""
     trials: int = 200
-    """Trials per design, each with noise of its own; an engine without noise takes one."""
+    """Trials per design, with independent noise; one for an engine without noise."""
     workers: int = 2
-    """Threads of the engines that can use several; the results do not depend on it."""
+    """Threads, for engines that can use several; the results do not depend on it."""
     output: Path | None = None
-    """Where the table goes, .parquet or .csv."""
+    """File for the table, .parquet or .csv."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -85,7 +85,7 @@ class CircuitDesigned(Shows):
             self.note(f"{trials} trials per design -> {self.output}")
 
     def _gain(self, table: Circuit) -> float | None:
-        """Return the gain, where it counts, and else any."""
+        """Return the gain if it matters, otherwise any value."""
         from circuits.declaration.table import NATS
 
         if self.setup.gain is None and table.default_gain is None and table.unit == NATS:
@@ -93,7 +93,7 @@ class CircuitDesigned(Shows):
         return self.setup.gain
 
     def _check(self) -> None:
-        """Refuse what makes no sense, before long work starts."""
+        """Refuse invalid options before long work starts."""
         if self.output is not None:
             check_ending("output", self.output, ".parquet", ".csv")
         check_whole(workers=self.workers, trials=self.trials)

@@ -41,35 +41,35 @@ POSTERIOR = 0.74
 
 
 def learning() -> Condition:
-    """Return what learns unless options say otherwise."""
+    """Return the default condition for learning."""
     return Condition(engine=EngineName("rate"), task=TOUCHED, posterior=POSTERIOR)
 
 
 @dataclass(frozen=True)
 class CircuitLearn(Writes):
-    """Let dopamine learn its level from reward: the circuit's threshold stays, its gains move.
+    """Learn the level of dopamine from reward: the threshold is fixed, the gains change.
 
-    The circuit first decides every trial at every level; then each run draws from those decisions,
-    plays levels and is paid for what came of them. Tonic dopamine is what is learned, phasic
-    dopamine the reward prediction error. What the learned level costs is measured on as many fresh
-    trials with fresh noise; of a table of evidence every second trial is kept for that. Unless told
-    otherwise the circuit runs as rates without noise, so that levels differ by dopamine alone, and
+    The circuit first decides every trial at every level; each run then samples levels and draws
+    the reward from those decisions. The level that is learned is tonic dopamine; the reward
+    prediction error is phasic dopamine. The regret of the learned level is measured on as many
+    fresh trials with fresh noise; of an evidence table, every second trial is kept for that. By
+    default the circuit runs as rates without noise, so that levels differ by dopamine alone, and
     stops at a posterior of 0.74 at a level of 1, from where dopamine can move it both ways.
 
     Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """
 
     output: Positional[Path]
-    """Where the table of trials goes, .parquet or .csv."""
+    """File for the table of trials, .parquet or .csv."""
     condition: OmitArgPrefixes[Condition] = field(default_factory=learning)
     xi: float = 50.0
     """Cost of an error, readings."""
     start_level: float | None = None
-    """Tonic level at the start; the highest that the circuit can use unless given."""
+    """Initial tonic level; by default the highest that the circuit can use."""
     levels: int = 16
-    """Levels at which the circuit decides."""
+    """Number of levels at which the circuit decides."""
     runs: int = 10
-    """Independent repeats."""
+    """Number of independent runs."""
     learner: Learner = field(default_factory=Learner)
 
     def __call__(self) -> None:
@@ -109,13 +109,13 @@ class CircuitLearn(Writes):
             learned = learn_level(outcomes, xi=self.xi, start_level=start, name="learn", **given)
         except LearningStopped as stop:
             files.write_table(learned_table(stop.learned), self.output, **behind)
-            raise ValueError(f"{stop}; what was learned until then -> {self.output}") from None
+            raise ValueError(f"{stop}; learning up to then -> {self.output}") from None
         summary = self._summary(learned, scored)
         files.write_table(learned_table(learned), self.output, summary=summary, **behind)
         self._say_learned(summary, float(regret(start, scored, self.xi)))
 
     def _learned_and_scored(self, trials: Trials) -> tuple[Evidence, Evidence]:
-        """Return the trials that are learned from, and others for what that costs."""
+        """Return the trials for learning, and others on which regret is measured."""
         if self.condition.task.evidence is None:
             return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
@@ -123,7 +123,7 @@ class CircuitLearn(Writes):
         return trials.evidence[::2], trials.evidence[1::2]
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
-        """Return the circuit as edited, on its engine."""
+        """Return the edited circuit on its engine."""
         say_of_edits(self.condition.edits)
         model = self.condition.model(evidence.hypotheses)
         model.circuit.check_nats("a stopping posterior that dopamine sets")
@@ -132,7 +132,7 @@ class CircuitLearn(Writes):
         return model
 
     def _start(self, levels: Array, name: str) -> float:
-        """Return the level at the start, checked against those that the circuit can use."""
+        """Return the initial level, checked against those that the circuit can use."""
         start = levels[-1] if self.start_level is None else self.start_level
         require(
             levels[0] <= start <= levels[-1],
@@ -143,7 +143,7 @@ class CircuitLearn(Writes):
         return start
 
     def _summary(self, learned: Learned, fresh: LevelOutcomes) -> dict[str, Any]:
-        """Return the summary beside the table: the level learned, its cost, the best level."""
+        """Return the summary stored with the table: learned level, its regret, best level."""
         from bgmodel.learning.dopamine_learner import regret
 
         cost = regret(learned.learned, fresh, self.xi)
@@ -154,7 +154,7 @@ class CircuitLearn(Writes):
         }
 
     def _say_learned(self, summary: dict[str, Any], start_regret: float) -> None:
-        """Print what was learned in one sentence."""
+        """Print the result of learning in one sentence."""
         levels = np.array(summary["level"])
         print(
             f"learned level {levels.mean():.2f} (sd {levels.std():.2f} over {self.runs} runs), "
@@ -164,7 +164,7 @@ class CircuitLearn(Writes):
         )
 
     def _check(self) -> None:
-        """Refuse what makes no sense, before long work starts."""
+        """Refuse invalid options before long work starts."""
         from circuits.engines import engine_of
 
         asked = self.condition

@@ -1,4 +1,4 @@
-"""The command that runs an experiment and holds it to its prediction."""
+"""The command that runs an experiment and tests its predictions."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExperimentRun(Shows):
-    """Run an experiment, control and manipulation, and hold it to what was published.
+    """Run an experiment, control and manipulation, and test its published predictions.
 
-    Without a file it lists the experiments that come with the package. Predictions are in the
-    file, written before the run; each agrees, disagrees or is left open by the 95 % interval of the
-    change. Without any, there is a report and no verdict.
+    Without a file it lists the shipped experiments. Predictions are in the file, written before
+    the run; the 95 % interval of the change decides whether each agrees, disagrees or stays open.
+    Without predictions, there is a report and no verdict.
 
     Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
     bgmodel experiment mine.toml outcome.csv --trials 200 --engine population
     """
 
     file: Positional[str] = ""
-    """A TOML file, or the name of an experiment that is shipped."""
+    """A TOML file, or the name of a shipped experiment."""
     output: Positional[Path | None] = None
-    """Where the table of measures goes, .parquet or .csv; that of trials, both conditions, goes
-    beside it, with _trials at the end of its name."""
+    """File for the table of measures, .parquet or .csv; the table of trials, both conditions, goes
+    to the same folder, with _trials at the end of its name."""
     trials: int | None = None
-    """Trials, if not those of the file."""
+    """Number of trials, instead of that in the file."""
     seed: int | None = None
-    """Seed, if not that of the file."""
+    """Seed, instead of that in the file."""
     engine: EngineName | None = None
-    """Engine, if not that of the file: population takes a second where spikes take minutes."""
+    """Engine, instead of that in the file: population takes a second where spikes take minutes."""
     workers: int = 2
-    """Threads of the engines that can use several; the results do not depend on it."""
+    """Threads, for engines that can use several; the results do not depend on it."""
     shown: Annotated[bool, tyro.conf.arg(name="show")] = False
-    """Print the file of an experiment that is shipped, and run nothing: to start your own from."""
+    """Print the file of a shipped experiment, as a template for your own, and run nothing."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -77,7 +77,7 @@ class ExperimentRun(Shows):
         self._show(experiment, done, rows)
 
     def _list(self) -> None:
-        """Show the experiments that are shipped."""
+        """List the shipped experiments."""
         import pandas as pd
 
         from bgmodel.experiments.experiment import shipped
@@ -89,16 +89,16 @@ class ExperimentRun(Shows):
         self.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
 
     def _print(self) -> None:
-        """Print the file of one that is shipped."""
+        """Print the file of a shipped experiment."""
         from bgmodel.experiments.experiment import Experiment, shipped_text
 
         if Path(self.file).suffix == ".toml":
-            raise InputError.of("show", "is for an experiment that is shipped", self.file)
-        Experiment.from_toml(self.file)  # its errors say which there are
+            raise InputError.of("show", "is for a shipped experiment", self.file)
+        Experiment.from_toml(self.file)  # its error lists the names
         print(shipped_text(self.file), end="")
 
     def _experiment(self) -> Experiment:
-        """Return the experiment of the file, with what the options change."""
+        """Return the experiment of the file, with the changes by options."""
         from bgmodel.experiments.experiment import Experiment
 
         experiment = Experiment.from_toml(self.file)
@@ -111,7 +111,7 @@ class ExperimentRun(Shows):
         return experiment
 
     def _run(self, experiment: Experiment) -> Outcome:
-        """Say what runs, and run it."""
+        """Announce the experiment and run it."""
         from bgmodel.bootstrap import check_trials
 
         given = experiment.given()
@@ -126,7 +126,7 @@ class ExperimentRun(Shows):
 
     @staticmethod
     def _outcomes(experiment: Experiment, done: Outcome) -> pd.DataFrame:
-        """Return the measures, and what came of each that was predicted or published."""
+        """Return the measures, and the outcome of each prediction or published effect."""
         found = done.verdicts().assign(condition="change")
         kept = ["condition", "measure", "direction", "at_least", "outcome", "reason"]
         rows = done.measures.merge(found[kept], how="left", on=["condition", "measure"])
@@ -152,7 +152,7 @@ class ExperimentRun(Shows):
         files.write_table(done.trials, self._trials_path(), **behind)
 
     def _show(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
-        """Show measures and outcomes."""
+        """Show measures and outcomes of predictions."""
         trials = len(done.trials) // 2
         about: dict[str, Any] = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
@@ -164,13 +164,13 @@ class ExperimentRun(Shows):
         self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
 
     def _check_apart(self, evidence: Path | None) -> None:
-        """Refuse to write over the evidence that the experiment's file names."""
+        """Refuse to overwrite the evidence that the experiment's file names."""
         inputs = [] if evidence is None else [("task.evidence", evidence)]
         outputs = [] if self.output is None else [("output", self.output)]
         check_apart([*inputs, *outputs, *(("trials", path) for path in self.more_outputs())])
 
     def more_outputs(self) -> list[Path]:
-        """Return the table of trials, which goes beside the output."""
+        """Return the path of the table of trials, in the folder of the output."""
         return [] if self.output is None else [self._trials_path()]
 
     def _trials_path(self) -> Path:
@@ -178,7 +178,7 @@ class ExperimentRun(Shows):
         return self.output.with_stem(f"{self.output.stem}_trials")
 
     def _check(self) -> None:
-        """Refuse what makes no sense, before long work starts."""
+        """Refuse invalid options before long work starts."""
         check_whole(workers=self.workers)
         if self.output is not None:
             check_ending("output", self.output, ".parquet", ".csv")

@@ -15,9 +15,9 @@ from bgmodel.support.files import remove_partial_files
 from circuits.errors import InputError
 
 LOCKS = Path(".snakemake/locks")
-"""Where Snakemake locks the files of a run; one that was killed leaves its locks behind."""
+"""Where Snakemake locks the files of a run; a killed run leaves its locks behind."""
 MINUTES = {True: 6.0, False: 18.0}
-"""CPU time of all figures, minutes, coarse or not; measured on two cores of an AMD EPYC."""
+"""CPU time of all figures, minutes, coarse (True) or full; measured on two cores of an AMD EPYC."""
 
 
 def _names() -> list[str]:
@@ -26,19 +26,19 @@ def _names() -> list[str]:
 
 
 def _check_unlocked() -> None:
-    """Raise ValueError where Snakemake's locks lie."""
+    """Raise ValueError if Snakemake has locked the folder."""
     if LOCKS.is_dir() and any(LOCKS.iterdir()):
         raise ValueError(
-            "another run draws figures in this checkout, or was killed: wait for its end, or, if "
-            "it is gone, remove its lock with `bgmodel figures --unlock`"
+            "another run is drawing figures in this checkout, or was killed: wait for its end, or, "
+            "if it is gone, remove its lock with `bgmodel figures --unlock`"
         )
 
 
 def run_snakemake(arguments: list[str]) -> int:
     """Run Snakemake in this process; return its exit status.
 
-    Ctrl-C also ends the processes of its steps, so that Snakemake waits for none and puts its
-    lock away.
+    Ctrl-C also ends the processes of its steps, so that Snakemake need not wait for them and
+    removes its lock.
     """
     from snakemake.cli import args_to_api, parse_args
 
@@ -57,7 +57,7 @@ def run_snakemake(arguments: list[str]) -> int:
     finally:
         signal.signal(signal.SIGINT, before)
     if stopped:
-        raise KeyboardInterrupt("The same command goes on where it was.")
+        raise KeyboardInterrupt("The same command resumes where it stopped.")
     return 0 if drawn else 1
 
 
@@ -69,15 +69,15 @@ class Figures:
     """
 
     targets: Positional[tuple[str, ...]] = ()
-    """Names of figures, such as fig4a, or files to make; all if left out."""
+    """Names of figures, such as fig4a, or files to make; all by default."""
     fast: bool = False
     """A coarse run with few trials, into figures/fast."""
     cores: int = 2
-    """Jobs at a time; the results do not depend on it."""
+    """Number of parallel jobs; the results do not depend on it."""
     recordings: Path | None = None
-    """Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS if left out."""
+    """Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS by default."""
     unlock: bool = False
-    """Draw nothing, but remove the lock and the unfinished files of a run that was killed."""
+    """Draw nothing, but remove the lock and the unfinished files of a killed run."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -104,25 +104,25 @@ class Figures:
             _check_unlocked()
             self._say(folder, found is not None)
         remove_partial_files(folder)
-        # Not on Snakemake's command line: there a folder that is named 010 is the number 10.
+        # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
         os.environ["BGMODEL_RECORDINGS"] = str(found or "")
         status = run_snakemake(self._arguments())
         if status:
             _check_unlocked()
             raise SystemExit(
-                f"bgmodel: not every figure is drawn, Snakemake ended with status {status}"
+                f"bgmodel: not all figures were drawn: Snakemake ended with status {status}"
             )
 
     def _arguments(self) -> list[str]:
         """Return the arguments of Snakemake."""
         arguments = ["-s", "figures/Snakefile", "--cores", str(self.cores), "--rerun-incomplete"]
-        # Steps are handed to processes that the file of rules keeps: threads wait for them.
+        # Steps run in processes held by the file of rules; threads wait for them.
         arguments += ["--force-use-threads", "--quiet", "all", "--config", f"fast={int(self.fast)}"]
         arguments += ["--unlock"] if self.unlock else []
         return [*arguments, "--", *(self.targets or ["all"])]
 
     def _say(self, folder: Path, recordings: bool) -> None:
-        """Say what is drawn, and about how long all of it takes."""
+        """Report what is drawn and about how long it takes."""
         names = [name for name in _names() if recordings or name != "figR1"]
         asked = [
             name
@@ -135,7 +135,7 @@ class Figures:
             f", about {MINUTES[self.fast]:g} minutes of CPU" if not (there or self.targets) else ""
         )
         print(
-            f"figures to draw in {folder}: {len(asked)}, there already: {len(there)}{took}; each "
+            f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}{took}; each "
             "is named when it is drawn",
             flush=True,
         )

@@ -1,4 +1,4 @@
-"""The command that holds tests and circuits to choices and times."""
+"""The command that fits models to choice and response-time data."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FitRun(FitSettings, Shows):
-    """Fit models to choices and times: the sequential test, and a circuit beside it.
+    """Fit the sequential test and a circuit to choice and response-time data.
 
-    DATA is a shipped set (see `bgmodel data`) or a table of your own: participant_id, rt (s),
-    response, conditions. For each participant and model it prints what these trials can tell
-    apart, and at the end the parameters under which they are most likely. Simulated trials and
-    finished fits are kept in the folder: the same command goes on where it was stopped.
+    DATA is a shipped set (see `bgmodel data`) or your own table: participant_id, rt (s), response,
+    conditions. For each participant and model it prints which parameters these trials can identify,
+    and at the end the maximum-likelihood parameters. Simulated trials and finished fits are kept in
+    the folder: the same command resumes where it stopped.
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
@@ -37,11 +37,11 @@ class FitRun(FitSettings, Shows):
     data: Positional[str]
     """Name of a shipped set, or a .csv, .tsv or .parquet file."""
     folder: Positional[Path | None] = None
-    """Where results go; if left out, fits/ and the name of the data."""
+    """Folder for results; by default fits/ and the name of the data."""
     models: tuple[str, ...] = ("constant_gap", "macaque")
     """Models: constant_gap, falling_gap, or a circuit, by its name or as a .toml file."""
     draws: bool = False
-    """Draw from the posterior too: adds intervals that hold .9 of it."""
+    """Sample from the posterior too: adds 90 % credible intervals."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -63,7 +63,7 @@ class FitRun(FitSettings, Shows):
             self.draws, self.note,
         )  # fmt: skip
         kept.check(self.force)
-        # All of them before any is fitted: what is wrong is said at once.
+        # Build all before any is fitted, so that errors are raised at once.
         asked = {
             who: {name: self.likelihood(design, each) for name, each in models.items()}
             for who, design in designs.items()
@@ -73,7 +73,7 @@ class FitRun(FitSettings, Shows):
             made = [kept.person(who, some, asked[who]) for who, some in people]
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                "Finished fits and simulated trials are kept: the same command goes on from there."
+                "Finished fits and simulated trials are kept: the same command resumes there."
             ) from None
         found = [each for person in made for each in person]
         parameters = kept.gather(found)
@@ -81,7 +81,7 @@ class FitRun(FitSettings, Shows):
         self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
     def _asked(self) -> dict[str, Any]:
-        """Return all that two fits of one folder must share: whose they are, they need not."""
+        """Return the options that all fits in one folder must share; participants may differ."""
         own = ("data", "folder", "models", "participant", "draws", *UNRECORDED)
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
@@ -97,6 +97,6 @@ class FitRun(FitSettings, Shows):
 
 
 def _circuits(models: Mapping[str, Model]) -> dict[str, str]:
-    """Return the hash of each model's circuit, of those that have one."""
+    """Return the hash of the circuit of each model that has one."""
     made = {name: model.identity().get("circuit") for name, model in models.items()}
     return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}

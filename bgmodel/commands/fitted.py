@@ -1,4 +1,4 @@
-"""What is done with the fits to each participant: kept, said, drawn and gathered."""
+"""Fits to each participant: stored, reported, drawn and gathered."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ TABLES = ("parameters.csv", "cells.csv")
 
 @dataclass(frozen=True)
 class Kept:
-    """Fits in a folder, none of which is made twice.
+    """Fits in a folder; finished ones are not repeated.
 
     Parameters
     ----------
     folder : path
-        Where all of them go.
+        Folder for all results.
     seed : int
-        Of the simulated trials: part of the tables' provenance.
+        Seed of the simulated trials, part of the tables' provenance.
     asked : dict
-        What was asked for, all that fits in one folder share: part of the tables' provenance.
+        Options shared by all fits in the folder, part of the tables' provenance.
     circuits : dict of str to str
-        Hash of the circuit of each model that has one: fits of the same name share it too.
+        Hash of each model's circuit, if it has one; fits of the same name must share it.
     posterior : bool
         Whether to draw from the posterior.
     note : function
-        Says a line.
+        Prints a line.
     """
 
     folder: Path
@@ -52,33 +52,33 @@ class Kept:
     note: Callable[[str], None]
 
     def check(self, force: bool) -> None:
-        """Raise ValueError if the folder can't be written, or holds what is not to be lost.
+        """Raise ValueError if the folder can't be written, or holds results to be preserved.
 
         Parameters
         ----------
         force : bool
-            Whether results of another command may be written over.
+            Whether results of another command may be overwritten.
         """
         files.check_writable(self.folder)
         for path in (self.folder / name for name in TABLES):
             if path.exists() and not files.is_result(path):
-                said = f"{str(path)!r} is there and no result of a fit: give another folder"
+                said = f"{str(path)!r} exists and is not a result of a fit: give another folder"
                 raise InputError(said, "folder")
         other = sorted({each for name in TABLES for each in self._differs(name)})
         if other and not force:
             raise InputError(
                 f"{str(self.folder)!r} holds fits with another {', '.join(other)}: give another "
-                "folder, or --force to write over their tables",
+                "folder, or --force to overwrite their tables",
                 "folder",
             )
 
     def _before(self, table: str) -> dict[str, Any]:
-        """Return the parameters of a table that is there; none where there is no table."""
+        """Return the parameters of an existing table; an empty dict without a table."""
         there = self.folder / table
         return files.read_provenance(there)["parameters"] if files.is_result(there) else {}
 
     def _differs(self, table: str) -> list[str]:
-        """Return the names of options that a table which is there was made with otherwise."""
+        """Return the names of options with other values in an existing table."""
         before = self._before(table)
         if not before:
             return []
@@ -99,7 +99,7 @@ class Kept:
         return list(found.values())
 
     def _one(self, who: str, some: Choices, name: str, likelihood: Likelihood) -> Piece:
-        """Return the tables of one fit, from its files or made now."""
+        """Return the tables of one fit, read from its files or computed."""
         import pandas as pd
         from tqdm import tqdm
 
@@ -120,7 +120,7 @@ class Kept:
         pieces, title = self.folder / "pieces", f"{who} {Path(name).stem}"
         there = read_piece(pieces, title, key)
         if there is not None:
-            self.note(f"{who}, {name}: there already")
+            self.note(f"{who}, {name}: already done")
             _warn(who, name, there)
             return there
         shape = "{desc} {elapsed}{postfix}"
@@ -147,25 +147,25 @@ class Kept:
         return piece
 
     def _say(self, who: str, name: str, found: Fit) -> None:
-        """Say what can be told apart, how exact it is, and what draws are worth."""
+        """Report identifiability, simulation error and the effective number of samples."""
         import pandas as pd
 
         names = found.directions.names
         cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
-        self.note(f"\n{who}, {name}: cosines of the directions in which parameters move the data")
+        self.note(f"\n{who}, {name}: parameter trade-offs (cosine similarity)")
         self.note(cosines.to_string())
         own = found.simulation.log_likelihood
         if own:
             self.note(
-                f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, of which "
-                f"simulated trials leave an error of {own:.1f} nats"
+                f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, with a "
+                f"simulation error of {own:.1f} nats"
             )
         drawn = found.posterior
         if drawn is not None and drawn.long_enough:
-            self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")
+            self.note(f"{who}, {name}: effective sample size {drawn.effective:.0f}")
 
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
-        """Write the tables of all fits, those that are there of others kept, and return the first.
+        """Write the tables of all fits, keeping earlier ones of others, and return the first.
 
         Parameters
         ----------
@@ -194,13 +194,13 @@ class Kept:
 
 
 def _warn(who: str, name: str, piece: Piece) -> None:
-    """Say the warnings of a fit, also of one that was made before."""
+    """Print the warnings of a fit, also of an earlier one."""
     for caution in piece.cautions["caution"]:
         say(f"{who}, {name}: {caution}")
 
 
 def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of earlier fits; text columns stay text as in the new one: 01 is not 1."""
+    """Return a table of earlier fits; columns that are text in the new one stay text."""
     import pandas as pd
 
     texts = [name for name in like if pd.api.types.is_string_dtype(like[name])]

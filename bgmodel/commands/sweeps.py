@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 OUTCOME = "outcome.csv"
 FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
-"""Figures of an outcome by their endings, with what must not go in."""
+"""Endings of figure files, with the metadata that must be left out."""
 PART = re.compile(r"(\d+)/(\d+)")
 
 
 @dataclass(frozen=True)
 class SweepRun:
-    """Let a circuit decide at every point of a grid or a list, and gather what came of it.
+    """Run a circuit at every point of a grid or a list, and gather the results.
 
-    A TOML file says what is run and what changes: any number or edit of the circuit, dopamine, the
-    task, the engine, the posterior at which it decides. What is finished is never computed again;
-    the same command goes on where it was stopped, or killed.
+    A TOML file defines what is run and what changes: any number or edit of the circuit, dopamine,
+    the task, the engine, the posterior at which it decides. Finished parts are never computed
+    again; the same command resumes after it was stopped or killed.
 
     Examples: bgmodel sweep mine.toml; bgmodel sweep mine.toml --workers 8;
     bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
@@ -48,21 +48,21 @@ class SweepRun:
     file: Positional[Path]
     """A TOML file."""
     folder: Positional[Path | None] = None
-    """Where its shards, outcome.csv and outcome.png go; sweeps/NAME, after the file, if left out.
+    """Folder for shards, outcome.csv and outcome.png; by default sweeps/NAME, after the file.
     """
     workers: int = 2
-    """Processes; the results do not depend on it."""
+    """Number of processes; the results do not depend on it."""
     part: str | None = None
-    """K/N: compute only the K-th of N parts, and gather nothing: for a scheduler of your own."""
+    """K/N: compute only the K-th of N parts, without gathering: for your own scheduler."""
     on: Literal["processes", "snakemake", "slurm"] = "processes"
-    """Processes of this machine, jobs of Snakemake here, or of a cluster through its SLURM
-    executor."""
+    """Where to compute: processes on this machine, jobs of Snakemake here, or jobs on a cluster
+    through its SLURM executor."""
     parts: int = 10
-    """Jobs of Snakemake or SLURM."""
+    """Number of jobs of Snakemake or SLURM."""
     profile: Path | None = None
-    """Folder of a profile for SLURM, instead of the one that is shipped."""
+    """Folder of a profile for SLURM, instead of the shipped one."""
     dry_run: bool = False
-    """Say what would be done, and do nothing."""
+    """Print what would be done, and do nothing."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -93,7 +93,7 @@ class SweepRun:
         k, n = (int(found[1]), int(found[2])) if found else (0, 0)
         require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", self.part)
         if self.on != "processes":
-            raise InputError("part is what a job computes: give --parts, or no --on", "part")
+            raise InputError("part is for a single job: give --parts, or leave out --on", "part")
         return k, n
 
     def _run(self, plan: Plan, points: list[Point], shards: list[Shard], folder: Path) -> None:
@@ -105,8 +105,8 @@ class SweepRun:
         missing = [shard for shard, state in states.items() if state != "done"]
         damaged = list(states.values()).count("damaged")
         print(
-            f"points: {len(points)}; shards: {len(states)}, {len(states) - len(missing)} there "
-            f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
+            f"points: {len(points)}; shards: {len(states)}, {len(states) - len(missing)} done"
+            f"{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
         say_of_edits(*(point.edits for point in points))
@@ -124,7 +124,7 @@ class SweepRun:
                 if self.part is None:
                     self._gather(plan, points, folder, pool)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("The same command goes on where it was.") from None
+            raise KeyboardInterrupt("The same command resumes where it stopped.") from None
 
     def _gather(self, plan: Plan, points: list[Point], folder: Path, pool: Executor) -> None:
         from bgmodel.sweeps.outcome import gathered, measured
@@ -136,12 +136,12 @@ class SweepRun:
         if len(plan.axes) <= 2:
             _draw(plan, table, folder)
         else:
-            print(f"no figure: one has one key or two, here are {len(plan.axes)}")
+            print(f"no figure: it can show one key or two, got {len(plan.axes)}")
         print(f"-> {output}")
 
     @staticmethod
     def _say(plan: Plan, table: pd.DataFrame) -> None:
-        """Say what was warned of, each sentence once, and show a short sweep's measures."""
+        """Print each warning once, and show the measures of a short sweep."""
         from bgmodel.sweeps.sweep import SweepOutcome
 
         outcome = SweepOutcome(plan, table)
@@ -166,7 +166,7 @@ class SweepRun:
         with TemporaryDirectory() as empty:
             if not self.dry_run:
                 folder.mkdir(parents=True, exist_ok=True)
-            # Jobs on other machines read the settings too; a dry run leaves nothing behind.
+            # Jobs on other machines read the settings too; a dry run leaves no files.
             settings = Path(empty if self.dry_run else folder).absolute() / "jobs.json"
             settings.write_text(json.dumps(self._settings(folder, shards)))
             place = folder.absolute() if folder.is_dir() else Path(empty)
@@ -175,18 +175,18 @@ class SweepRun:
             try:
                 status = process.wait()
             except KeyboardInterrupt:
-                process.wait()  # Ctrl-C reached it too: it ends its jobs and puts its lock away
+                process.wait()  # Ctrl-C reached it too: it ends its jobs and removes its lock
                 raise
         if status:
             locks = place / ".snakemake" / "locks"
-            more = f"; `rm -r {locks}` removes the lock of a run that was killed"
+            more = f"; `rm -r {locks}` removes the lock of a killed run"
             raise SystemExit(
                 f"bgmodel: the sweep is not finished, Snakemake ended with status {status}"
                 + (more if locks.is_dir() else "")
             )
 
     def _settings(self, folder: Path, shards: list[Shard]) -> dict[str, str | int]:
-        """Return what the Snakefile needs to know."""
+        """Return the settings of the Snakefile."""
         names = "".join(sorted(shard.name for shard in shards))
         return {
             "file": str(self.file.absolute()),
@@ -197,7 +197,7 @@ class SweepRun:
 
 
 def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
-    """Return what the table of a sweep was made from."""
+    """Return the provenance of a sweep's table."""
     from bgmodel.integrators.basal_ganglia import identity
 
     circuits = [identity(point.edited)["sha256"] for point in points]
@@ -205,7 +205,7 @@ def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
 
 
 def _check_own(folder: Path) -> None:
-    """Raise ValueError if what a sweep would replace in its folder is no outcome of a sweep."""
+    """Raise ValueError if a file that the sweep would overwrite was not made by a sweep."""
     output = folder / OUTCOME
     paths = [output, *map(output.with_suffix, FIGURES)]
     if not any(path.exists() for path in paths):
@@ -219,7 +219,7 @@ def _check_own(folder: Path) -> None:
 
 
 def _remove_outdated(plan: Plan, points: list[Point], folder: Path) -> None:
-    """Remove table and figure of another sweep: a part or a stopped sweep would leave them."""
+    """Remove table and figure of another sweep, which a part or a stopped sweep would keep."""
     output = folder / OUTCOME
     if not output.is_file():
         return
@@ -227,8 +227,8 @@ def _remove_outdated(plan: Plan, points: list[Point], folder: Path) -> None:
     now = files.provenance(**_behind(plan, points))
     if all(of.get(name) == now[name] for name in ("parameters", "seed")):
         return
-    say(f"{output} is of another sweep: it is removed, with its figure; shards stay")
-    # The table goes last: while it is there, its figure is known to be a sweep's.
+    say(f"{output} is of another sweep: it is removed, with its figure; shards are kept")
+    # Remove the table last: while it exists, its figure is known to be that of a sweep.
     for path in (*map(output.with_suffix, FIGURES), output, files.provenance_path(output)):
         path.unlink(missing_ok=True)
 

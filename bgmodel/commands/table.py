@@ -26,8 +26,8 @@ CIRCUIT = {
     "designed": CircuitDesigned,
     "learn": CircuitLearn,
 }
-# A name and its command, or a name and a group: what it is about, and a table like this one with
-# two commands or more.
+# A name and its command, or a name and a group: a description of it, and a table like this one
+# with two commands or more.
 COMMANDS: dict[str, Any] = {
     "demo": DemoRun,
     "touch": Touch,
@@ -38,7 +38,7 @@ COMMANDS: dict[str, Any] = {
     "decide": Decide,
     "learn": GapLearn,
     "circuit": (
-        "A basal ganglia circuit: show its table, let it decide, lesion it, hold it to theories, "
+        "A basal ganglia circuit: show its table, run it, lesion it, compare it with theories, "
         "let dopamine learn. Example: bgmodel circuit show",
         CIRCUIT,
     ),

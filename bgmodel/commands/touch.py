@@ -1,4 +1,4 @@
-"""The whole chain for one sensor, in one command, and decisions while it taps."""
+"""The command that runs the whole chain for one sensor."""
 
 from __future__ import annotations
 
@@ -26,35 +26,35 @@ from circuits.errors import InputError
 class Touch(Asks, Shows):
     """From a sensor's taps to decisions: simulate or read, train, decode, decide, one page.
 
-    The sensor is the simulated one on gratings, or one whose recordings you name. What is finished
-    stays in the folder, and the same command resumes where it stopped.
+    The sensor is the simulated one on gratings, or the one of your recordings. Finished steps are
+    kept in the folder, and the same command resumes where it stopped.
 
     Examples: bgmodel touch;
     bgmodel touch mine --training my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
     """
 
     folder: Positional[Path] = Path("touch")
-    """Where everything goes; the page is index.html."""
+    """Folder for all files; the page is index.html."""
     training: Path | None = None
-    """Folder of recorded taps of an edge that the decoder is trained on."""
+    """Folder of recorded taps of an edge, to train the decoder on."""
     held_out: Path | None = None
-    """Folder of other recorded taps, which are decided on."""
+    """Folder of other recorded taps, used as evidence."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] | None = None
-    """What is asked; same-different of gratings, edge-turn of an edge if left out."""
+    """The task; by default same-different for gratings, edge-turn for an edge."""
     taps: int = 1000
-    """Simulated taps of each grating that the decoder is trained on."""
+    """Simulated taps of each grating, to train the decoder on."""
     held_out_taps: int = 1200
-    """Simulated taps of each grating and yaw that are decided on."""
+    """Simulated taps of each grating and yaw, used as evidence."""
     epochs: int = 8
-    """Most passes of the training over simulated taps."""
+    """Largest number of passes of the training over simulated taps."""
     trials: int = 1200
-    """Decisions of test and circuit."""
+    """Number of decisions of the test and of the circuit."""
     step_ms: float = 50.0
     """Time between readings, ms."""
     workers: int = 2
-    """Processes and threads; the results do not depend on it."""
+    """Number of processes and threads; the results do not depend on it."""
     seed: int = 0
     tip: Tip = field(default_factory=Tip)
     skin: Skin = field(default_factory=Skin)
@@ -112,11 +112,11 @@ class Touch(Asks, Shows):
         return "Simulated TacTip" if self.training is None else f"Recordings {self.training.name}"
 
     def _check(self) -> None:
-        """Refuse what contradicts itself, before long work starts."""
+        """Refuse contradictory options before long work starts."""
         check_whole(taps=self.taps, held_out_taps=self.held_out_taps, trials=self.trials)
         if (self.training is None) != (self.held_out is None):
             raise InputError(
-                "recordings take two folders: training, and held_out taps that are decided on",
+                "recordings need two folders: training, and held_out taps used as evidence",
                 "held_out" if self.held_out is None else "training",
             )
         if self._task.startswith("edge") == self._grating:
@@ -139,7 +139,7 @@ class Touch(Asks, Shows):
         TASKS[self._task](self.channels, self.period_mm, self.step_deg)
 
     def _decoded(self) -> Path:
-        """Return the table of decoded held-out taps; what is there already is not made again."""
+        """Return the table of decoded held-out taps; existing results are used."""
         steps = _Steps(self.folder)
         decoder, decoded = self.folder / "decoder.safetensors", self.folder / "decoded.parquet"
         if self.training is not None and self.held_out is not None:
@@ -160,7 +160,7 @@ class Touch(Asks, Shows):
 
 
 class _Steps:
-    """Which files of a folder are finished, and which commands made them."""
+    """Record of the finished files of a folder and the commands that made them."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "steps.json"
@@ -175,7 +175,7 @@ class _Steps:
         step = [__version__, type(command).__name__, options_of(command), folders, seed]
         step = json.loads(json.dumps(step))
         if path.is_file() and self.known.get(path.name) == step:
-            say(f"{path} is there already")
+            say(f"{path} already exists")
             return
         command()
         self.known[path.name] = step

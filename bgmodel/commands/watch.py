@@ -1,4 +1,4 @@
-"""Decisions in the loop: a folder of images is watched, and each image is a reading."""
+"""Online decisions: a folder of images is watched, and each image is a reading."""
 
 from __future__ import annotations
 
@@ -34,41 +34,41 @@ class Watch(Asks, Writes):
     """Decide on images of taps as they arrive in a folder, by the circuit or by the test.
 
     Each image is decoded and adds its log-likelihoods to the trial; as soon as OUT crosses the
-    threshold the decision is printed, and the next trial begins. For a question on two taps, each
-    pair of images is one reading. It ends when no image has come for some time.
+    threshold the decision is printed, and the next trial begins. In a task with two taps, each
+    pair of images is one reading. It ends when no image has arrived for some time.
 
     Example: bgmodel watch camera decisions.csv --decoder edge.safetensors --taps decoded.parquet
     --task edge-direction --mm-per-px 0.33
     """
 
     folder: Positional[Path]
-    """Folder that the sensor writes its images to; those that are there already come first."""
+    """Folder that the sensor writes its images to; existing images come first."""
     output: Positional[Path]
-    """Where the table of decisions goes, .csv or .parquet."""
+    """File for the table of decisions, .csv or .parquet."""
     decoder: Path
     """A decoder from `bgmodel train`."""
     taps: Path
-    """Taps that it has decoded, of the same sensor: they say what a reading is worth."""
+    """Taps of the same sensor, decoded by it, from which likelihoods of readings are estimated."""
     mm_per_px: float
     """Scale of the images, mm."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "edge-direction"
-    """What is asked of the taps."""
+    """The tactile task."""
     first_deg: float = 0.0
     """Direction of the first alternative of edge-direction, degrees."""
     by: Literal["circuit", "test"] = "circuit"
-    """Who decides."""
+    """What decides: the circuit or the test."""
     circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = SPIKES
-    """How it is computed: ensemble (spikes), population or rate."""
+    """Engine of the circuit: ensemble (spikes), population or rate."""
     posterior: float = 0.82
     """Posterior at which it decides."""
     step_ms: float = 100.0
-    """Time between readings, ms; a warning names readings that come later."""
+    """Time between readings, ms; a warning reports readings that come later."""
     t_max: int = 60
-    """Most steps of a trial; then the deadline forces a response."""
+    """Largest number of steps in a trial; then the deadline forces a response."""
     idle_s: float = 10.0
-    """Ends when no image has come for so long, s."""
+    """Stop when no image has arrived for this time, s."""
     seed: int = 0
 
     def __call__(self) -> None:
@@ -91,7 +91,7 @@ class Watch(Asks, Writes):
                     f"{row['time_ms']:.0f} ms{forced}",
                     flush=True,
                 )
-        finally:  # what was decided is kept, however it ends
+        finally:  # decisions are written, however it ends
             table = pd.DataFrame(rows, columns=COLUMNS)
             files.write_table(table, self.output, seed=self.seed, command=options_of(self))
         if session.readings:
@@ -106,7 +106,7 @@ class Watch(Asks, Writes):
         session: Session,
         latency: list[float],
     ) -> Iterator[dict[str, Any]]:
-        """Go through the decisions, a row each; the latency of each reading is added, ms."""
+        """Yield one row per decision; append the latency of each reading, ms."""
         begun: float | None = None
         readings = 0
         for path in images(self.folder, self.idle_s):
@@ -115,7 +115,7 @@ class Watch(Asks, Writes):
             try:
                 reading = read(path)
             except ValueError as error:
-                say(f"{error}: this image is left out")
+                say(f"{error}: this image is skipped")
                 continue
             if reading is None:
                 continue
@@ -137,7 +137,7 @@ class Watch(Asks, Writes):
             begun, readings = None, 0
 
     def _begin(self) -> tuple[Callable[[Path], Array | None], tuple[str, ...], Session]:
-        """Return what turns an image into a reading, names of alternatives, and the session."""
+        """Return the reader of images, the names of alternatives, and the session."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia
         from bgmodel.integrators.sprt import Msprt
         from bgmodel.tactile.decoder import Decoder
@@ -183,16 +183,16 @@ class Watch(Asks, Writes):
 
 
 def images(folder: Path, idle_s: float) -> Iterator[Path]:
-    """Go through the images of a folder in the order of their time, and wait for more.
+    """Yield the images of a folder in order of their time, and wait for more.
 
-    An image counts once it has not grown for one look: whoever writes it may not have finished.
+    An image is used once its size is unchanged between two looks: it may still be being written.
 
     Parameters
     ----------
     folder : Path
         Where images are written.
     idle_s : float
-        It ends when there was none for so long.
+        Stop when there was none for this time, s.
     """
     seen: set[str] = set()
     sizes: dict[str, int] = {}

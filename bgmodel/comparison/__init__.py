@@ -1,1 +1,1 @@
-"""A circuit held against the abstract test, decision by decision."""
+"""Comparison of a circuit with the abstract test, trial by trial."""

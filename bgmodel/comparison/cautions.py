@@ -1,4 +1,4 @@
-"""Warnings of what makes numbers of a comparison absent or wrong."""
+"""Warnings about missing or wrong numbers in a comparison."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from circuits.errors import DeadlineWarning
 def ceiling(evidence: Evidence) -> float:
     """Return the expected accuracy of the most probable hypothesis after all readings of a trial.
 
-    No decider that knows the same likelihoods is more accurate, whatever its threshold.
+    No integrator with the same likelihoods is more accurate, whatever its threshold.
     """
     last = evidence.posterior[np.arange(evidence.trials), evidence.readings]
     return float(last.max(axis=1).mean())
 
 
 def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[float]:
-    """Warn of accuracies that the readings do not allow, and return the others.
+    """Warn about accuracies that the readings do not allow, and return the others.
 
     Parameters
     ----------
     evidence : Evidence
-        The trials that are decided.
+        Readings of all trials.
     accuracies : sequence of float
         The requested accuracies.
     """
@@ -42,7 +42,7 @@ def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[flo
 
 
 def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float]) -> None:
-    """Warn of accuracies that the readings allow but a model does not reach.
+    """Warn about accuracies that the readings allow but a model does not reach.
 
     Parameters
     ----------

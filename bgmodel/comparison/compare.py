@@ -1,4 +1,4 @@
-"""Compare a circuit with the MSPRT, decision by decision."""
+"""Compare a circuit with the MSPRT, trial by trial."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_g
 
 
 def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return the decisions of a circuit with noise of another seed: the same, if it has none.
+    """Return the decisions of a circuit with noise of another seed; unchanged without noise.
 
     Parameters
     ----------
     model, evidence :
-        The circuit, and what it was given.
+        The circuit and its evidence.
     found : Tradeoff
-        What it decided.
+        Its decisions with the original seed.
     """
     if not model.engine.noisy:
         return found
@@ -76,7 +76,7 @@ class Comparison(Facts):
         One row per model, reference, accuracy and measure: the columns of ``matched_measures``, and
         model and reference.
     curves : DataFrame
-        Speed against accuracy: model, threshold, accuracy (expected), mean_ms, one row per model
+        Speed-accuracy tradeoff: model, threshold, accuracy (expected), mean_ms, one row per model
         and threshold.
     """
 
@@ -98,7 +98,7 @@ class Comparison(Facts):
         return found
 
     def summary(self) -> pd.DataFrame:
-        """Return the measures that say most, one row per reference, model and accuracy."""
+        """Return the main measures, one row per reference, model and accuracy."""
         rows = self.table[self.table["measure"].isin(SUMMARY)]
         by = ["reference", "model", "accuracy"]
         wide = rows.pivot(index=by, columns="measure", values="value").reset_index()
@@ -115,7 +115,7 @@ class Comparison(Facts):
         Parameters
         ----------
         ax : Axes, optional
-            Drawn on and returned; that of a new figure unless given.
+            Axes to draw on, by default those of a new figure; returned.
         """
         from bgmodel.plots import accuracy_axis, new_axes
 
@@ -147,23 +147,23 @@ def compare(
         The circuit with its engine, gain and noise; a circuit, a name or a .toml file runs on the
         population engine.
     evidence : Evidence
-        What all are given; 100 trials or more.
+        Readings of all trials, at least 100.
     seed : int, optional
-        Of the bootstrap, and of the noise of a circuit that is not a model yet; the model's own
-        unless given.
+        Seed of the bootstrap, and of the noise of a circuit that is not a model yet; by default
+        that of the model.
     baselines : sequence of str
-        Which of ``BASELINES`` are compared too. "race" and "LCA" need evidence whose zero means
-        that nothing was seen, as that of ``gaussian_evidence``.
+        Names of ``BASELINES`` to compare too. "race" and "LCA" need evidence in which a zero means
+        that nothing was seen, such as that of ``gaussian_evidence``.
     accuracies, resamples, groups :
         As for ``matched_measures``.
     intact : Circuit or str, optional
-        The circuit before it was edited. It decides on the same evidence with the same noise, and
-        rows of the model ``MINUS_INTACT`` hold the edited circuit's measures minus its own, with
-        the interval of the difference.
+        The circuit before its edits. It is run on the same evidence with the same noise, and rows
+        of the model ``MINUS_INTACT`` hold the measures of the edited circuit minus those of the
+        intact one, with the interval of the difference.
     noise_ceiling : bool
-        Whether the circuit decides a second time, with noise of another seed: rows of the reference
-        ``OTHER_NOISE`` compare it with itself, the most that anything can agree with it, and
-        ``r_noise_corrected`` is known. Without noise it is not run: it would decide the same.
+        Whether to run the circuit again with noise of another seed: rows of the reference
+        ``OTHER_NOISE`` compare it with itself, the highest agreement to be expected, and
+        ``r_noise_corrected`` is computed. A circuit without noise is not run again.
 
     Returns
     -------
@@ -175,14 +175,14 @@ def compare(
     ------
     ValueError
         If there are too few trials, a name is unknown, a circuit would decide without evidence, or
-        it is no edit of the intact one.
+        it is not an edit of the intact one.
 
     Warns
     -----
     UserWarning
-        If the circuit does not reach an accuracy at a threshold that its OUT reads, and that noise
-        at rest does not cross: all measures are NaN there. If the readings, or a baseline model, do
-        not reach one. If posteriors at the decision are not the share of right choices.
+        If the circuit reaches an accuracy at no threshold that is within the range of its
+        read-out and not crossed by noise at rest: all measures are NaN there. If the readings or
+        a baseline model do not reach one. If posteriors at the decision are not calibrated.
     """
     check_trials(check_evidence(evidence).trials)
     baselines = [baselines] if isinstance(baselines, str) else baselines

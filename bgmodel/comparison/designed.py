@@ -1,10 +1,11 @@
-"""Designed trials: evidence without noise on which theories of decisions disagree.
+"""Designed trials: noise-free evidence on which theories of decision making disagree.
 
-Rivals stand apart from the first reading on, then the leader alone rises, by the same at each
-reading. At any time a theory hears of the competitors one number: the MSPRT the log of their summed
-exponentials, max-vs-next the highest, max-vs-average the mean. Designs keep one of these numbers
-and change the others. As a theory hears of the leader less that number, what a design adds to a
-crossing time is the change of the number over the leader's rise, at any threshold.
+Competitors are separated from the first reading on, then the leader alone rises by the same amount
+at each reading. At any time a theory summarises the competitors in one number: the MSPRT by the log
+of their summed exponentials, max-vs-next by the highest, max-vs-average by the mean. Each design
+keeps one of these numbers and changes the others. A theory compares the leader with its number, so
+the shift of a crossing time by a design is the change of the number over the leader's rise, at any
+threshold.
 """
 
 from __future__ import annotations
@@ -32,37 +33,37 @@ from circuits.errors import InputError, RangeWarning, require
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
-"""OUT at which designed trials are decided, nats."""
+"""Default thresholds on OUT, nats."""
 SPREAD_NATS = 1.6
-"""How far hopeless competitors lie below close ones, in the circuit's nats."""
+"""Distance of hopeless competitors below close ones, in the circuit's nats."""
 RISE_NATS_S = 2.0
-"""How fast the leader rises, in the circuit's nats per second."""
+"""Rate at which the leader rises, in the circuit's nats per second."""
 STEP_MS = 50.0
 CLOSE_MS, APART_MS = 60.0, 100.0
-"""A circuit follows a theory if all differences lie within the one, and is told apart from it if at
-each threshold one lies beyond the other."""
+"""A circuit follows a theory if all differences are within the first, and is told apart from it if
+at each threshold one is beyond the second."""
 FEWEST_RIGHT = 0.9
-"""A difference is known if the leader is chosen in so many trials."""
+"""A difference is reported if the leader is chosen in at least this share of trials."""
 MOST_READINGS = 512
 LEAD, AVERAGE = "same lead", "same average"
 MSPRT = "MSPRT"
 UNABLE = {"max vs next": LEAD, "max vs average": AVERAGE}
-"""The alternatives to the MSPRT, and the designs that each cannot tell from equal competitors."""
+"""The alternatives to the MSPRT, and the design each cannot distinguish from equal competitors."""
 FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
 
 
 @dataclass(frozen=True)
 class Design:
-    """A trial: where the competitors of the leader stand.
+    """A designed trial: the evidence for the competitors of the leader.
 
     Parameters
     ----------
     name : str
-        How many competitors are close, and how many hopeless.
+        Numbers of close and of hopeless competitors.
     held : str
-        What is as with equal competitors at any time: "same lead" over the next, or "same average".
+        What equals that with equal competitors: "same lead" over the next, or "same average".
     competitors : tuple of float (channels - 1,)
-        From the first reading on, nats; 0 for equal competitors.
+        Evidence for each from the first reading on, nats; 0 for equal competitors.
     """
 
     name: str
@@ -72,7 +73,7 @@ class Design:
     def evidence(
         self, readings: int, *, trials: int = 1, kappa: float = 1.0, leader: int = 0
     ) -> Evidence:
-        """Return the same trial several times, for trials of different noise.
+        """Return copies of the trial, to be run with different noise.
 
         Parameters
         ----------
@@ -81,7 +82,7 @@ class Design:
         kappa : float
             Nats of the design per nat of evidence.
         leader : int
-            Index of the channel that rises; competitors follow it in their order.
+            Index of the rising channel; competitors follow it in order.
         """
         count = len(self.competitors) + 1
         values = np.zeros((readings, count))
@@ -97,19 +98,19 @@ class Design:
 
 
 def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
-    """Return the designed trials, that with equal competitors first.
+    """Return the designed trials, the one with equal competitors first.
 
     Raises
     ------
     ValueError
-        For fewer than three channels: a single competitor tells no theories apart.
+        For fewer than three channels: a single competitor cannot tell theories apart.
     """
     if channels < 3:
         raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
     competitors = channels - 1
     found = [Design(f"{competitors} equal", "", (0.0,) * competitors)]
     for held in (LEAD, AVERAGE):
-        # One close competitor, and one hopeless one; among two competitors these are the same.
+        # One close competitor, and one hopeless one; with two competitors these are the same.
         for close in dict.fromkeys((1, competitors - 1)):
             far = competitors - close
             up = SPREAD_NATS * far / competitors if held == AVERAGE else 0.0
@@ -130,19 +131,19 @@ def designed_circuit(
     trials: int = 200,
     leader: int = 0,
 ) -> pd.DataFrame:
-    """Return when a circuit decides designed trials, less when theories do.
+    """Return decision times of a circuit on designed trials minus those of theories.
 
     Parameters
     ----------
     model : BasalGanglia
         The circuit, its engine and its noise.
     thresholds : sequence of float
-        OUT at which it decides, in its unit.
+        Thresholds on OUT, in the circuit's unit.
     trials : int
-        Number of trials per design, each with noise of its own, the same in all designs; 1 for an
-        engine without noise.
+        Number of trials per design, with independent noise that is the same in all designs; 1 for
+        an engine without noise.
     leader : int
-        Index of the channel that rises.
+        Index of the rising channel.
 
     Returns
     -------
@@ -152,8 +153,8 @@ def designed_circuit(
     Raises
     ------
     ValueError
-        If the circuit has two channels, does not read a threshold, has no fixed point or never
-        reaches a threshold there, or if trials are too few for an interval.
+        If the circuit has two channels, a threshold is outside the range of its read-out, there is
+        no fixed point or it never reaches a threshold, or trials are too few for an interval.
     """
     trials, _ = size(model, thresholds, trials)
     return designed(
@@ -168,14 +169,14 @@ def designed_circuit(
 
 
 def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple[int, int]:
-    """Return the numbers of trials per design and of readings that a circuit is given.
+    """Return the number of trials per design, and of readings.
 
-    The arguments and what is raised are those of ``designed_circuit``.
+    Arguments and errors are those of ``designed_circuit``.
     """
     if not model.engine.noisy:
         trials = 1
     elif trials < 2:
-        raise InputError.of("trials", "must be at least 2 where there is noise", trials)
+        raise InputError.of("trials", "must be at least 2 for an engine with noise", trials)
     for threshold in checked_thresholds(thresholds):
         check_read(model.circuit, threshold)
     given: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
@@ -184,32 +185,32 @@ def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple
 
 def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
     """Return the circuit without noise and without any delay."""
-    # Edits that the fixed point makes no use of are not what is asked for here.
+    # Drop the record of edits: those that the fixed point ignores should not warn here.
     circuit = replace(model.circuit, unedited=None)
     return replace(model, circuit=circuit, engine="algebra")
 
 
 def kappa_of(model: BasalGanglia) -> float:
-    """Return the nats of a design per nat of evidence: 1 where the circuit has no nats."""
+    """Return nats of a design per nat of evidence: 1 for a circuit that does not work in nats."""
     return model.gain if model.circuit.unit == NATS else 1.0
 
 
 def checked_thresholds(thresholds: Sequence[float] | Array) -> Array:
-    """Return thresholds, each once; ValueError unless they are one number or more in a list."""
+    """Return unique thresholds; ValueError unless they are a list of at least one number."""
     values = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if values.ndim != 1 or not values.size:
-        raise InputError.of("thresholds", "must be a list of numbers, as [0.2]", thresholds)
+        raise InputError.of("thresholds", "must be a list of numbers, such as [0.2]", thresholds)
     return np.array(list(dict.fromkeys(values.tolist())))
 
 
 def check_read(circuit: Circuit, threshold: float) -> None:
-    """Raise ValueError unless a circuit decides by evidence at this OUT, and reads it."""
+    """Raise ValueError unless a circuit can decide by evidence at this OUT."""
     require(np.isfinite(threshold), "thresholds", "must be finite", threshold)
     check_threshold(circuit, threshold)
     if threshold > circuit.readable_nats[1]:
         raise InputError(
-            f"{circuit.name} reads no OUT above {circuit.readable_nats[1]:.3g} {circuit.unit}; the "
-            f"threshold is {threshold:.2f} {circuit.unit}",
+            f"{circuit.name} resolves no OUT above {circuit.readable_nats[1]:.3g} "
+            f"{circuit.unit}; the threshold is {threshold:.2f} {circuit.unit}",
             "threshold",
         )
 
@@ -224,17 +225,17 @@ def designed(
     trials: int = 1,
     leader: int = 0,
 ) -> pd.DataFrame:
-    """Return when an integrator decides designed trials, less when theories do.
+    """Return decision times of an integrator on designed trials minus those of theories.
 
     Parameters
     ----------
     observed : Integrator
-        What is held to the theories.
+        The integrator to compare with the theories.
     thresholds : sequence of float
-        Its OUT at which it decides.
+        Thresholds on its OUT.
     settled : Integrator, optional
-        The same without noise and delays: how much later ``observed`` crosses with equal
-        competitors is its latency. Unless given there is none.
+        The same without noise and delays; its latency is the extra time of ``observed`` to cross
+        with equal competitors. Without it there is no latency.
     kappa : float
         Nats of the designs per nat of evidence, and the gain of the MSPRT.
     channels, trials, leader : int
@@ -244,7 +245,7 @@ def designed(
     -------
     DataFrame
         One row per threshold, design and theory: threshold, design, held, theory, value, low, high
-        (time of ``observed``, less its latency, less that of the theory, and the 95 % interval
+        (time of ``observed`` minus its latency minus that of the theory, and the 95 % interval
         over trials, ms), observed_ms, latency_ms, theory_ms, theory_threshold, right (share of
         trials in which the leader was chosen). The value is NaN where that share is below
         ``FEWEST_RIGHT``.
@@ -252,10 +253,10 @@ def designed(
     Notes
     -----
     The threshold of each theory is its OUT at the time at which ``settled`` crosses with equal
-    competitors: there all differences are 0. Between two readings OUT is taken as a straight line.
+    competitors, where all differences are 0. OUT is interpolated linearly between readings.
     """
     if isinstance(observed, type) or not hasattr(observed, "run"):
-        raise InputError.of("observed", "must be an integrator, as Msprt()", observed)
+        raise InputError.of("observed", "must be an integrator, such as Msprt()", observed)
     settled = observed if settled is None else settled
     levels = checked_thresholds(thresholds)
     given: dict[str, Any] = {"kappa": kappa, "leader": leader}
@@ -301,7 +302,7 @@ def readings_of(
     kappa: float = 1.0,
     leader: int = 0,
 ) -> int:
-    """Return the readings needed to cross all thresholds in all designs, and half more.
+    """Return the readings needed to cross all thresholds in all designs, plus half of them.
 
     Raises
     ------
@@ -311,7 +312,7 @@ def readings_of(
     readings, levels = 32, np.asarray(thresholds, dtype=np.float64)
     while readings <= MOST_READINGS:
         with warnings.catch_warnings():
-            # The leader rises here for longer than in the trials that are run.
+            # The leader rises for longer here than in the actual trials.
             warnings.simplefilter("ignore", RangeWarning)
             last_ms = [
                 _times(settled, design.evidence(readings, kappa=kappa, leader=leader), levels)
@@ -330,7 +331,7 @@ def readings_of(
 def _times(
     integrator: Integrator, evidence: Evidence, thresholds: Array, leader: int | None = None
 ) -> Array:
-    """Return times of decisions (thresholds, trials), ms; NaN where the leader is not chosen."""
+    """Return decision times (thresholds, trials), ms; NaN if the leader is not chosen."""
     parts = []
     for trace in _traces(integrator, evidence, float(thresholds.min())):
         decision = first_crossing(trace, thresholds, forced=False, checked=False)
@@ -351,7 +352,7 @@ def _traces(integrator: Integrator, evidence: Evidence, lowest: float) -> Iterat
 
 
 def _between_readings(trace: Trace, decision: Decision, thresholds: Array) -> Array:
-    """Return when OUT is at its threshold on the line from the tick before a decision."""
+    """Return threshold crossings, interpolated linearly from the tick before the decision."""
     relative_ms = trace.time_ms - trace.onset_ms
     crossed = np.isfinite(decision.time_ms)
     now = np.searchsorted(relative_ms, np.where(crossed, decision.time_ms, 0.0))
@@ -365,7 +366,7 @@ def _between_readings(trace: Trace, decision: Decision, thresholds: Array) -> Ar
 
 
 def _mean(times: Array) -> Array:
-    """Return the mean over trials that are right, NaN where none is; (thresholds,)."""
+    """Return the mean over correct trials, NaN without any; (thresholds,)."""
     known = np.isfinite(times)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(known, times, 0.0).sum(axis=1) / known.sum(axis=1))
@@ -373,7 +374,7 @@ def _mean(times: Array) -> Array:
 
 def _intervals(moved: Array) -> tuple[Array, Array, Array]:
     """Return means over trials with their 95 % intervals; one trial has no noise."""
-    # Importing scipy.stats takes half a second: only where intervals are asked for.
+    # Importing scipy.stats takes half a second: only when intervals are needed.
     from scipy.stats import t
 
     known = np.isfinite(moved)
@@ -397,10 +398,10 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per theory: theory, largest_ms (largest difference), least_ms (of the largest at
-        each threshold the least), outcome. It "follows" if the whole interval of each difference
-        lies within ``CLOSE_MS``, and is "told apart" if at each threshold the whole interval of a
-        difference lies beyond ``APART_MS``.
+        One row per theory: theory, largest_ms (largest difference), least_ms (smallest over
+        thresholds of the largest difference at each), outcome. It "follows" if the whole
+        interval of each difference is within ``CLOSE_MS``, and is "told apart" if at each
+        threshold the whole interval of a difference is beyond ``APART_MS``.
     """
     rows = []
     for name, part in table.groupby("theory", sort=False):
@@ -419,14 +420,14 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def text(table: pd.DataFrame, unit: str = NATS) -> str:
-    """Return a table of designed trials as text, a column per theory, with a legend.
+    """Return a table of designed trials as text, one column per theory, with a legend.
 
     Parameters
     ----------
     table : DataFrame
         As from ``designed``.
     unit : str
-        That of OUT.
+        Unit of OUT.
     """
     key = ["threshold", "held", "design"]
     rows = table.drop_duplicates(key)
@@ -451,11 +452,11 @@ def text(table: pd.DataFrame, unit: str = NATS) -> str:
         for row in verdicts(table).itertuples()
     ]
     legend = [
-        f"OUT: the circuit's threshold, {unit}. circuit: its mean time, ms. Other columns: that",
-        "time, less its latency, less the theory's, ms [95 % interval over trials].",
+        f"OUT: the circuit's threshold, {unit}. circuit: its mean time, ms. Other columns: this",
+        "time, minus its latency, minus that of the theory, ms [95 % interval over trials].",
         f"Latency: {late}; how much later than its",
-        "own fixed point it crosses with equal competitors; delays make it later, noise earlier.",
-        "Each theory's threshold is what it has reached there: with equal competitors all",
+        "own fixed point it crosses with equal competitors; delays increase it, noise reduces it.",
+        "The threshold of each theory is its OUT at that time, so that with equal competitors all",
         f"differences are 0. {LEAD}: over the closest competitor, as with equal ones: max vs next",
         f"predicts no change of time. {AVERAGE}: of the competitors: max vs average predicts none.",
         f"{FOLLOWS}: all intervals within {CLOSE_MS:.0f} ms; {APART}: at each OUT an interval "

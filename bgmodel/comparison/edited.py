@@ -1,4 +1,4 @@
-"""Edited circuits beside the circuit before, each against the MSPRT."""
+"""Edited circuits compared with the MSPRT and with the circuit before the edits."""
 
 from __future__ import annotations
 
@@ -45,44 +45,43 @@ def compare_edits(
     groups: npt.ArrayLike | None = None,
     before: str = INTACT,
 ) -> pd.DataFrame:
-    """Compare edited circuits with the MSPRT, and with the circuit as it is, on the same evidence.
+    """Compare edited circuits with the MSPRT and the unedited circuit on the same evidence.
 
     Parameters
     ----------
     model : BasalGanglia
-        The circuit as it is.
+        The circuit before the edits.
     edited : mapping from names to circuits
-        What is changed; noise and evidence are the same.
+        The edited circuits; noise and evidence are the same.
     evidence : Evidence
-        What all are given.
+        Readings of all trials.
     accuracies, resamples, groups :
         As in ``comparison.matched.matched_measures``.
     highest : float
-        Accuracy up to which thresholds are tried: a lower one takes less time.
+        Accuracy up to which thresholds are tried; a lower one takes less time.
     before : str
-        What the circuit as it is, ``model``, is called: it may be edited itself.
+        Name of ``model`` in the table; it may be edited itself.
 
     Returns
     -------
     DataFrame
         The columns of ``comparison.matched.matched_measures``, and variant and kind: "value",
-        against the MSPRT at
-        the circuit's gain, thresholds tuned anew to equal accuracy; "change", that minus the
-        circuit's as it is; "fixed", at the circuit's own threshold (accuracy, expected_accuracy,
-        mean_ms, premature, forced and without_evidence, 1 where most trials decide before their
-        first reading; without intervals).
+        against the MSPRT at the circuit's gain, thresholds matched again to equal accuracy;
+        "change", that minus the value of ``model``; "fixed", at the threshold of ``model``
+        (accuracy, expected_accuracy, mean_ms, premature, forced and without_evidence, 1 if most
+        trials decide before their first reading; without intervals).
 
     Raises
     ------
     ValueError
-        As ``compare``, or if what is edited is no mapping of circuits, each an edit of
-        the model's.
+        As for ``compare``, or if ``edited`` is not a mapping to circuits that are edits of the
+        model's circuit.
 
     Warns
     -----
     UserWarning
-        As ``compare``, for the circuit as it is and for each that is edited. If an
-        edited circuit is the circuit as it is.
+        As for ``compare``, for ``model`` and for each edited circuit. If an edited circuit equals
+        that of ``model``.
     """
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
@@ -106,17 +105,17 @@ def compare_edits(
         changed = replace(model, circuit=circuit)
         found = tuned = intact
         if name != before:
-            # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
+            # Shifted by the edit, and original: for matched and for fixed thresholds.
             both = np.union1d(levels, levels + moved(model.circuit, circuit, levels))
             both = both[both > silent_nats(circuit)]
             found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
             tuned = found.at(np.isin(found.settings, decided_by_evidence(changed, both)))
         called = name if name in edited else circuit.name
         refused = unreached(changed, tuned, test, accuracies, name=called, before=model.circuit)
-        # What the circuit as it is does not reach has no threshold and no change.
+        # An accuracy that the unedited circuit does not reach has no threshold and no change.
         lost = refused if circuit is model.circuit else lost
         for kind, minus in (("value", None), ("change", intact)):
-            # Without a threshold at which it decides by evidence nothing is known.
+            # Without a threshold at which it decides by evidence, all values are NaN.
             table = matched_measures(
                 test,
                 tuned if tuned.settings.size else intact,
@@ -139,15 +138,15 @@ def compare_edits(
 def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
     """Raise ValueError unless one circuit can be an edit of another.
 
-    An edit leaves the name, the channels, the unit, the input and the read-out of a circuit, and
-    takes no row away. The reference of a change would be another circuit otherwise.
+    An edit keeps the name, channels, unit, input and read-out of a circuit, and removes no row.
+    Otherwise the reference of a change would be another circuit.
 
     Parameters
     ----------
     before, after : Circuit
         The circuit before and after it was edited.
     what : str
-        The argument that holds the second.
+        Name of the argument that holds the second.
     """
     for circuit in (before, after):
         if not isinstance(circuit, Circuit):
@@ -177,7 +176,7 @@ def _at_threshold_of(
             "forced": found.forced[k].mean(),
             "without_evidence": found.without_evidence[k],
         }
-        # At its own threshold the circuit as it is must have the accuracy that is named.
+        # At its threshold the unedited circuit must have the stated accuracy.
         at = intact.posterior[intact.settings == intact.setting(accuracy)].mean()
         reached = abs(at - accuracy) <= margin(accuracy)
         if evidence.truth is not None:

@@ -1,9 +1,9 @@
-"""Algorithm against circuit, decision by decision, on the same evidence.
+"""Algorithm and circuit compared trial by trial on the same evidence.
 
-A ``Tradeoff`` holds the decisions of one integrator at many settings, as a rule thresholds. Two on
-the same evidence are compared at equal accuracy: their settings are matched, then trial stands
-against trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials,
-so that one expression gives the value and its resamples.
+A ``Tradeoff`` holds the decisions of one integrator at many settings, usually thresholds. Two on
+the same evidence are compared at equal accuracy: their settings are matched, then their decisions
+are paired by trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of
+trials, so that one expression gives the value and its resamples.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from bgmodel.support.checks import reals
 from circuits.errors import InputError, require
 
 ACCURACIES = (0.90, 0.95, 0.97)
-# Accuracies over which the extra time is fitted by a line.
+# Range of accuracies over which a line is fitted to the extra time.
 SPAN = np.linspace(0.85, 0.98, 14)
 MOST_FORCED = 0.5
-"""Share of trials that the deadline may decide where thresholds are compared."""
+"""Largest share of trials decided by the deadline at which thresholds are compared."""
 MINUS_INTACT = "circuit minus intact"
-"""The model in rows that hold an edited circuit's measures minus the intact circuit's."""
+"""Model name in rows of the edited circuit's measures minus those of the intact circuit."""
 OTHER_NOISE = "circuit with other noise"
-"""The reference in rows that hold a circuit to itself with noise of another seed: the ceiling."""
+"""Reference in rows that compare a circuit with itself under other noise: the noise ceiling."""
 
 
 def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return what the other takes longer than the test at equal accuracy, as a line.
+    """Return the extra time of the other at equal accuracy, as a line over the test's time.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Arra
     Returns
     -------
     offset_ms, slope : arrays (B,)
-        Of the extra time against the test's own time, over accuracies .85 to .98 as far as both
-        reach; NaN where they share fewer than three.
+        Offset and slope of the extra time over the test's time, for accuracies 0.85 to 0.98 as far
+        as both reach; NaN if they share fewer than three.
     """
     x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
     known = np.isfinite(late)
@@ -74,40 +74,40 @@ def matched_measures(
     Parameters
     ----------
     test, other : Tradeoff
-        The reference, and what is held to it.
+        The reference, and the integrator compared with it.
     rng : numpy.random.Generator
-        For the bootstrap.
+        Random numbers of the bootstrap.
     truth : int array (trials,), optional
-        For the accuracy that is counted, the test's error trials, and chance: it is that of trials
-        shuffled within each truth, or among all if left out.
+        For the observed accuracy, error trials of the test, and chance, which shuffles trials
+        within each truth, or all trials if omitted.
     minus : Tradeoff, optional
-        A third: every measure is then the other's minus this one's, with the interval of that.
+        A third: measures are then the other's minus this one's, with intervals of the difference.
     again : Tradeoff, optional
         The other with noise of another seed, for r_noise_corrected.
     latency_ms : float, optional
-        What is not decision time and taken off before accuracies are compared in equal time: 0 for
-        an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
+        Non-decision time to subtract before accuracies are compared in equal time: 0 for an
+        abstract integrator; by default the mean extra time over accuracies 0.85 to 0.98.
     accuracies : sequence of float
-        Where the test's threshold is put.
+        Accuracies at which the threshold of the test is set.
     resamples : int
-        Of the bootstrap.
+        Number of bootstrap resamples.
     groups : array (trials,), optional
         As for ``resampled``.
 
     Returns
     -------
     DataFrame
-        One row an accuracy and measure: accuracy, measure, value, low, high (95 % interval).
-        Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
+        One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval).
+        Measures: threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on
         trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
         median lag), each also as NAME_chance, for trials shuffled within a truth, and
         NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
         pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
         (in equal time); forced; with ``again`` r_noise_corrected, r over the square root of the
-        other's r with itself (Spearman 1904: what r would be without the other's noise). All are
-        NaN where one does not reach the accuracy within ``margin``, or where the deadline decides
-        most trials of one; what goes trial by trial has its interval for the thresholds as matched.
-        With accuracy NaN: offset_ms and slope of ``latency``.
+        other's r with itself (Spearman 1904: an estimate of r without the other's noise). All are
+        NaN if one does not reach the accuracy within ``margin``, or if the deadline decides most
+        trials of one; intervals of trial-by-trial measures are for the matched thresholds. With
+        accuracy NaN: offset_ms and slope of ``latency``.
 
     Raises
     ------
@@ -127,14 +127,14 @@ def matched_measures(
     rows = []
     for (accuracy, name), values in found.items():
         value, low, high = interval(values)
-        # A line through few points is none: without an interval it says nothing.
+        # A line through few points has no interval and is not reported.
         line = np.isnan(accuracy) and not np.isfinite(low)
         rows.append((accuracy, name, np.nan if line else value, low, high))
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
 
 
 def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
-    """Return the accuracies that are asked for, one or several, as a tuple.
+    """Return the requested accuracies, one or several, as a tuple.
 
     Raises
     ------
@@ -155,8 +155,8 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
 def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
     """Return, for each accuracy, whether the gap's 95 % interval lies within +-margin.
 
-    Two one-sided tests at 2.5 % (Schuirmann 1987): a gap that is merely not significant does not
-    pass.
+    Two one-sided tests at 2.5 % (Schuirmann 1987): a gap that is merely not significant is not
+    equivalent.
     """
     gaps = table[table["measure"] == "accuracy_gap"].set_index("accuracy")
     return (gaps["low"] > -margin) & (gaps["high"] < margin)
@@ -174,7 +174,7 @@ def _measures(
     latency_ms: float | None,
     again: Tradeoff | None = None,
 ) -> Measures:
-    """Return every measure, (B,) each; the first entry is the value itself."""
+    """Return every measure, (B,) each; the first entry is the value."""
     curves = curve(test, weights), curve(other, weights)
     offset, slope = latency(*curves)
     found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
@@ -194,7 +194,7 @@ def _measures(
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
         values["threshold"] = np.full(len(weights), other.settings[j])
         missed = max(abs(curve[k] - accuracy) for curve, k in zip(reached, at, strict=True))
-        # What the deadline decides crosses no threshold.
+        # Trials decided by the deadline do not cross a threshold.
         at_end = max(one.forced[k].mean() for one, k in zip(sides, at, strict=True))
         if missed > margin(accuracy) or at_end > MOST_FORCED:
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
@@ -203,7 +203,7 @@ def _measures(
 
 
 def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
-    """Return the setting of each nearest to an accuracy: of the first, then of others to it."""
+    """Return the setting of the first nearest to an accuracy, and of the others nearest to it."""
     first = int(np.abs(reached[0] - accuracy).argmin())
     others = [int(np.abs(one - reached[0][first]).argmin()) for one in reached[1:]]
     return [first, *others]
@@ -212,7 +212,7 @@ def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
 def _gap(
     test: tuple[Array, Array], other: tuple[Array, Array], accuracy: float, late: Array
 ) -> Array:
-    """Return accuracy of the other minus the test's in equal time, the latency taken off, (B,)."""
+    """Return accuracy of the other minus the test's in equal time, corrected for latency, (B,)."""
     at_ms = time_at([accuracy], test)[:, 0] + late
     reached = [
         np.interp(at, time, known, np.nan, np.nan)
@@ -222,7 +222,7 @@ def _gap(
 
 
 def _row_means(values: Array) -> Array:
-    """Return the mean of what is known in each row, NaN where nothing is."""
+    """Return the mean of each row ignoring NaN; NaN if all are."""
     known = np.isfinite(values)
     counts = known.sum(axis=1)
     sums = np.where(known, values, 0).sum(axis=1)

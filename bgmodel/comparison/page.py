@@ -13,7 +13,7 @@ from bgmodel.deciding.tradeoff import MARGIN
 
 
 def behaviour(table: pd.DataFrame) -> str:
-    """Return what variants do at the threshold of the circuit before them as text.
+    """Return the behaviour of edited circuits at the threshold of the unedited one, as text.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def behaviour(table: pd.DataFrame) -> str:
 
 
 def _plain(form: str) -> Callable[[float], str]:
-    """Return a formatter of numbers; what is not known is a dash."""
+    """Return a formatter of numbers that shows NaN as a dash."""
     return lambda value: f"{value:{form}}" if np.isfinite(value) else "-"
 
 
@@ -47,7 +47,7 @@ def page(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As from ``compare`` or, of the kind "value", from ``compare_edits``.
+        As from ``compare``, or the rows of kind "value" from ``compare_edits``.
     """
     by = [name for name in ("reference", "model", "variant") if name in table]
     parts = ["value [95 % interval, by a bootstrap over trials] (name in the table)\n"]
@@ -68,7 +68,7 @@ def page(table: pd.DataFrame) -> str:
 
 
 def _legend(table: pd.DataFrame) -> list[str]:
-    """Return the meaning of rows that are read beside others, a line each."""
+    """Return the meaning of chance levels and ceilings, one line each."""
     found = [CHANCE]
     if "reference" in table and (table["reference"] == OTHER_NOISE).any():
         found.append(CEILING)
@@ -81,8 +81,8 @@ CHANCE = (
     f"same truth; {BEYOND}: (share - chance) / (1 - chance), 0 at chance and 1 where all agree"
 )
 CEILING = (
-    f"{OTHER_NOISE}: the circuit beside itself with noise of another seed, the most that anything "
-    "without its noise can be expected to agree with it; r without the circuit's noise: r / "
+    f"{OTHER_NOISE}: the circuit compared with itself under noise of another seed, the highest "
+    "agreement to be expected of anything without its noise; r without the circuit's noise: r / "
     "square root of the circuit's r with itself"
 )
 NOT_REACHED = "not reached"
@@ -93,25 +93,25 @@ UNREACHED = (
 
 
 UNKNOWN = {
-    "error_agreement": "the reference errs in none of these trials: give more",
+    "error_agreement": "the reference makes no errors in these trials: give more",
     "pearson_r": "all times are equal",
     "extra_ms": (
-        "an accuracy is reached within .01, but not passed, so that the time at just this one is "
-        "not known: ask for a lower accuracy (--accuracies), or give more readings"
+        "an accuracy is reached within 0.01 but not exceeded, so that the time at this accuracy is "
+        "unknown: ask for a lower accuracy (--accuracies), or give more readings"
     ),
     "accuracy_gap": (
-        "in equal time the accuracy lies beyond those that thresholds give: ask for other "
+        "in equal time the accuracy is outside the range of the thresholds: ask for other "
         "accuracies (--accuracies), or give more readings"
     ),
 }
-"""Why a measure may be unknown at an accuracy that is reached."""
+"""Reasons why a measure may be unknown at an accuracy that is reached."""
 NO_INTERVAL = (
     "[unknown]: more than 5 % of the bootstrap's resamples have no value; give more trials"
 )
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """Return why measures are unknown at accuracies that are reached, a line per measure."""
+    """Return why measures are unknown at accuracies that are reached, one line per measure."""
     at = table[table["accuracy"].notna() & table["measure"].isin(SHOWN)]
     by = [name for name in ("reference", "model", "variant", "accuracy") if name in at]
     at = at[at.groupby(by)["value"].transform(lambda values: values.notna().any())]
@@ -124,13 +124,13 @@ def _reasons(table: pd.DataFrame) -> list[str]:
 def _line(whole: pd.DataFrame, change: bool) -> str:
     """Return the extra time as text: offset and slope of a line over accuracies."""
     if whole["offset_ms"].isna()["value"]:
-        return "too few accuracies from .85 to .98 are reached to say how much later it decides"
+        return "too few accuracies from 0.85 to 0.98 are reached to estimate the extra time"
     late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
     if change:
-        return f"offset_ms {late}, slope {slope}: how far each differs from the intact circuit's"
+        return f"offset_ms {late}, slope {slope}: differences from the intact circuit"
     return (
         f"{late} ms (offset_ms) later, and {slope} (slope) of the reference's time (a line over "
-        "accuracies .85 to .98)"
+        "accuracies 0.85 to 0.98)"
     )
 
 
@@ -149,7 +149,7 @@ SHOWN = {
     "extra_ms": ("later, ms", ".0f"),
     "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
 }
-"""Measures at an accuracy: what ``page`` calls them, and how it prints them."""
+"""Measures at an accuracy: names and number formats used by ``page``."""
 
 
 def _column(part: pd.DataFrame, accuracy: float, same: bool | None) -> dict[str, str]:

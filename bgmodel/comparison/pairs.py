@@ -1,7 +1,7 @@
-"""What decision against decision tells of two integrators, and what chance alone would.
+"""Trial-by-trial measures of two integrators, and their chance levels.
 
-By chance: two integrators that are given trials of the same truth agree although neither sees the
-other's evidence. That level is the mean over all pairs of two different trials of one truth, in
+Chance: two integrators run on trials of the same truth agree although neither sees the evidence of
+the other. The chance level is the mean over all pairs of two different trials of one truth, in
 closed form (Cohen 1960 for one truth); without a truth, over all pairs. Every measure is an
 expression in weights of trials, (B, trials), so that it gives the value and its resamples.
 """
@@ -16,9 +16,9 @@ from bgmodel.deciding.tradeoff import ChoicesAndTimes
 from bgmodel.support.arrays import Array, Integers, Truths
 
 NEAR_MS = 50.0
-"""Decisions whose lag differs by no more from the median lag count as near in time."""
+"""Decisions count as near in time if their lag differs from the median lag by at most this, ms."""
 ROUNDING_MS = 1e-6
-"""Sums of times that differ by less are equal."""
+"""Sums of times that differ by less count as equal."""
 
 
 def side_by_side(
@@ -29,12 +29,12 @@ def side_by_side(
     *,
     again: ChoicesAndTimes | None = None,
 ) -> dict[str, Array]:
-    """Return the measures of trial against trial, by name, (B,) each.
+    """Return the trial-by-trial measures by name, (B,) each.
 
     Parameters
     ----------
     test, other : ChoicesAndTimes
-        The reference, and what is held to it, on the same trials.
+        The reference, and the integrator compared with it, on the same trials.
     truth : int array (trials,), optional
         The true hypotheses.
     weights : array (B, trials)
@@ -85,11 +85,11 @@ class SameChoice:
     other: Integers
 
     def own(self) -> Array:
-        """Return it of each trial with itself, (trials,)."""
+        """Return the value of each trial with itself, (trials,)."""
         return np.asarray(self.test == self.other, dtype=np.float64)
 
     def summed(self, here: Truths, first: Array, second: Array) -> Array:
-        """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
+        """Return the weighted sum over all pairs of trials ``here``, (B,)."""
         x, y = self.test[here], self.other[here]
         kinds = np.union1d(x, y)[:, None]
         return np.asarray(((first @ (x == kinds).T) * (second @ (y == kinds).T)).sum(axis=1))
@@ -97,19 +97,19 @@ class SameChoice:
 
 @dataclass(frozen=True)
 class NearInTime:
-    """Whether trial m of the other comes within 50 ms of the median lag after n of the test."""
+    """Whether trial m of the other is within 50 ms of the median lag after trial n of the test."""
 
     test_ms: Array
     other_ms: Array
     lag_ms: float
 
     def own(self) -> Array:
-        """Return it of each trial with itself, (trials,)."""
+        """Return the value of each trial with itself, (trials,)."""
         late = self.other_ms - self.test_ms - self.lag_ms
         return (np.abs(late) <= NEAR_MS + ROUNDING_MS).astype(np.float64)
 
     def summed(self, here: Truths, first: Array, second: Array) -> Array:
-        """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
+        """Return the weighted sum over all pairs of trials ``here``, (B,)."""
         order = np.argsort(self.other_ms[here])
         rising, due = self.other_ms[here][order], self.test_ms[here] + self.lag_ms
         up_to = np.cumsum(np.pad(second[:, order], ((0, 0), (1, 0))), axis=1)
@@ -120,34 +120,34 @@ class NearInTime:
 
 @dataclass(frozen=True)
 class Product:
-    """Product of a value of the test in trial n and one of the other in trial m."""
+    """Product of a value of the test in trial n and of the other in trial m."""
 
     test: Array
     other: Array
 
     def own(self) -> Array:
-        """Return it of each trial with itself, (trials,)."""
+        """Return the value of each trial with itself, (trials,)."""
         return np.asarray(self.test * self.other)
 
     def summed(self, here: Truths, first: Array, second: Array) -> Array:
-        """Return it summed over all pairs of some trials, weighted by first and second, (B,)."""
+        """Return the weighted sum over all pairs of trials ``here``, (B,)."""
         return np.asarray((first @ self.test[here]) * (second @ self.other[here]))
 
 
 def by_chance(
     of_pair: SameChoice | NearInTime | Product, strata: Integers, first: Array, second: Array
 ) -> Array:
-    """Return the mean of something over all pairs of two different trials of one stratum, (B,).
+    """Return the mean of a quantity over pairs of different trials of one stratum, (B,).
 
     Parameters
     ----------
     of_pair :
-        What is averaged.
+        The quantity to average.
     strata : int array (trials,)
-        Trials are shuffled among those of the same number.
+        Stratum of each trial, within which trials are shuffled.
     first, second : arrays (B, trials)
-        Weights of a trial as the test's, and as the other's. Strata count as ``first`` weighs them,
-        those without two trials not at all.
+        Weights of a trial for the test, and for the other. Strata are weighted by ``first``; those
+        without two trials are left out.
     """
     total, counted = np.zeros(len(first)), np.zeros(len(first))
     own = of_pair.own()
@@ -172,7 +172,7 @@ def _against_chance(
 ) -> dict[str, Array]:
     """Return a share, its chance level and ``(share - chance) / (1 - chance)``.
 
-    ``among`` holds 1 for the trials of the test that count, else 0; all count if left out.
+    ``among`` is 1 for the trials of the test that count, 0 for others; by default all count.
     """
     counted = weights if among is None else weights * among
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -187,14 +187,14 @@ def _against_chance(
 
 
 def _shuffled_correlation(x: Array, y: Array, strata: Integers, weights: Array) -> Array:
-    """Return the correlation of pairs of two different trials of one stratum, (B,)."""
+    """Return the correlation over pairs of different trials of one stratum, (B,)."""
     x, y = x - x.mean(), y - y.mean()
     product = by_chance(Product(x, y), strata, weights, weights)
     return _correlation(product, x, y, weights)
 
 
 def correlation(x: Array, y: Array, weights: Array) -> Array:
-    """Return Pearson's correlation, (B,); NaN where one does not vary."""
+    """Return Pearson's correlation, (B,); NaN if x or y is constant."""
     x, y = x - x.mean(), y - y.mean()
     return _correlation(mean(x * y, weights), x, y, weights)
 

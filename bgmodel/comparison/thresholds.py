@@ -1,4 +1,4 @@
-"""Where thresholds are put so that circuits and tests can be compared, and where they cannot."""
+"""Choice of the thresholds at which circuits and tests are compared, and its limits."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
 
 def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Tradeoff]:
-    """Return the tests that a circuit is held to: without nats no MSPRT has its gain."""
+    """Return the reference tests of a circuit; without nats, only the full MSPRT."""
     found = msprt_tradeoffs(evidence, model.gain)
     return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
 
 
 def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
-    """Return the two references: the MSPRT at the circuit's gain, and the full one."""
+    """Return the two references: the MSPRT at the circuit's gain, and at full gain."""
     return {
         MSPRT_AT_GAIN: tradeoff(Msprt(gain).run(evidence), evidence),
         MSPRT: tradeoff(Msprt().run(evidence), evidence),
@@ -51,7 +51,7 @@ def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Seque
 
 
 def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
-    """Return the thresholds of a circuit at which evidence decides, and not noise at rest."""
+    """Return the thresholds of a circuit at which evidence decides, not noise at rest."""
     found = thresholds_of(model.circuit, test, highest, lowest)
     quiet = without_noise_alone(model, found)
     if not quiet.size:
@@ -65,7 +65,7 @@ def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest
 
 
 def decided_by_evidence(model: BasalGanglia, thresholds: Array) -> Array:
-    """Return those thresholds at which evidence decides, if there are any."""
+    """Return the thresholds at which evidence decides, possibly none."""
     found = deciding_thresholds(model.circuit, thresholds)
     return without_noise_alone(model, found) if found.size else found
 
@@ -79,11 +79,11 @@ def unreached(
     name: str,
     before: Circuit | None = None,
 ) -> list[float]:
-    """Return the accuracies at which evidence does not decide, and say in one sentence why.
+    """Return the accuracies at which evidence does not decide, and warn with the reason.
 
-    There the test decides at an OUT that the circuit does not read, or that its noise crosses at
-    rest, or the circuit itself does not come near. ``before`` is the circuit before it was edited:
-    an edit that moves OUT moves what stands for the test's threshold.
+    There the test decides at an OUT that is outside the range of the circuit's read-out, that its
+    noise crosses at rest, or that the circuit does not approach. ``before`` is the circuit before
+    its edits: an edit that shifts OUT also shifts the counterpart of the test's threshold.
     """
     circuit = model.circuit
     rest = f"OUT rests at {rest_out(circuit):.2f} {circuit.unit}"
@@ -98,14 +98,14 @@ def unreached(
         missed = np.abs(reached[near] - accuracies) > [margin(a) for a in accuracies]
         if circuit.unit == NATS:
             missed |= (due < low) | (due > high)
-        # Where the deadline decides other thresholds help as little: a page says so elsewhere.
+        # If the deadline decides, other thresholds do not help; the page reports this elsewhere.
         late = np.maximum(found.forced[near].mean(axis=1), test.forced[at].mean(axis=1))
         missed &= late <= MOST_FORCED
         lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
         why = (
             f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest accuracy "
-            f"that it reaches is {listed(reached[near][missed])}; evidence decides in it at "
-            f"thresholds of {low:.2f} to {high:.2f} ({rest}, is read from "
+            f"that it reaches is {listed(reached[near][missed])}; evidence decides at its "
+            f"thresholds of {low:.2f} to {high:.2f} ({rest}, is resolved from "
             f"{circuit.readable_nats[0]:.2f} on, and noise must not cross them at rest)"
         )
     else:
@@ -116,13 +116,13 @@ def unreached(
 
 
 def without_accuracies(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFrame:
-    """Return a table without the values at accuracies that are refused."""
+    """Return a table without the values at the lost accuracies."""
     gone = table["accuracy"].isin(list(lost)).to_numpy()
     columns = [name for name in ("value", "low", "high") if name in table]
     return table.assign(**{name: table[name].mask(gone) for name in columns})
 
 
 def moved(before: Circuit, after: Circuit, levels: Array) -> Array:
-    """Return the shift of OUT by an edit at each level; 0 where it is not known."""
+    """Return the shift of OUT by an edit at each level; 0 if unknown."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)

@@ -1,4 +1,4 @@
-"""Whether posteriors at decisions are the share of right choices."""
+"""Calibration: whether posteriors at decisions equal the proportion correct."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from bgmodel.support.arrays import Array, Integers
 from circuits.errors import CalibrationWarning
 
 FEWEST_CHOICES = 20
-"""Choices that can tell whether they go against the evidence."""
+"""Smallest number of choices for a check of whether they go against the evidence."""
 ROUNDING = 1e-9
 STANDARD_ERRORS = 3.29
 """Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
 
 
 STOP = 0.9
-"""Posterior up to which readings are compared with the truth: later ones add little."""
+"""Readings are compared with the truth up to this posterior: later ones add little."""
 SCALED_TRIALS = 10_000
-"""Trials that are looked at, evenly spaced."""
+"""Number of trials examined, evenly spaced."""
 UNITS = {"log2": np.log(2), "log10": np.log(10)}
-"""Logarithms that are taken for natural ones, and nats per unit of each."""
+"""Logarithms that can be mistaken for natural ones, and nats per unit of each."""
 NEAR = 0.3
-"""Distance, in natural logarithms, within which a factor is that of a unit."""
+"""A factor is taken for that of a unit within this distance, in natural logarithms."""
 SCALES = (0.83, 1.52)
-"""Nats per unit beyond which log2 (0.69) or log10 (2.3) is nearer than 1, by their ratio."""
+"""Range of nats per unit outside which log2 (0.69) or log10 (2.3) is nearer than 1 (by ratio)."""
 
 
 def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
@@ -35,7 +35,7 @@ def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
     Parameters
     ----------
     evidence : Evidence
-        What was given.
+        Readings of all trials.
     time_ms : array (..., trials), ms
         Times of decisions since the onset of evidence.
     choice : int array (..., trials)
@@ -44,7 +44,7 @@ def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
     Returns
     -------
     array (..., trials)
-        Of the last reading that had come; before the first, the prior.
+        Posterior after the last reading before the decision; before the first, the prior.
     """
     reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
@@ -52,18 +52,18 @@ def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
 
 
 def warn_of_units(evidence: Evidence) -> None:
-    """Warn if log-likelihoods are not natural logarithms, as far as the truth tells.
+    """Warn if, judging by the truth, log-likelihoods are not natural logarithms.
 
-    In units of which each is ``k`` nats, posteriors are those of ``k`` times the evidence. Each
-    trial is read up to a posterior of ``STOP``. There the derivative by k of the log posterior of
-    the truth, ``L_true - sum_i P_i L_i`` at k = 1, has a mean of 0 if these are nats, under any
-    stopping rule. Its z score is held to 99.9 %: one false alarm in a thousand tables, or fewer,
-    since k must also lie beyond ``SCALES``.
+    If their unit is ``k`` nats, posteriors are those of ``k`` times the evidence. Each trial is
+    read up to a posterior of ``STOP``. At that point the derivative with respect to k of the log
+    posterior of the truth, ``L_true - sum_i P_i L_i`` at k = 1, has a mean of 0 if the unit is
+    nats, under any stopping rule. Its z score is tested at 99.9 %: at most one false alarm in a
+    thousand tables, since k must also be outside ``SCALES``.
 
     Parameters
     ----------
     evidence : Evidence
-        Independent trials. Without a truth, or where a hypothesis is never true, nothing is said.
+        Independent trials. No warning without a truth, or if a hypothesis is never true.
     """
     some = evidence[:: -(-evidence.trials // SCALED_TRIALS)]
     if (
@@ -99,8 +99,8 @@ def warn_of_units(evidence: Evidence) -> None:
 
 
 def _nats_per_unit(told: Array, evidence: Evidence) -> float:
-    """Return the factor on log-likelihoods (trials, hypotheses) that makes the truth likeliest."""
-    # Importing scipy.optimize takes a third of a second: only where it is needed.
+    """Return the maximum-likelihood factor on log-likelihoods (trials, hypotheses)."""
+    # Importing scipy.optimize takes a third of a second: only when it is needed.
     from scipy.optimize import minimize_scalar
 
     def loss(log_scale: float) -> float:
@@ -111,7 +111,7 @@ def _nats_per_unit(told: Array, evidence: Evidence) -> float:
 
 
 def calibration(posterior: float, accuracy: float, decisions: float) -> str:
-    """Return a sentence if the mean posterior at the decision differs from accuracy, or no text.
+    """Return a warning if mean posterior at the decision and accuracy differ, or an empty string.
 
     If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
     because the posterior is a martingale.
@@ -121,14 +121,14 @@ def calibration(posterior: float, accuracy: float, decisions: float) -> str:
     posterior : float
         Mean posterior of the choice, at the decision.
     accuracy : float
-        Share of the same decisions that are right.
+        Proportion correct of the same decisions.
     decisions : float
-        Their number.
+        Number of these decisions.
 
     Notes
     -----
-    The variance of ``right - posterior`` is ``E[P (1 - P)]`` where posteriors are calibrated, at
-    most that of their mean.
+    The variance of ``right - posterior`` is ``E[P (1 - P)]`` for calibrated posteriors, at most
+    ``Q (1 - Q)`` with Q the mean posterior.
     """
     off, which = accuracy - posterior, miscalibrated(posterior, accuracy, decisions)
     if not which:
@@ -136,15 +136,15 @@ def calibration(posterior: float, accuracy: float, decisions: float) -> str:
     half = _half_width(posterior, accuracy, decisions)
     return (
         f"the evidence is too {which}: its mean posterior at the decision is {posterior:.3f}, and "
-        f"{accuracy:.3f} of {decisions:.0f} decisions are right (difference {off:+.3f}, 99.9 % "
+        f"{accuracy:.3f} of {decisions:.0f} decisions are correct (difference {off:+.3f}, 99.9 % "
         f"interval {off - half:+.3f} to {off + half:+.3f}); its likelihoods or its prior are not "
         "those of these trials (under conflict they never are), so posteriors are not calibrated: "
-        "accuracies that are expected from them are off by as much"
+        "accuracies predicted from them are off by as much"
     )
 
 
 def miscalibrated(posterior: float, accuracy: float, decisions: float) -> str:
-    """Return "sure" or "unsure" where ``calibration`` says that the evidence is, or no text."""
+    """Return "sure" or "unsure" if ``calibration`` finds the evidence to be so, or ""."""
     off = accuracy - posterior
     if not abs(off) > _half_width(posterior, accuracy, decisions):
         return ""
@@ -152,10 +152,10 @@ def miscalibrated(posterior: float, accuracy: float, decisions: float) -> str:
 
 
 def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
-    """Return half the width of the difference's 99.9 % interval; infinity without decisions."""
+    """Return the half-width of the difference's 99.9 % interval; infinity without decisions."""
     if not decisions > 0:
         return np.inf
-    # Without errors there is no scatter: the variance is at least that of calibrated posteriors.
+    # Without errors accuracy has no variance: it is at least that of calibrated posteriors.
     variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
     return STANDARD_ERRORS * float(np.sqrt(variance / decisions))
 
@@ -168,7 +168,7 @@ def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
     stated : array (trials,)
         Posterior of the choice, at the decision.
     correct : array (trials,)
-        Whether the choice is right.
+        Whether the choice is correct.
     """
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
     if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
@@ -176,17 +176,17 @@ def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
 
 
 def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
-    """Return a sentence if choices are those that the evidence speaks against, or no text.
+    """Return a warning if choices go against the evidence, or an empty string.
 
-    Choices at random have a mean posterior of chance, ``1 / hypotheses``, and choices by evidence
-    a higher one. A circuit whose OUT rises with evidence, as one without dopamine, has a lower one.
+    Random choices have a mean posterior of chance, ``1 / hypotheses``; choices guided by evidence
+    have a higher one. It is lower if OUT rises with evidence, as without dopamine.
 
     Parameters
     ----------
     stated : array (trials,)
-        Posterior of the choice, at the decision. Of fewer than ``FEWEST_CHOICES`` nothing is said.
+        Posterior of the choice, at the decision. Fewer than ``FEWEST_CHOICES`` are not judged.
     hypotheses : int
-        Their number.
+        Number of hypotheses.
     """
     posterior, chance = np.asarray(stated, dtype=np.float64), 1 / hypotheses
     if len(posterior) < FEWEST_CHOICES:
@@ -196,23 +196,23 @@ def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
         return ""
     return (
         f"choices go against the evidence: their mean posterior at the decision is {mean:.3f}, and "
-        f"choices at random have {chance:.3g}; an edit has turned the circuit round, as a level of "
-        "dopamine near 0 does, so its accuracy and times are not those of decisions by evidence"
+        f"random choices have {chance:.3g}; an edit has reversed the circuit's response, as "
+        "dopamine near 0 does, so accuracy and times are not those of decisions by evidence"
     )
 
 
 def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
-    """Warn if decisions at one threshold go against the evidence, or posteriors are not accuracies.
+    """Warn if decisions at one threshold go against the evidence or are not calibrated.
 
     Parameters
     ----------
     evidence : Evidence
-        What was decided on; without a truth there is no accuracy to compare with.
+        Readings of all trials; without a truth there is no accuracy to compare with.
     decision : Decision
-        Undecided trials do not count.
+        The decisions; undecided trials do not count.
     """
     decided = decision.choice != UNDECIDED
-    times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
+    times = np.where(decided, decision.time_ms, 0.0)  # NaN is not the time of a reading
     stated = posterior_at(evidence, times, decision.choice)
     if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
         CalibrationWarning.warn(said)

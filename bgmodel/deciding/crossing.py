@@ -8,21 +8,21 @@ import numpy.typing as npt
 from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.compiling import compiled, inlined
 
-# Sums of readings that differ by less are equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
+# Sums of readings that differ by less count as equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
 ROUNDING = 1e-10
 CELLS = 4096
-"""Cells of |Z| up to the highest bar, in which ``tally_odds`` looks bars up."""
+"""Number of cells of |Z| up to the highest bar, the lookup table of ``tally_odds``."""
 
 
 @inlined
 def _replaces(number: int, equal: int) -> bool:
-    """Whether, in trial ``number``, the last of so many ``equal`` channels is taken instead.
+    """Whether, in trial ``number``, the last of ``equal`` tied channels replaces the current one.
 
-    True with a chance of 1 / equal, so that going through them takes each with the same chance
-    (reservoir sampling); the chance is a hash (SplitMix64, Steele, Lea & Flood 2014).
+    True with probability 1 / equal, so that each tied channel is equally likely to be chosen
+    (reservoir sampling); the draw is a hash (SplitMix64, Steele, Lea & Flood 2014).
     """
     z = np.uint64(number) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(equal)
-    for _ in range(2):  # one round leaves neighbouring numbers alike
+    for _ in range(2):  # after one round, hashes of neighbouring numbers are similar
         z += np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -32,7 +32,7 @@ def _replaces(number: int, equal: int) -> bool:
 
 @compiled
 def lowest(row: Reals, number: int) -> int:
-    """Return the index of the lowest output, in trial ``number`` one of those that are equal."""
+    """Return the index of the lowest output; ties are broken by the trial's ``number``."""
     best, equal = 0, 1
     for i in range(1, row.shape[0]):
         if row[i] < row[best] - ROUNDING:
@@ -48,7 +48,7 @@ def lowest(row: Reals, number: int) -> int:
 def _compete(
     i: int, below: float, number: int, k: int, choice: Integers, margin: Array, equal: Integers
 ) -> None:
-    """Let channel i, so far below threshold k, take its place if none is further below."""
+    """Make channel i, ``below`` threshold k, its choice unless another is further below."""
     if below > margin[k] + ROUNDING:
         choice[k], margin[k], equal[k] = i, below, 1
     elif below >= margin[k] - ROUNDING:
@@ -64,8 +64,8 @@ def cross_trial(
 ) -> None:  # fmt: skip
     """Fill ``tick`` and ``choice`` (K,) for one trial; a tick of -1 means never crossed.
 
-    A channel's thresholds are met from the highest down, so one pointer a channel that moves at
-    new record lows serves all of them.
+    A channel meets its thresholds from the highest down, so one pointer per channel, which moves at
+    each new record low, serves all of them.
     """
     ticks, channels = out.shape
     count = tick.shape[0]
@@ -99,7 +99,7 @@ def cross_trial(
 def cross_all(
     out: Reals, first: int, order: Integers, level: Array, ends: Integers, numbers: Integers
 ) -> tuple[Integers, Integers]:
-    """Return tick and choice (trials, K); tick -1 where the end of the trial was reached."""
+    """Return tick and choice (trials, K); tick -1 if no threshold was met by the trial's end."""
     trials, count = out.shape[0], order.shape[1]
     tick = np.empty((trials, count), np.int32)
     choice = np.empty((trials, count), np.int16)
@@ -119,10 +119,10 @@ def tally_all(
     out: Reals, truth: Integers, first: int, level: Array, steps_at: Array, ends: Integers,
     numbers: Integers,
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
-    """Return correct, steps and forced (K,), each summed over trials; thresholds from the highest.
+    """Return correct, steps and forced (K,), each summed over trials; thresholds in falling order.
 
-    The lowest channel of a tick then decides for every threshold met at that tick, a run of
-    neighbours, so sums are kept as differences between neighbours: a few operations a tick.
+    The lowest channel of a tick decides for every threshold met at that tick. These are neighbours,
+    so sums are kept as differences between neighbours: a few operations per tick.
     """
     trials, channels = out.shape[0], out.shape[2]
     count = level.shape[0]
@@ -139,7 +139,7 @@ def tally_all(
             end = p
             while end < count and least <= level[end]:
                 end += 1
-            if t == ends[n] - 1:  # the deadline: what is still open is forced
+            if t == ends[n] - 1:  # deadline: trials still undecided are forced
                 forced[end] += 1
                 end = count
             if end > p:
@@ -156,7 +156,7 @@ def tally_all(
 
 @inlined
 def _first_bars(bars: Array, cells: int) -> tuple[float, Integers]:
-    """Return the cells per nat, and per cell of |Z| the number of bars that are surely reached."""
+    """Return the cells per nat, and for each cell of |Z| the number of bars certainly reached."""
     count = bars.shape[0] - 1
     scale = cells / bars[count - 1] if count > 0 and bars[count - 1] > ROUNDING else 0.0
     first = np.zeros(cells + 1, np.int64)
@@ -175,9 +175,9 @@ def tally_odds(
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
     """Return the sums of ``tally_all`` for the SPRT; bars on |Z| rise, the last is inf.
 
-    A reading counts for the bars that were not reached before it. For these a choice is right if
-    the changes of "the truth leads" sum to 1. Both are kept at the first such bar and summed at the
-    end, so that nothing depends on which bars a reading reaches.
+    A reading counts for the bars not reached before it. For these, a choice is correct if the
+    changes of "the truth leads" sum to 1. Both are stored at the first such bar and summed at the
+    end, so the cost does not depend on how many bars a reading reaches.
     """
     count = bars.shape[0] - 1
     correct = np.zeros(count + 1, np.int64)
@@ -198,14 +198,14 @@ def tally_odds(
             right = int(leads == truth[n])
             correct[p] += right - led
             led = right
-            # Before any reading a bar must be passed, later it may be met.
+            # Before any reading a bar must be exceeded; later, equality is enough.
             above = abs(z) + (ROUNDING if t > 0 else -ROUNDING)
             p = max(p, first[int(min(max(above, 0.0) * scale, CELLS))])
             while above >= bars[p]:
                 p += 1
             if p == count:
                 break
-        if p < count:  # the deadline: what is still open is forced
+        if p < count:  # deadline: trials still undecided are forced
             forced[p] += 1
     taken = np.cumsum(steps)[:count].astype(np.float64)
     return np.cumsum(correct)[:count], taken, np.cumsum(forced)[:count]
@@ -228,7 +228,7 @@ def log_odds(log_likelihood: Reals, start: float, out: Array) -> None:
 def cross_each(
     out: Reals, first: int, levels: Array, ends: Integers, numbers: Integers
 ) -> tuple[Integers, Integers]:
-    """Return tick and choice (trials,) where trial n has the threshold ``levels[n]``."""
+    """Return tick and choice (trials,); trial n has the threshold ``levels[n]``."""
     trials, _, channels = out.shape
     tick = np.empty((trials, 1), np.int32)
     choice = np.empty((trials, 1), np.int16)

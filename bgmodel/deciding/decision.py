@@ -34,7 +34,7 @@ UNDECIDED = -1
 
 @dataclass(frozen=True, repr=False)
 class Trace(Facts):
-    """What an integrator makes of evidence.
+    """The output of an integrator in response to evidence, before any stopping rule.
 
     Parameters
     ----------
@@ -42,15 +42,15 @@ class Trace(Facts):
         The output of each channel; the lower, the more its hypothesis is favoured
         (Bogacz & Gurney 2007: OUT_i = -ln P_i).
     time_ms : array (ticks,), ms
-        When each tick happens, from the start of the trial, rising.
+        Time of each tick from the start of the trial, increasing.
     onset_ms, step_ms : float, ms
-        When evidence sets in, and the time between readings, as in ``Evidence``.
+        Onset of evidence and time between readings, as in ``Evidence``.
     ends : array (trials,), int, optional
-        Number of ticks of each trial: at its last one it must respond. All ticks if left out.
+        Number of ticks of each trial: at the last one it must respond. All ticks if omitted.
     numbers : array (trials,), int, optional
-        Number of each trial, as in ``Evidence``: it decides ties. 0, 1, 2, ... if left out.
+        Number of each trial, as in ``Evidence``: used to break ties. 0, 1, 2, ... if omitted.
     readout : ReadOut, optional
-        Where this OUT rests and how far down it is read; decisions are checked against it.
+        Resting and lowest possible OUT, against which decisions are checked.
     """
 
     out_nats: Reals
@@ -82,7 +82,7 @@ class Trace(Facts):
         trial : int
             Number of the trial.
         ax : Axes, optional
-            Drawn on and returned; that of a new figure unless given.
+            Axes to draw on, by default those of a new figure; returned.
         """
         from bgmodel.plots import new_axes, output
 
@@ -93,12 +93,12 @@ class Trace(Facts):
         return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
 
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return the number of ticks of each trial, and the number that decides its ties.
+        """Return the number of ticks of each trial, and the number used to break its ties.
 
         Raises
         ------
         ValueError
-            If there is not one of each per trial, or a trial has no tick or more than there are.
+            If either is not one per trial, or a trial has no tick or more ticks than OUT.
         """
         trials, ticks = np.shape(self.out_nats)[:2]
         ends = np.full(trials, ticks) if self.ends is None else self.ends
@@ -111,7 +111,7 @@ class Trace(Facts):
 
 @dataclass(frozen=True, repr=False)
 class Decision(Facts):
-    """Decisions, one a trial (and one row a threshold where several were given).
+    """Decisions, one per trial (and one row per threshold if there are several).
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Decision(Facts):
     deadline_ms : array (trials,)
         End of each trial, from onset, ms.
     truth : int array (trials,), optional
-        The true hypothesis of each trial, where it is known.
+        The true hypothesis of each trial, if known.
     """
 
     choice: Integers
@@ -159,7 +159,7 @@ class Decision(Facts):
 
     @property
     def accuracy(self) -> Any:
-        """Share of right choices among decided trials, one per threshold; NaN where there is none.
+        """Proportion correct of decided trials, one per threshold; NaN without decided trials.
 
         Raises
         ------
@@ -216,9 +216,9 @@ class Decision(Facts):
         Parameters
         ----------
         ax : Axes, optional
-            Drawn on and returned; that of a new figure unless given.
+            Axes to draw on, by default those of a new figure; returned.
         truth : int array (trials,), optional
-            The true hypotheses, which several thresholds need, where the decisions lack them.
+            The true hypotheses; needed for several thresholds if the decisions lack them.
 
         Raises
         ------
@@ -235,7 +235,7 @@ class Decision(Facts):
         decided = (self.choice >= 0).sum(axis=1)
         right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
         accuracy = right.sum(axis=1) / np.maximum(decided, 1)
-        # Where all trials are undecided there is no mean time.
+        # If all trials are undecided there is no mean time.
         known = (self.choice != UNDECIDED).any(axis=1)
         mean_steps = np.nanmean(self.steps[known], axis=1)
         return speed_accuracy(new_axes(ax), mean_steps, accuracy[known], None, marker=".")
@@ -247,7 +247,7 @@ class Decision(Facts):
 
 
 def joined(parts: Sequence[Decision]) -> Decision:
-    """Return the decisions of several parts of the same trials as one; all at one threshold."""
+    """Concatenate decisions over several parts of the trials; all at one threshold."""
     names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return Decision(**arrays, step_ms=parts[0].step_ms)
@@ -261,29 +261,29 @@ def first_crossing(
     forced: bool = True,
     checked: bool = True,
 ) -> Decision:
-    """Decide each trial at the first tick at which some channel's output is at its threshold.
+    """Decide each trial at the first tick at which some channel's output meets its threshold.
 
     Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
-    ``OUT_i < threshold_i``, so a flat prior never decides by itself at a zero gap.  If several
-    channels cross at one tick, the one furthest below its threshold wins; a response forced at the
-    end of a trial goes to the lowest output.  Differences below 1e-10 nats are rounding, and count
-    as equality: among equal channels the choice is drawn, each with the same chance, by a hash of
-    the trial's number, so that it is the same in every run, batch and integrator.
+    ``OUT_i < threshold_i``, so that a flat prior does not decide by itself at a zero gap. If
+    several channels cross at one tick, the one furthest below its threshold wins; a response forced
+    at the end of a trial goes to the lowest output. Differences below 1e-10 nats are rounding error
+    and count as ties. Tied channels are equally likely to be chosen, by a hash of the trial's
+    number, so that the choice is the same in every run, batch and integrator.
 
     Parameters
     ----------
     trace : Trace
         Output (trials, ticks, hypotheses) in nats.
     thresholds : float, array (K,) or array (K, hypotheses), nats
-        One threshold for all responses, K such thresholds, or K sets of one a response.  All K
-        are served in one pass over the trace.
+        One threshold for all responses, K such thresholds, or K sets with one per response. One
+        pass over the trace serves all K.
     posterior : float or array (K,), optional
-        Posterior probability at which a trial stops, in place of ``thresholds``.
+        Posterior probability at which a trial stops, replaces ``thresholds``.
     forced : bool
         Whether the deadline forces a response; if not, such trials stay undecided.
     checked : bool
-        Whether thresholds are compared with what is read of OUT, and decisions with the readings
-        that there were. False for a grid or a learner that leaves the range on purpose.
+        Whether thresholds are compared with the range of OUT, and decisions with the available
+        readings. False for a grid or a learner that leaves the range on purpose.
 
     Returns
     -------
@@ -293,16 +293,16 @@ def first_crossing(
     Raises
     ------
     ValueError
-        If a threshold is not finite or the shape is none of the three; if OUT is not read as far
-        down as that; if every trial decides before its first reading.
+        If a threshold is not finite or its shape is none of the three; if it is below the lowest
+        possible OUT; if every trial decides before its first reading.
 
     Warns
     -----
     UserWarning
         If the deadline decides most trials, or most decide before their first reading; if noise
-        alone crosses the threshold; of several thresholds, how many mean nothing.
+        alone crosses the threshold; of several thresholds, how many are unusable.
     """
-    # Importing Numba takes most of a second: only where a decision is made.
+    # Importing Numba takes most of a second: only when a decision is made.
     from bgmodel.deciding.crossing import cross_all
 
     out, first, ends, numbers = _ready(trace)
@@ -324,25 +324,25 @@ def first_crossing(
 def crossing_of_each(
     trace: Trace, thresholds: Reals, *, forced: bool = True, checked: bool = True
 ) -> Decision:
-    """Decide each trial with a threshold of its own, as a learner that explores does.
+    """Decide each trial at its own threshold, as for a learner that explores.
 
     Parameters
     ----------
     trace : Trace
         Output (trials, ticks, hypotheses) in nats.
     thresholds : array (trials,), nats
-        One threshold a trial, for all of its responses; the rule is ``first_crossing``'s.
+        One threshold per trial, for all of its responses; the rule of ``first_crossing``.
     forced : bool
         Whether the deadline forces a response.
     checked : bool
-        As for ``first_crossing``, which says what is refused and warned of.
+        As for ``first_crossing``.
     """
     from bgmodel.deciding.crossing import cross_each
 
     out, first, ends, numbers = _ready(trace)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if levels.shape != out.shape[:1] or not np.isfinite(levels).all():
-        raise InputError.of("thresholds", f"must be {len(out)} finite nats, one a trial", levels)
+        raise InputError.of("thresholds", f"must be {len(out)} finite nats, one per trial", levels)
     if checked and trace.readout is not None:
         trace.readout.check(levels)
     tick, choice = cross_each(out, first, levels, ends, numbers)
@@ -356,9 +356,9 @@ def crossing_of_each(
 def check_decision(
     decision: Decision, thresholds: npt.ArrayLike, *, forced: bool, of_test: bool
 ) -> None:
-    """Refuse decisions of which none needed a reading; warn of most of them.
+    """Refuse if no decision needed a reading; warn if most did not.
 
-    The arguments are those of ``first_crossing`` and what it gave, and of ``check_early_and_late``.
+    Arguments: those and the results of ``first_crossing``, and those of ``check_early_and_late``.
     """
     late = decision.forced | (decision.choice == UNDECIDED)
     late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
@@ -367,7 +367,7 @@ def check_decision(
 
 
 def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
-    """Whether each trial of a time without evidence ends in a response, (trials,).
+    """Whether each evidence-free trial ends in a response, (trials,).
 
     The rule is that of ``first_crossing`` up to the onset of evidence.
 
@@ -376,7 +376,7 @@ def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
     out_nats : array (trials, ticks, hypotheses), nats
         Output without evidence.
     threshold_nats : float
-        For all responses.
+        One threshold for all responses.
     """
     ticks = out_nats.shape[1]
     before_onset = Trace(out_nats, np.arange(ticks, dtype=np.float64), onset_ms=float(ticks))
@@ -386,7 +386,7 @@ def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
 
 @dataclass(frozen=True, repr=False)
 class Tally(Facts):
-    """Sums over trials for each of K thresholds: trials (int), and arrays (K,) of the rest."""
+    """Sums over trials for each of K thresholds: trials is an int, the others are arrays (K,)."""
 
     trials: int
     correct: npt.NDArray[np.int64]
@@ -426,7 +426,7 @@ class Tally(Facts):
 def tally(
     trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
 ) -> Tally:
-    """Count correct and forced choices at each threshold, without keeping each decision.
+    """Count correct and forced choices at each threshold, without keeping single decisions.
 
     Parameters
     ----------
@@ -435,14 +435,14 @@ def tally(
     truth : int array (trials,)
         The true hypothesis of each trial.
     thresholds : array (K,), nats
-        Each for all responses; responses are forced at the deadline.
+        One for all responses, each; responses are forced at the deadline.
     checked : bool
-        As for ``first_crossing``, which says what is refused and warned of.
+        As for ``first_crossing``.
 
     Raises
     ------
     ValueError
-        If the truth is not known, or not that of each trial, or thresholds are not (K,) finite
+        If the truth is not known or not one per trial, or thresholds are not (K,) finite
         numbers.
     """
     from bgmodel.deciding.crossing import ROUNDING, tally_all
@@ -477,18 +477,18 @@ def _of_test(trace: Trace) -> bool:
 def _chosen(
     trace: Trace, thresholds: npt.ArrayLike | None, posterior: npt.ArrayLike | None
 ) -> npt.ArrayLike:
-    """Return the thresholds that are given, or those of a posterior."""
+    """Return the given thresholds, or those of a posterior."""
     check_one_given("thresholds", thresholds, posterior)
     if posterior is None:
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:
-        said = "this trace does not say which posterior an OUT corresponds to: give thresholds"
+        said = "this trace does not define the posterior of an OUT: give thresholds"
         raise InputError(said, "posterior")
     return trace.readout.threshold(posterior, trace.out_nats.shape[2])
 
 
 def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
-    """Check thresholds against what is known of an OUT; ``asked``: they are no posterior."""
+    """Check thresholds against the range of OUT; ``asked``: they were not given as a posterior."""
     known = trace.readout
     if known is None:
         return
@@ -503,14 +503,14 @@ def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
 
 
 def check_trace(given: Trace) -> None:
-    """Raise ValueError for what is no trace, as a bare array."""
+    """Raise ValueError for anything but a Trace, such as a bare array."""
     require(isinstance(given, Trace), "trace", "must be a Trace, as from Msprt().run", given)
 
 
 def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return OUT, its first reading, and ends and numbers of trials, as compiled loops need them.
 
-    The compiled loops do not check their bounds, so arrays that do not fit are refused here.
+    The compiled loops do no bounds checking, so arrays that do not fit are refused here.
     """
     check_trace(trace)
     out = np.ascontiguousarray(reals("out_nats", trace.out_nats))
@@ -519,7 +519,7 @@ def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray
     time_ms = np.asarray(trace.time_ms)
     if time_ms.shape != out.shape[1:2] or not (time_ms[1:] >= time_ms[:-1]).all():
         raise InputError(
-            f"time_ms must hold the time of each of {out.shape[1]} ticks, rising, got "
+            f"time_ms must hold the time of each of {out.shape[1]} ticks, increasing, got "
             f"{span(time_ms)} in shape {time_ms.shape}",
             "time_ms",
         )
@@ -529,18 +529,18 @@ def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray
 
 
 def _lowest(out: Reals) -> Reals:
-    """Return the lowest OUT of each trial; what is NaN is left out."""
+    """Return the lowest OUT of each trial, ignoring NaN."""
     return np.asarray(np.fmin.reduce(out, axis=(1, 2)))
 
 
 def _check_ended(out: Reals, ends: Integers, late: Truths) -> None:
-    """Refuse trials that met no threshold and whose OUT is not known up to their end."""
+    """Refuse trials that met no threshold and were dropped before their end."""
     trials = np.flatnonzero(late)
     unknown = np.isnan(out[trials, ends[trials] - 1]).any(axis=1)
     if unknown.any():
         raise InputError(
-            f"OUT of {unknown.sum()} trials is NaN at their end, and they met no threshold until "
-            "then: give a threshold above the OUT at which trials were dropped",
+            f"OUT of {unknown.sum()} trials is NaN at their end, and they met no threshold before: "
+            "give a threshold above the OUT at which trials were dropped",
             "thresholds",
         )
 
@@ -548,7 +548,7 @@ def _check_ended(out: Reals, ends: Integers, late: Truths) -> None:
 def _decision(
     trace: Trace, tick: Integers, choice: Integers, forced: bool, first: int, ends: Integers
 ) -> Decision:
-    """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
+    """Turn crossings into a Decision; tick is -1 where no threshold was reached."""
     check_flag("forced", forced)
     reached = tick >= 0
     relative_ms = trace.time_ms - trace.onset_ms
@@ -574,7 +574,7 @@ def _first_reading(trace: Trace) -> int:
 
 
 def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:
-    """Return, for each channel, the thresholds from highest to lowest and where they came from."""
+    """Return, for each channel, the order that sorts the thresholds (highest first), and these."""
     levels = reals("thresholds", thresholds)
     require(np.isfinite(levels).all(), "thresholds", "must be finite nats", levels)
     if levels.ndim < 2:

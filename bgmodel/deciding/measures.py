@@ -1,6 +1,6 @@
-"""What decisions at one threshold look like: the measures that experiments report.
+"""Behavioural measures of decisions at one threshold, as reported by experiments.
 
-Every measure is an expression in weights of trials, so that one call gives the value and its
+Each measure is written in terms of weights of trials, so that one call gives its value and its
 bootstrap resamples, as in ``bgmodel.comparison.matched``.
 """
 
@@ -16,47 +16,47 @@ from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.support.arrays import Array, Truths
 
 DIFFUSION_S = 0.1
-"""Noise of the diffusion, the convention in which EZ's numbers are stated."""
+"""Noise of the diffusion, s: the scale in which EZ parameters are stated."""
 
 LEAST_VARIANCE = 1e-9
-"""Variance of times, s^2, below which it is rounding and no drift follows from it."""
+"""Variance of times, s^2, below which it is rounding error and gives no drift."""
 
 CUT_OFF = 0.01
-"""Share of trials that the deadline may cut off before EZ's parameters are withheld: the late ones
-are missing then. In simulated diffusions at .01 the drift came out 6 to 7 % too large and the bound
-6 % too small, at .05 18 and 15 %."""
+"""Largest share of trials cut off by the deadline for which EZ parameters are reported: the missing
+trials are the slow ones. In simulated diffusions, a share of 0.01 made the drift 6 to 7 % too large
+and the boundary separation 6 % too small; 0.05 made them 18 and 15 % wrong."""
 
 MEASURES = {
-    "accuracy": "correct of those decided",
-    "choice_0": "share of those decided that chooses the first alternative, that of channel 0",
-    "mean_ms": "mean time of a decision from the onset of evidence, ms",
-    "median_ms": "median time of a decision, ms",
-    "accuracy_all": "correct of all trials, those that are missed counted as errors",
-    "accuracy_best": "correct of all trials, those that are missed counted as correct",
-    "mean_all_ms": "mean time of all trials, those that are missed counted at the deadline, ms",
-    "premature": "share that decides before the first reading",
-    "anticipatory": "share that decides in a foreperiod without evidence",
-    "missed": "share that does not decide in time",
-    "decided": "number of trials that decide in time",
-    "mean_posterior": "mean posterior of what is chosen, at the decision",
+    "accuracy": "proportion correct of decided trials",
+    "choice_0": "share of decided trials that choose the first alternative (channel 0)",
+    "mean_ms": "mean decision time from the onset of evidence, ms",
+    "median_ms": "median decision time, ms",
+    "accuracy_all": "proportion correct of all trials, missed ones counted as errors",
+    "accuracy_best": "proportion correct of all trials, missed ones counted as correct",
+    "mean_all_ms": "mean time of all trials, missed ones counted at the deadline, ms",
+    "premature": "share of trials decided before the first reading",
+    "anticipatory": "share of foreperiods without evidence that end in a response",
+    "missed": "share of trials not decided in time",
+    "decided": "number of trials decided in time",
+    "mean_posterior": "mean posterior of the chosen alternative at the decision",
     "drift": "drift by EZ-diffusion, 1/s (noise s = 0.1 per root second); two alternatives",
-    "boundary_separation": "distance between its bounds, without unit (s = 0.1)",
-    "non_decision_ms": "its time outside the decision, ms",
+    "boundary_separation": "its boundary separation, dimensionless (s = 0.1)",
+    "non_decision_ms": "its non-decision time, ms",
 }
 """Every measure, with its unit."""
 OF_DIFFUSION = ("drift", "boundary_separation", "non_decision_ms")
-"""Measures by EZ-diffusion."""
+"""Measures estimated by EZ-diffusion."""
 NO_DIFFUSION = (
-    "no diffusion that starts half-way between its bounds has these choices and times (its "
-    "non-decision time would be below 0, or its times do not vary); look at choice_0 for a bias "
+    "no diffusion that starts half-way between its bounds produces these choices and times (its "
+    "non-decision time would be below 0, or its times do not vary); check choice_0 for a bias "
     "to one side"
 )
-"""Why they are withheld where the deadline cuts off few trials."""
+"""Why they are not reported although the deadline cuts off few trials."""
 OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "mean_posterior", *OF_DIFFUSION)
-"""Measures of those trials alone that were decided in time."""
+"""Measures of the trials decided in time only."""
 COUNTED = {"accuracy": ("accuracy_all", "accuracy_best"), "mean_ms": ("mean_all_ms",)}
-"""Measures of decided trials, and of all trials: the bounds that missed trials set.
-Of accuracy these are the two ends; missed trials take at least until the deadline."""
+"""For measures of decided trials, the measures of all trials that bound them: for accuracy both
+ends of the range; for times the lower one, since missed trials take at least until the deadline."""
 OF_ALL = tuple(name for names in COUNTED.values() for name in names)
 SHARES = (
     *("accuracy", "choice_0", "accuracy_all", "accuracy_best"),
@@ -67,16 +67,16 @@ SHARES = (
 
 @dataclass(frozen=True)
 class Behaviour:
-    """Decisions of one circuit at one threshold, and its responses without evidence.
+    """Decisions of one circuit at one threshold, and its anticipatory responses.
 
     Parameters
     ----------
     decision : Decision
-        Of all trials, with their truth; those that the deadline forced were missed.
+        Decisions of all trials, with their truth; trials forced by the deadline are missed.
     posterior : array (trials,)
-        Probability of what was chosen, given the readings that there were by then.
+        Posterior of the choice, given the readings up to the decision.
     anticipatory : bool array (trials,)
-        Whether a foreperiod without evidence, a run of its own, ended in a response.
+        Whether a separately simulated foreperiod without evidence ended in a response.
     hypotheses : int
         Number of alternatives.
     """
@@ -87,7 +87,7 @@ class Behaviour:
     hypotheses: int
 
     def in_time(self) -> Decision:
-        """Return the decisions, those that were missed left undecided."""
+        """Return the decisions, with missed trials undecided."""
         missed, made = self.decision.forced, self.decision
         return replace(
             made,
@@ -101,11 +101,11 @@ class Behaviour:
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
 
-        NaN where no trial that counts has a weight. The mean posterior takes the likelihoods at
-        their word; times, accuracy and mean posterior are those of trials that decided in time.
-        Those of a diffusion are NaN with more than two alternatives, where the deadline cuts off
-        more than ``CUT_OFF`` of all trials, and where the non-decision time of all trials, each
-        weighed once, comes out below 0.
+        NaN if no trial that counts has a weight. The mean posterior is computed from the
+        likelihoods as given; times, accuracy and mean posterior are those of trials decided in
+        time. Diffusion parameters are NaN with more than two alternatives, if the deadline cuts off
+        more than ``CUT_OFF`` of all trials, and if the non-decision time of all trials, equally
+        weighted, is below 0.
         """
         missed, time_ms = self.decision.forced, self.decision.time_ms
         correct = self.decision.choice == self.decision.truth
@@ -124,18 +124,18 @@ class Behaviour:
             "decided": weights @ ~missed,
             "mean_posterior": mean(self.posterior, ~missed, weights),
         }
-        # A diffusion has two bounds.
+        # A diffusion has two boundaries.
         of_two = self.hypotheses == 2 and missed.mean() <= CUT_OFF
         if not of_two or self._diffusion(np.ones((1, len(missed))))["non_decision_ms"][0] < 0:
             return found | {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
         return found | self._diffusion(weights)
 
     def against_evidence(self) -> str:
-        """Return a sentence if decisions in time go against the evidence, or no text."""
+        """Return a warning if decisions in time go against the evidence, or an empty string."""
         return against_evidence(self.posterior[~self.decision.forced], self.hypotheses)
 
     def _diffusion(self, weights: Array) -> dict[str, Array]:
-        """Return those ``OF_DIFFUSION``, whatever comes out."""
+        """Return the measures ``OF_DIFFUSION``, unchecked."""
         decided, time_ms = ~self.decision.forced, self.decision.time_ms
         right = decided & (self.decision.choice == self.decision.truth)
         accuracy, mean_s = mean(right, decided, weights), mean(time_ms, right, weights) / 1e3
@@ -145,7 +145,7 @@ class Behaviour:
 
 
 def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
-    """Return the mean of values (trials,) among some trials, (B,); NaN where there are none."""
+    """Return the mean of values (trials,) over a subset of trials, (B,); NaN if it is empty."""
     total = weights @ among
     sums = weights @ np.where(among, values, 0)
     means = np.full(len(weights), np.nan)
@@ -154,7 +154,7 @@ def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
 
 
 def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
-    """Return the median of values (trials,) among some trials, (B,); NaN where there are none."""
+    """Return the median of values (trials,) over a subset of trials, (B,); NaN if it is empty."""
     chosen = np.asarray(values)[among]
     if not len(chosen):
         return np.full(len(weights), np.nan)
@@ -162,7 +162,7 @@ def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
     chosen, up_to = chosen[order], np.cumsum(weights[:, among][:, order], axis=1)
     half = up_to[:, -1:] / 2
     last = len(chosen) - 1
-    # The middle one, or the mean of the two about the middle.
+    # The middle value, or the mean of the two middle values.
     low = np.minimum((up_to < half).sum(axis=1), last)
     high = np.minimum((up_to <= half).sum(axis=1), last)
     return np.where(half[:, 0] > 0, (chosen[low] + chosen[high]) / 2, np.nan)
@@ -171,14 +171,14 @@ def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
 def ez_diffusion(
     accuracy: npt.ArrayLike, mean_s: npt.ArrayLike, variance: npt.ArrayLike, trials: npt.ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Return drift, bound and non-decision time (s) of the diffusion with these moments.
+    """Return drift, boundary separation and non-decision time (s) of EZ-diffusion.
 
     Parameters
     ----------
     accuracy : array
         Proportion correct, P.
     mean_s, variance : arrays, s and s^2
-        Of the times of correct responses.
+        Mean and variance of the times of correct responses.
     trials : array
         Number of trials, for the correction of a P of 1, 0 or 1/2.
 
@@ -186,10 +186,10 @@ def ez_diffusion(
     -----
     Wagenmakers, van der Maas & Grasman 2007, equations 5 and 7 to 9, with l = logit P and s = 0.1:
     ``v = sign(P - 1/2) s (l (P^2 l - P l + P - 1/2) / VRT)^(1/4)``, ``a = s^2 l / v``,
-    ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The start lies half-way
-    between the bounds and nothing but the noise varies. Late decisions belong to it: where many
-    trials are cut off undecided, the variance is too small and the drift too large. A P of 1, 0 or
-    1/2 is moved by half a trial, as they advise for 1.
+    ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The starting point is
+    half-way between the boundaries and no parameter varies between trials. The distribution
+    includes late decisions: if many trials are cut off, the variance is too small and the drift
+    too large. A P of 1, 0 or 1/2 is moved by half a trial, as they advise for 1.
     """
     p, mean_s, variance, half = np.broadcast_arrays(
         *(np.asarray(x, dtype=np.float64) for x in (accuracy, mean_s, variance, trials))

@@ -1,4 +1,4 @@
-"""What is known of an integrator's OUT, and the checks of every decision that is made on it."""
+"""Properties of an integrator's OUT, and the checks of every decision made from it."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarn
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
 POSTERIORS = (0.5, 1.0)
-"""A threshold between these is likely to be meant as a posterior if it makes no sense in nats."""
+"""A threshold in this range that makes no sense in nats was probably meant as a posterior."""
 MOST = 0.5
-"""Share of trials above which a decision by the deadline, or before any reading, is warned of."""
+"""Warn if more than this share of trials is decided by the deadline, or before any reading."""
 
 
 @dataclass(frozen=True)
 class ReadOut:
-    """What thresholds on an OUT can mean.
+    """The range of OUT, and the meaning of thresholds on it.
 
     Parameters
     ----------
     name : str
         The test or the circuit.
     lowest : float
-        Lowest OUT that it reaches, or that its read-out tells apart, in ``unit``.
+        Lowest OUT that can be reached, or that the read-out can resolve, in ``unit``.
     rest : float
-        Lowest OUT at rest: a threshold there, or above, needs no evidence. Infinity where the
-        trace's own ticks before the first reading say it.
+        Lowest OUT at rest: a threshold at or above it needs no evidence. Infinity if the ticks of
+        the trace before the first reading show it.
     unit : str
-        "nats" for OUT = -ln P; "nats of log odds" for the SPRT; or another one.
+        "nats" for OUT = -ln P; "nats of log odds" for the SPRT; or another unit.
     warn_of_noise : callable, optional
         Warns if noise alone crosses a threshold.
     """
@@ -47,11 +47,11 @@ class ReadOut:
 
     @property
     def of_test(self) -> bool:
-        """Whether it is of a test: its trace says where it rests, without noise."""
+        """Whether this is a test, whose trace shows the resting OUT without noise."""
         return bool(np.isinf(self.rest))
 
     def doubt(self, threshold: float, hypotheses: int) -> None:
-        """Warn of a threshold that was probably meant as a posterior: in nats it is a low one."""
+        """Warn if a threshold was probably meant as a posterior: in nats it is a low one."""
         low, high = POSTERIORS
         if self.unit == NATS and max(low, np.log(2)) < threshold < high < np.log(hypotheses):
             RangeWarning.warn(
@@ -60,12 +60,12 @@ class ReadOut:
             )
 
     def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
-        """Return the threshold on OUT that stops at a posterior.
+        """Return the threshold on OUT that corresponds to a stopping posterior.
 
         Raises
         ------
         ValueError
-            If a posterior is not above chance and below 1, or the unit has none.
+            If a posterior is not above chance and below 1, or is undefined in this unit.
         """
         if self.unit not in (NATS, LOG_ODDS):
             raise InputError(
@@ -77,7 +77,7 @@ class ReadOut:
         return nats + np.log1p(-np.exp(-nats)) if self.unit == LOG_ODDS else nats
 
     def one(self, threshold: float | None, posterior: float | None, hypotheses: int) -> float:
-        """Return the one threshold on OUT that is given, by itself or as a posterior; checked."""
+        """Return the single threshold on OUT, given directly or as a posterior, after checks."""
         check_one_given("threshold", threshold, posterior)
         given = posterior if threshold is None else threshold
         if given is None or not is_number(given):
@@ -92,9 +92,9 @@ class ReadOut:
         return level
 
     def check(self, thresholds: npt.ArrayLike) -> None:
-        """Refuse thresholds that decide without evidence or are never reached.
+        """Refuse thresholds that are met without evidence or are never reached.
 
-        Of several thresholds it warns of those, with their number, and refuses if none is left.
+        Of several, warn with the number of such thresholds, and refuse only if none is left.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class ReadOut:
         Raises
         ------
         ValueError
-            With OUT at rest, or the lowest OUT.
+            If refused; the message states OUT at rest, or the lowest OUT.
         """
         levels = np.atleast_1d(reals("thresholds", thresholds))
         if not levels.size or not np.isfinite(levels).all():
@@ -120,8 +120,7 @@ class ReadOut:
             if wrong.any():
                 said = why(float(rows[wrong].flat[0]))
                 RangeWarning.warn(
-                    f"{wrong.sum()} of {len(rows)} thresholds mean nothing, the first of them: "
-                    f"{said}"
+                    f"{wrong.sum()} of {len(rows)} thresholds are unusable, the first: {said}"
                 )
 
     def _without_evidence(self, threshold: float) -> str:
@@ -137,13 +136,13 @@ class ReadOut:
             at = f", a posterior of {np.exp(-self.lowest):.3f}"
             of = f", one of {np.exp(-threshold):.3f}" if threshold >= 0 else ""
         return (
-            f"{self.name} reads no OUT below {self.lowest:.3g} {self.unit}{at}; the threshold is "
-            f"{threshold:.2f} {self.unit}{of}"
+            f"{self.name} resolves no OUT below {self.lowest:.3g} {self.unit}{at}; the threshold "
+            f"is {threshold:.2f} {self.unit}{of}"
         )
 
 
 def check_one_given(name: str, threshold: object, posterior: object) -> None:
-    """Raise ValueError unless just one of them is given; ``name`` is the threshold's argument."""
+    """Raise ValueError unless exactly one is given; ``name`` is the argument of the threshold."""
     if threshold is None and posterior is None:
         raise InputError(
             "neither a posterior nor a threshold is given: give posterior=0.82, or "
@@ -155,7 +154,7 @@ def check_one_given(name: str, threshold: object, posterior: object) -> None:
 
 
 def meant(threshold: float) -> str:
-    """Return a question for a threshold that looks like a posterior; else nothing."""
+    """Return a hint for a threshold that looks like a posterior, or an empty string."""
     low, high = POSTERIORS
     if not low < threshold < high:
         return ""
@@ -168,9 +167,9 @@ def threshold_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> A
     Parameters
     ----------
     posterior : float or array
-        Posterior probability of the hypothesis that is chosen.
+        Posterior probability of the chosen hypothesis.
     hypotheses : int
-        Number of hypotheses: at chance, one over it, and below nothing has to be read.
+        Number of hypotheses; at chance, one over it, or below, no reading would be needed.
 
     Raises
     ------
@@ -197,7 +196,7 @@ def check_early_and_late(
     forced: bool,
     of_test: bool,
 ) -> None:
-    """Refuse decisions that all came before any reading; warn where most did, or never came.
+    """Refuse if all decisions came before any reading; warn if most did, or most never came.
 
     Parameters
     ----------
@@ -207,11 +206,11 @@ def check_early_and_late(
     trials : int
         Number of trials.
     thresholds : array (K,) or (K, hypotheses)
-        At which they were decided.
+        The thresholds on OUT.
     forced : bool
-        Whether the deadline made the choice of those that are late.
+        Whether the deadline forces the choice of late trials.
     of_test : bool
-        Whether OUT before the first reading is that of a test, the same in each trial.
+        Whether OUT is that of a test: without noise, the same in each trial before evidence.
 
     Raises
     ------

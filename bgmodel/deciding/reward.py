@@ -1,4 +1,4 @@
-"""The reward of a decision, ``r = xi W - T`` (Burguete, Griffith & Lepora 2023), written once."""
+"""The reward of a decision, ``r = xi W - T`` (Burguete, Griffith & Lepora 2023)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bgmodel.support.checks import check_positive, one_per_trial
 
 
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
-    """Return ``xi W - T`` in readings: of trials, or of their means.
+    """Return ``xi W - T`` in readings, for single trials or for means.
 
     Parameters
     ----------
     error : array (...)
-        Whether a trial is an error, W = -1, or the share of errors.
+        Whether a trial is an error (W = -1), or the error rate.
     steps : array (...)
         Decision time T in readings, or its mean.
     xi : float
@@ -48,5 +48,5 @@ def mean_reward(counts: Tally, xi: float) -> Array:
 
 
 def check_xi(xi: float) -> None:
-    """Raise ValueError if this cannot be the cost of an error."""
+    """Raise ValueError if this is not a valid cost of an error."""
     check_positive(xi=xi)

@@ -1,4 +1,4 @@
-"""Decisions at many settings, hasty to careful: speed against accuracy."""
+"""Speed-accuracy tradeoff: decisions at many settings, from hasty to careful."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from circuits.errors import InputError
 OF_TRIALS = ("choice", "time_ms", "forced", "premature", "posterior")
 """Fields of a ``Tradeoff`` with a value for each setting and trial."""
 REST_MS = 500.0
-"""The time at rest in which responses are counted."""
+"""Time at rest over which responses are counted, ms."""
 
 
 WITHOUT_EVIDENCE_SHARE = 0.5
-"""A circuit of which more than this share of decisions come before the first reading, or in a
-foreperiod, decides without evidence: its other measures say nothing of decisions."""
+"""If more than this share of a circuit's decisions comes before the first reading or in a
+foreperiod, it decides without evidence, and its other measures are not informative."""
 
 
 MARGIN = 0.01
-"""Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
+"""Accuracies are equivalent if their difference is within this margin with 95 % confidence."""
 
 
 SHARE_OF_ERRORS = 0.1
-"""An accuracy is reached within this share of the errors that it leaves, and within ``MARGIN``."""
+"""An accuracy counts as reached within this fraction of its error rate, and within ``MARGIN``."""
 
 
 @dataclass(frozen=True)
@@ -45,21 +45,21 @@ class ChoicesAndTimes:
 
 @dataclass(frozen=True, repr=False)
 class Tradeoff(Facts):
-    """Decisions of one integrator at K settings of what makes it hasty or careful.
+    """Decisions of one integrator at K settings, from careless to careful or the reverse.
 
     Parameters
     ----------
     settings : array (K,)
-        Falling: thresholds in the units of its OUT, or levels of dopamine at one threshold.
+        In falling order: thresholds in the unit of OUT, or levels of dopamine at one threshold.
     choice : int array (K, trials)
-        What it chose, forced at the end of the trace.
+        Choices, forced at the end of the trace.
     time_ms : array (K, trials)
-        When, ms from the onset of evidence.
+        Decision times, ms from the onset of evidence.
     forced, premature : bool arrays (K, trials)
-        Whether the end of the trace made the choice; whether it came before the first reading.
+        Whether the choice was forced at the end of the trace; made before the first reading.
     posterior : array (K, trials)
-        Probability of what was chosen, given all readings that there were by then. Its mean is the
-        expected accuracy, with a smaller error than counting; it is right if the likelihoods are.
+        Posterior of the choice, given all readings up to it. Its mean is the expected accuracy,
+        with a smaller standard error than the proportion correct; it requires correct likelihoods.
     """
 
     settings: Array
@@ -96,7 +96,7 @@ class Tradeoff(Facts):
         return replace(self, **{name: np.concatenate(both, axis=1) for name, *both in of_both})
 
     def at(self, chosen: Truths) -> Tradeoff:
-        """Return the decisions at some of the settings."""
+        """Return the decisions at a subset of the settings."""
         return Tradeoff(*(getattr(self, name)[chosen] for name in ("settings", *OF_TRIALS)))
 
     def choices(self, k: int) -> ChoicesAndTimes:
@@ -104,13 +104,13 @@ class Tradeoff(Facts):
         return ChoicesAndTimes(self.choice[k], self.time_ms[k])
 
     def setting(self, accuracy: float) -> float:
-        """Return the setting at which the expected accuracy is nearest."""
+        """Return the setting whose expected accuracy is nearest to ``accuracy``."""
         reached, _ = curve(self, np.ones((1, self.trials)))
         return float(self.settings[np.abs(reached[0] - accuracy).argmin()])
 
 
 def decides_without_evidence(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
-    """Whether a circuit decides without evidence, by two shares of its responses.
+    """Whether a circuit decides without evidence, judged by two shares of its responses.
 
     Parameters
     ----------
@@ -118,30 +118,30 @@ def decides_without_evidence(premature: float, anticipatory: float, foreperiod_m
         Shares of trials decided before their first reading, and of foreperiods that end in a
         response.
     foreperiod_ms : float
-        How long these waited, ms. At a constant hazard a share p becomes
-        ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second: that is what counts, so that the
-        length of the foreperiod does not.
+        Duration of these foreperiods, ms. At a constant hazard a share p corresponds to
+        ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second; this value is compared, so that the
+        result does not depend on the duration.
     """
     within = 1 - (1 - anticipatory) ** (REST_MS / foreperiod_ms)
     return bool(max(premature, within) > WITHOUT_EVIDENCE_SHARE)
 
 
 def levels(trace: Trace, count: int = 200) -> Array:
-    """Return thresholds that cut a trace's decisions evenly: quantiles of its lowest OUT."""
+    """Return thresholds that divide trials evenly: quantiles of the lowest OUT of each trial."""
     return np.unique(np.quantile(trace.out_nats.min(axis=2), np.linspace(0, 1, count)))[::-1]
 
 
 def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = None) -> Tradeoff:
-    """Let an integrator decide at many thresholds.
+    """Return an integrator's decisions at many thresholds.
 
     Parameters
     ----------
     trace : Trace
-        OUT, as an integrator gives it for this evidence.
+        The output of the integrator for this evidence.
     evidence : Evidence
-        What it was given.
+        Readings of all trials.
     thresholds : array (K,), optional
-        ``levels(trace)`` if left out.
+        ``levels(trace)`` if omitted.
     """
     check_trace(trace)
     if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):
@@ -162,22 +162,22 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
 
 def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:
     """Return expected accuracy, made monotone, and mean time, (B, K) for weights (B, trials)."""
-    # Importing scipy.optimize takes a third of a second: only where tradeoffs are compared.
+    # Importing scipy.optimize takes a third of a second: only when tradeoffs are compared.
     from scipy.optimize import isotonic_regression
 
     share = weights / weights.sum(axis=1, keepdims=True)
     accuracy = np.stack([isotonic_regression(row).x for row in share @ swept.posterior.T])
-    # A rise too small to matter makes the curve invertible.
+    # A negligible slope makes the curve invertible.
     return accuracy + np.linspace(0, 1e-9, accuracy.shape[1]), share @ swept.time_ms.T
 
 
 def time_at(accuracies: Sequence[float] | Array, curves: tuple[Array, Array]) -> Array:
-    """Return mean times at given expected accuracies, ms (B, A); NaN beyond the curve."""
+    """Return mean times at given expected accuracies, ms (B, A); NaN outside the curve."""
     return np.stack(
         [np.interp(accuracies, *row, np.nan, np.nan) for row in zip(*curves, strict=True)]
     )
 
 
 def margin(accuracy: float) -> float:
-    """Return the margin within which an accuracy counts as reached: smaller towards 1."""
+    """Return the margin within which an accuracy counts as reached; it shrinks towards 1."""
     return min(MARGIN, SHARE_OF_ERRORS * (1 - accuracy))

@@ -1,1 +1,1 @@
-"""A hypothesis as a file: what is edited, what is measured, what was predicted."""
+"""Hypotheses as files: the manipulation, the measures and the predictions."""

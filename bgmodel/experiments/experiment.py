@@ -1,7 +1,7 @@
-"""Experiments: a control and a manipulation on the same evidence, held to a prediction.
+"""Experiments: a control and a manipulation on the same evidence, with predictions to test.
 
-An experiment is a short TOML file. It says what was published, what stands for it in the circuit,
-and, before anything is run, which measure goes which way by how much at least.
+An experiment is a short TOML file. It states the published result, its counterpart in the circuit
+and, before anything is run, the direction and least size of the change of each measure.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ SHIPPED = resources("bgmodel.experiments") / "shipped"
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment(ExperimentRecord):
-    """A control, a manipulation and what it should do; both have the rest in common.
+    """A control, a manipulation and predictions; all other settings are shared.
 
     As a file::
 
         name = "STN lesion"
-        note = "why the manipulation stands for what was done"
+        note = "why the manipulation models the published one"
         circuit = "macaque"
 
         [task]
@@ -59,28 +59,28 @@ class Experiment(ExperimentRecord):
         trials = 1000
         t_max = 120
 
-        [control]                    # may be left out
+        [control]                    # optional
         edits = []
 
         [manipulation]
         edits = ["lesion STN 10%", "dopamine 0.9"]
 
-        [[predictions]]              # before the run; may be left out
+        [[predictions]]              # made before the run; optional
         measure = "accuracy"
         direction = "down"           # "up", or "none": within +-at_least
-        at_least = 0.01              # in the measure's unit: the least change that counts
+        at_least = 0.01              # least change that counts, in the measure's unit
 
-    ``bgmodel experiment NAME --show`` prints one that is shipped.
+    ``bgmodel experiment NAME --show`` prints a shipped one.
     """
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:
-        """Read an experiment: the path of a TOML file, or the name of one that is shipped.
+        """Read an experiment from a TOML file, or a shipped one by its name.
 
         Raises
         ------
         ValueError
-            One sentence with the key, what was given and what is allowed.
+            With the key, the value given and what is allowed.
         """
         path = path_of(file, "file")
         if path.suffix == ".toml":
@@ -99,22 +99,22 @@ class Experiment(ExperimentRecord):
         Parameters
         ----------
         workers : int
-            Threads of the engines that can use several; the results do not depend on them.
+            Threads, for engines that can use several; the results do not depend on them.
         given : Trials, optional
-            What ``given()`` returned, where that was asked already.
+            The result of ``given()``, to avoid computing it twice.
 
         Raises
         ------
         ValueError
             If an edit does not fit the circuit, the control decides without evidence or against
-            it, a posterior lies beyond what OUT reads, or there are too few trials.
+            it, a posterior is outside the range of the read-out, or there are too few trials.
 
         Warns
         -----
         UserWarning
             If evidence leaves the circuit's range, noise alone crosses the threshold, many trials
             are missed, the manipulation decides against the evidence, no decision differs between
-            the conditions, or posteriors at the decision are not the share of right choices.
+            the conditions, or posteriors at the decision are not the proportion correct.
         """
         given = given or self.given()
         evidence = given.evidence
@@ -142,8 +142,8 @@ class Experiment(ExperimentRecord):
         measures = _table(found, evidence.trials)
         if unchanged(measures):
             EditWarning.warn(
-                f"{UNCHANGED}: the manipulation says nothing to the {self.engine} engine, or "
-                "nothing while a trial lasts; look at its units and times"
+                f"{UNCHANGED}: the manipulation has no effect on the {self.engine} engine, or none "
+                "within a trial; check its units and times"
             )
         if said := uncalibrated(self, measures):
             CalibrationWarning.warn(said)
@@ -152,12 +152,12 @@ class Experiment(ExperimentRecord):
 
 
 def shipped() -> dict[str, Experiment]:
-    """Return the experiments that come with the package, by the names of their files."""
+    """Return the shipped experiments by the names of their files."""
     return {name: Experiment.from_toml(name) for name in _names()}
 
 
 def shipped_text(name: str) -> str:
-    """Return the file of an experiment that is shipped, as text."""
+    """Return the file of a shipped experiment as text."""
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -167,25 +167,25 @@ def _names() -> list[str]:
 
 @dataclass(frozen=True, repr=False)
 class Outcome(Facts):
-    """What came of an experiment.
+    """The results of an experiment.
 
     Parameters
     ----------
     experiment : Experiment
-        What was run.
+        The experiment.
     given : Trials
-        What both conditions were given.
+        Trials of both conditions.
     models : tuple of BasalGanglia
         Control and manipulation.
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
         and measure of ``MEASURES``: condition, measure, value, low, high, trials. Low and high are
         the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
-        together; trials is the number that the value rests on, of a change the smaller one. For
-        measures of decisions a condition "percent" too, the change over the control's value.
+        together; trials is the number of trials behind the value, for a change the smaller one.
+        Measures of decisions also have a condition "percent", the change over the control's value.
     trials : DataFrame
         One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
-        the foreperiod before it, a run of its own, ended in a response.
+        the foreperiod before it, simulated separately, ended in a response.
     """
 
     experiment: Experiment
@@ -212,7 +212,7 @@ class Outcome(Facts):
         return found
 
     def summary(self) -> pd.DataFrame:
-        """Return each measure of control, manipulation and their change, for a reader."""
+        """Return each measure of control, manipulation and their change, as a table to read."""
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
         found: dict[str, pd.Series] = {}
         for name in CONDITIONS:
@@ -221,11 +221,11 @@ class Outcome(Facts):
         return pd.DataFrame(found).round(3)
 
     def verdicts(self) -> pd.DataFrame:
-        """Return each prediction with the change that was found, the verdict and its reason."""
+        """Return each prediction with the observed change, the verdict and its reason."""
         return outcomes(self.experiment, self.measures)
 
     def published(self) -> pd.DataFrame:
-        """Return each published effect with the circuit's."""
+        """Return each published effect with that of the circuit."""
         return beside_published(self.experiment, self.measures)
 
     def text(self) -> str:
@@ -242,8 +242,8 @@ class Outcome(Facts):
 
         Parameters
         ----------
-        ax : Axes, one per measure that is known, optional
-            Drawn on; a new figure unless given.
+        ax : Axes, one per measure that is not NaN, optional
+            Axes to draw on; those of a new figure by default.
 
         Returns
         -------
@@ -259,7 +259,7 @@ def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
     """Return the measures of both conditions and of their change as a table."""
     control, manipulation = found
     change = {name: manipulation[name] - control[name] for name in MEASURES}
-    # A control that is at 0 has no change in per cent.
+    # The change in per cent is undefined for a control of 0.
     of = {name: np.where(control[name] == 0, np.nan, control[name]) for name in RELATIVE}
     percent = {name: 100 * change[name] / of[name] for name in RELATIVE}
     counts = [int(values["decided"][0]) for values in found]
@@ -279,9 +279,9 @@ def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
 
 
 def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:
-    """Refuse a control that does not decide by its evidence; warn where many trials are missed.
+    """Refuse a control that does not decide by evidence; warn if many trials are missed.
 
-    What a manipulated circuit does is an outcome, and none of these refuses it.
+    The behaviour of a manipulated circuit is an outcome and is never refused.
     """
     premature, waited = behaviour.decision.premature.mean(), behaviour.anticipatory.mean()
     missed = behaviour.decision.forced
@@ -303,6 +303,6 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     if missed.mean() > MANY_MISSED:
         DeadlineWarning.warn(
             f"the {condition} decides in time in {decided} of {len(missed)} trials: accuracy, "
-            "times and the mean posterior are those of these alone; give more readings (t_max) or "
+            "times and the mean posterior refer to these only; give more readings (t_max) or "
             "a lower posterior"
         )

@@ -1,4 +1,4 @@
-"""What an experiment's run says of its predictions, as a table and as a page."""
+"""Outcomes of an experiment's predictions, as a table and as a page."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ VERDICTS = {
     OPEN: "leaves it open",
     WITHOUT: "decides without evidence, which is no agreement",
 }
-"""What a page says of the model."""
+"""Wording of each verdict on a page."""
 COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
-"""What is said of a published effect and the model's: their difference holds 0, or does not."""
+"""Comparison of a published effect with the model's: whether their difference includes 0."""
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
@@ -60,40 +60,40 @@ UNITS = (
     ),
     (("accuracy",), "the others: shares of trials"),
 )
-"""Measures, and the unit that a page prints."""
+"""Measures, and the units that a page prints."""
 
 
 def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Compare what was found with what was predicted.
+    """Compare the results with the predictions.
 
     Parameters
     ----------
     experiment : ExperimentRecord
-        With its predictions.
+        The experiment with its predictions.
     table : DataFrame
-        The measures, as of ``Outcome``.
+        The measures, as in ``Outcome``.
 
     Returns
     -------
     DataFrame
         One row per prediction: measure, direction, at_least, value, low, high (of the change),
-        outcome, reason, control_trials and manipulation_trials (the numbers that it rests on). The
-        outcome is "agrees" if the whole interval lies beyond at_least in the direction (within
-        +-at_least for "none"), "disagrees" if none of it does, otherwise "left open"; "decides
-        without evidence", whatever was predicted, if most manipulated trials decide before their
-        first reading or most foreperiods end in a response within half a second.
+        outcome, reason, control_trials and manipulation_trials (the numbers of trials behind it).
+        The outcome is "agrees" if the whole interval is beyond at_least in the direction (within
+        +-at_least for "none"), "disagrees" if none of it is, otherwise "left open"; "decides
+        without evidence", regardless of the prediction, if most manipulated trials decide before
+        their first reading or most foreperiods end in a response within half a second.
 
     Notes
     -----
-    A verdict on decided trials alone is left open, with the reason, unless it holds whatever
-    missed trials would have been, alike in both conditions. That of the accuracy must also be that
-    of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
-    ``mean_all_ms``, and not both conditions may miss more than ``MANY_MISSED``; those of choice_0
-    and the mean posterior hold with missed trials at 0 and at 1; for the median the shares of
-    missed trials must not differ by more than ``CUT_OFF``. It is left open too where the
-    manipulated circuit is right less often than by chance, where no decision differs between the
-    conditions, where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so
-    near the end of a measure's range that no change could be as large as predicted.
+    A verdict based on decided trials is left open, with the reason, unless it holds whatever
+    the missed trials would have been, alike in both conditions. For the accuracy, verdicts on
+    ``accuracy_all`` and ``accuracy_best``, the two ends, must be the same; for the mean time that
+    on ``mean_all_ms``, and not both conditions may miss more than ``MANY_MISSED``; for choice_0 and
+    the mean posterior, those with missed trials at 0 and at 1; for the median, the shares of missed
+    trials must not differ by more than ``CUT_OFF``. It is also left open if the manipulated circuit
+    is correct less often than by chance, if no decision differs between the conditions, if fewer
+    than ``FEWEST_DECIDED`` trials are decided, or if the control is so close to the end of a
+    measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
     change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
@@ -115,7 +115,7 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
 
 
 class Judged(Protocol):
-    """The verdict by the interval of a measure's change, shifted by some of its unit."""
+    """The verdict from the interval of a measure's change, after a shift in its unit."""
 
     def __call__(self, name: str, shift: float = 0.0, /) -> str:
         """Return the verdict."""
@@ -125,7 +125,7 @@ class Judged(Protocol):
 def _verdict(
     experiment: ExperimentRecord, table: pd.DataFrame, measure: str, judged: Judged
 ) -> tuple[str, str]:
-    """Return the verdict on a measure, and why it is left open if its interval does not say so."""
+    """Return the verdict on a measure, and the reason if something else leaves it open."""
     if _blind(experiment, table):
         return WITHOUT, ""
     if unchanged(table):
@@ -142,7 +142,7 @@ def _verdict(
     for name, other in _of_all(table, measure, judged).items():
         if other != said:
             return OPEN, f"{said} on decided trials, {other} on all ({name}): {lost}"
-    # The times of missed trials have no end: where both conditions have many, either may be slower.
+    # Times of missed trials are unbounded: if both conditions have many, either may be slower.
     unbounded = measure == "mean_ms" and min(control, manipulation) > MANY_MISSED
     if unbounded or (measure == "median_ms" and abs(manipulation - control) > CUT_OFF):
         return OPEN, f"{said} on decided trials, unknown on all: {lost}"
@@ -150,7 +150,7 @@ def _verdict(
 
 
 def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]:
-    """Return verdicts on all trials, by what counts the missed ones; none if no trial is missed."""
+    """Return verdicts on all trials, by how missed ones count; empty if no trial is missed."""
     missed = _both(table, "missed")
     if not any(missed):
         return {}
@@ -165,7 +165,7 @@ def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]
 
 
 def _no_room(prediction: Prediction, control: float) -> str:
-    """Return why no change could be as large as predicted, or no text."""
+    """Return the reason why no change could be as large as predicted, or an empty string."""
     p = prediction
     room = {"down": control, "up": 1 - control if p.measure in SHARES else np.inf}
     bounded = p.measure in SHARES or p.measure.endswith("_ms")
@@ -187,14 +187,14 @@ def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
 
 
 def _below_chance(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
-    """Return why a circuit that is right less often than by chance gets no verdict, or no text.
+    """Return why a circuit that chooses below chance gets no verdict, or an empty string.
 
-    Where one truth alone counts, a bias can take accuracy anywhere: there the posterior tells.
+    If only one truth counts, a bias can move accuracy anywhere: then the posterior is used.
     """
     rows = table[table["condition"] == "manipulation"].set_index("measure")
     for name in ("accuracy", "mean_posterior")[experiment.truth is not None :]:
         value, high = rows.loc[name, ["value", "high"]].to_numpy(dtype=float)
-        # Chance is at most 1/2; a table of evidence is read again for the number of alternatives.
+        # Chance is at most 1/2; the number of alternatives requires reading the evidence table.
         if high < 1 / 2 and high < (chance := 1 / _channels(experiment)):
             numbers = f"{name} {value:.3f}, by chance {chance:.3g}"
             return f"the manipulation chooses against the evidence: {numbers}"
@@ -209,7 +209,7 @@ def _channels(experiment: ExperimentRecord) -> int:
 
 
 def _few(table: pd.DataFrame) -> bool:
-    """Whether the manipulated circuit decides too few trials to speak of."""
+    """Whether the manipulated circuit decides too few trials for a statement."""
     chosen = (table["condition"] == "manipulation") & (table["measure"] == "decided")
     return bool(table.loc[chosen, "value"].item() < FEWEST_DECIDED)
 
@@ -221,22 +221,22 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
 
 
 def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the measures beside the published effects.
+    """Return the measures with the published effects.
 
     Parameters
     ----------
     experiment : ExperimentRecord
-        With its effects.
+        The experiment with its effects.
     table : DataFrame
-        The measures, as of ``Outcome``.
+        The measures, as in ``Outcome``.
 
     Returns
     -------
     DataFrame
         One row per effect: condition ("change" or "percent"), measure, published, published_low,
         published_high, value, low, high (the model's), effect_source, and comparison:
-        "compatible" if the 95 % interval of the model's minus the published one holds 0, else
-        "differs"; "decides without evidence" and "left open" as in ``outcomes``. Both
+        "compatible" if the 95 % interval of the model's minus the published one includes 0,
+        otherwise "differs"; "decides without evidence" and "left open" as in ``outcomes``. Both
         samples are independent: the ends of the interval are those of Zou & Donner 2008,
         ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
         ``d = m - p``. A last column, comparison_reason, says why one is left open.
@@ -264,7 +264,7 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
 
 
 def _held(effect: Effect, value: float, low: float, high: float) -> str:
-    """Return how a model's change with its interval compares with a published one."""
+    """Return the comparison of a model's change and its interval with a published one."""
     p_low, p_high = effect.interval
     if not np.isfinite(value):
         return OPEN
@@ -282,9 +282,9 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     Parameters
     ----------
     experiment : ExperimentRecord
-        What was run.
+        The experiment.
     table : DataFrame
-        The measures, as of ``Outcome``.
+        The measures, as in ``Outcome``.
     """
     wide = 2 + table["measure"].str.len().max()
     lines = [
@@ -321,7 +321,7 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
 
 
 def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
-    """Return what was predicted and what came out, a line per prediction."""
+    """Return predictions and outcomes, one line per prediction."""
     if not experiment.predictions:
         return ["no prediction was made before the run, so there is no verdict"]
     lines = ["predicted before the run:"]
@@ -339,8 +339,8 @@ def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
 
 
 def _effects(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
-    """Return each published effect beside the model's, a line per effect."""
-    lines = ["", "published, as a number, and the model's:"] if experiment.effects else []
+    """Return each published effect with the model's, one line per effect."""
+    lines = ["", "published effects, and the model's:"] if experiment.effects else []
     for row in beside_published(experiment, table).to_dict("records"):
         relative = row["condition"] == PERCENT
         whole = row["measure"].endswith("_ms")
@@ -360,13 +360,13 @@ def _effects(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
 
 
 def _units(table: pd.DataFrame) -> str:
-    """Return the units of the measures that are known, as text."""
+    """Return the units of the measures that are not NaN, as text."""
     known = set(table.loc[table["value"].notna(), "measure"])
     return "units: " + "; ".join(unit for names, unit in UNITS if {*names} & known)
 
 
 def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
-    """Return why a condition has no diffusion's parameters, a line per condition."""
+    """Return why a condition has no diffusion parameters, one line per condition."""
     predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
     if not predicted and (experiment.task.evidence is not None or experiment.task.channels != 2):
         return []
@@ -388,7 +388,7 @@ def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
 
 
 def _edits(experiment: ExperimentRecord) -> list[str]:
-    """Return what is edited in each condition that is, in the order in which it is done."""
+    """Return the edits of each edited condition, in the order in which they are made."""
     conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
     edits = {name: condition.edits.text() for name, condition in conditions.items()}
     notes = dict.fromkeys(note for one in conditions.values() for note in one.edits.notes())

@@ -1,4 +1,4 @@
-"""What an experiment predicts of a measure, and what was published of it as a number."""
+"""Predictions of an experiment, and published effects as numbers."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
-"""The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
+"""The outcome, regardless of the prediction, if the manipulated circuit ignores evidence."""
 FEWEST_DECIDED = 20
-"""Trials that a condition decides in time, at least, for a statement on its decisions."""
+"""Least number of trials decided in time for a statement on a condition's decisions."""
 PERCENT = "percent"
-"""The change in per cent of the control's value: a condition more, for measures of decisions."""
+"""Condition with the change in per cent of the control's value, for measures of decisions."""
 RELATIVE = (*OF_DECIDED, *OF_ALL)
 """Measures with a change in per cent."""
 LIKELY = {"decided": (1.0, np.inf), "drift": (0.0, 1.0), "boundary_separation": (0.0, 1.0)}
-"""Sizes of a change, other than 0, that are not warned of."""
+"""Range of sizes of a change (other than 0) without a warning."""
 LIKELY |= dict.fromkeys(SHARES, (0.0, 0.5))
 LIKELY |= {name: (1.0, np.inf) for name in MEASURES if name.endswith("_ms")}
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a manipulation does to one measure."""
+    """A predicted change of one measure."""
 
     measure: str
     """A name in ``measures.MEASURES``."""
     direction: Literal["up", "down", "none"]
-    """Where it goes; "none" says that it stays within ``at_least``."""
+    """Direction of the change; "none" means that it stays within ``at_least``."""
     at_least: float
     """The smallest change that counts, in the measure's unit."""
 
@@ -41,10 +41,10 @@ class Prediction:
         require(0 <= self.at_least < np.inf, "at_least", "must be >= 0", self.at_least)
         check_size("at_least", self.measure, self.at_least, below=1)
         fits = self.direction != "none" or self.at_least
-        require(fits, "at_least", 'must be > 0 where the direction is "none"', self.at_least)
+        require(fits, "at_least", 'must be > 0 if the direction is "none"', self.at_least)
 
     def outcome(self, low: float, high: float) -> str:
-        """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
+        """Return the verdict from the change's 95 % interval: agrees, disagrees or left open."""
         if not (np.isfinite(low) and np.isfinite(high)):
             return OPEN
         if self.direction == "none":
@@ -58,20 +58,20 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Effect:
-    """What was published of one measure, as a number: manipulation minus control."""
+    """A published effect on one measure, as a number: manipulation minus control."""
 
     measure: str
     """A name in ``measures.MEASURES``."""
     value: float
     """The change."""
     source: str
-    """Where it was published, and what was made of it here."""
+    """Where it was published, and how the number was derived."""
     low: float | None = None
-    """Lower end of its 95 % interval; none where none was published."""
+    """Lower end of its 95 % interval, if published."""
     high: float | None = None
-    """Upper end."""
+    """Upper end of its 95 % interval, if published."""
     unit: Literal["own", "percent"] = "own"
-    """The measure's own unit, or per cent of the control's value, where time scales differ."""
+    """The measure's unit, or per cent of the control's value if time scales differ."""
 
     def __post_init__(self) -> None:
         _check_measure(self.measure)
@@ -88,34 +88,34 @@ class Effect:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its 95 % interval; NaN where none was published."""
+        """Its 95 % interval; NaN if none was published."""
         low, high = (np.nan if end is None else end for end in (self.low, self.high))
         return low, high
 
 
 def _check_measure(name: str) -> None:
-    """Raise ValueError, with all names, for a measure that there is not."""
+    """Raise ValueError listing all names, for an unknown measure."""
     require(name in MEASURES, "measure", f"must be one of {', '.join(MEASURES)}", name)
 
 
 def check_size(what: str, measure: str, size: float, below: float) -> None:
-    """Refuse a change that a measure cannot make; warn of one that seems to be in another unit.
+    """Refuse an impossible change of a measure; warn if it seems to be in another unit.
 
     Parameters
     ----------
     what : str
-        The key that gives it.
+        The key that holds the size.
     measure : str
         A name in ``measures.MEASURES``.
     size : float
         The size of the change, at least 0.
     below : float
-        A share changes by less than this.
+        Upper limit of a change of a share.
 
     Raises
     ------
     ValueError
-        If a share would change by that much.
+        If a share would change by this much or more.
     """
     if measure in SHARES and size >= below:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The declaration of an experiment: what both conditions share, and what each changes."""
+"""The declaration of an experiment: shared settings, and the changes of each condition."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
 MANY_MISSED = 0.05
-"""Share of trials without a decision in time above which a run warns of it."""
+"""Warn if a larger share of trials has no decision in time."""
 
 
 UNCHANGED = "no decision differs between control and manipulation"
@@ -27,36 +27,36 @@ CONDITIONS = ("control", "manipulation", "change")
 
 @dataclass(frozen=True)
 class Changes:
-    """What a condition changes: edits of the circuit, and its stopping posterior."""
+    """The changes of a condition: edits of the circuit, and its stopping posterior."""
 
     edits: Edits = field(default_factory=Edits)
     """Differences from the table, one line each."""
     posterior: float | None = None
-    """Posterior at which it decides, if it is another one: an instruction."""
+    """Stopping posterior, if it differs: models an instruction."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentRecord(Observed):
-    """A control, a manipulation and what it should do; both have the rest in common."""
+    """A control, a manipulation and predictions; all other settings are shared."""
 
     name: str
-    """What was done, in a few words."""
+    """The manipulation in a few words."""
     note: str
-    """Why the manipulation stands for what was done, and where the sizes come from."""
+    """Why the manipulation models the published one, and where the sizes come from."""
     manipulation: Changes
-    """What the manipulation changes."""
+    """Changes made by the manipulation."""
     control: Changes = Changes()
-    """What the control changes."""
+    """Changes made by the control."""
     predictions: tuple[Prediction, ...] = ()
-    """Written before the run; without any, it reports and gives no verdict."""
+    """Predictions, made before the run; without any there is a report and no verdict."""
     published: str = ""
-    """What was found; nothing where the question is new."""
+    """The published result; empty if the question is new."""
     source: str = ""
-    """Who found it, and whether the paper or its abstract was read."""
+    """Its source, and whether the paper or only its abstract was read."""
     effects: tuple[Effect, ...] = ()
-    """What was found, as numbers, where there are any."""
+    """The published result as numbers, if there are any."""
     truth: int | None = None
-    """The hypothesis that is true in every trial that counts; each in turn if left out."""
+    """The hypothesis that is true in every trial that counts; each in turn by default."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,7 +70,7 @@ class ExperimentRecord(Observed):
             self.condition(changes)
 
     def condition(self, changes: Changes) -> Observed:
-        """Return the control or the manipulation as a condition of its own."""
+        """Return the control or the manipulation as a condition."""
         posterior = self.posterior if changes.posterior is None else changes.posterior
         return self.with_changes(edits=Edits((*self.edits, *changes.edits)), posterior=posterior)
 
@@ -80,7 +80,7 @@ class ExperimentRecord(Observed):
         return self.condition(self.control), self.condition(self.manipulation)
 
     def check_differs(self) -> None:
-        """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
+        """Raise ValueError if both conditions are alike, or a threshold is not allowed.
 
         ``run`` refuses the latter too; this check comes before the run is announced.
         """
@@ -93,7 +93,7 @@ class ExperimentRecord(Observed):
         manipulation.check(control)
 
     def given(self) -> Trials:
-        """Return the evidence with the names of its hypotheses and a table's own columns."""
+        """Return the evidence with the names of its hypotheses and further columns of a table."""
         found = self.drawn("experiment")
         drawn = found.evidence
         truth = needed_truth(drawn)
@@ -112,21 +112,21 @@ class ExperimentRecord(Observed):
 
 
 def unchanged(table: pd.DataFrame) -> bool:
-    """Whether every change that is known is 0 with an interval of 0: no decision differs."""
+    """Whether every known change is 0 with an interval of 0, so that no decision differs."""
     change = table.loc[table["condition"] == CONDITIONS[2], ["value", "low", "high"]]
     known = change[change["value"].notna()]
     return bool(len(known) and (known == 0).all(axis=None))
 
 
 def uncalibrated(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
-    """Return a sentence if posteriors at the decision are not accuracies, or no text.
+    """Return a warning if posteriors at the decision are not calibrated, or an empty string.
 
     Parameters
     ----------
     experiment : ExperimentRecord
-        What was run. Where one truth alone counts, nothing is said: errors of one kind are missing.
+        The experiment. If only one truth counts, there is no warning: one kind of error is missing.
     table : DataFrame
-        The measures, as of ``Outcome``.
+        The measures, as in ``Outcome``.
     """
     values = table.set_index(["condition", "measure"])["value"]
     for condition in CONDITIONS[:2] if experiment.truth is None else ():

@@ -1,1 +1,1 @@
-"""Models held to choices and times: what a test or a circuit must be to decide as an animal did."""
+"""Fits of models, the sequential test or a circuit, to choice and response-time data."""

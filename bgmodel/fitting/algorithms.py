@@ -1,4 +1,4 @@
-"""The sequential test as a model of choices and times: with a constant gap, or one that falls."""
+"""The sequential test as a model of choices and times, with a constant or a falling gap."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ FALL = Parameter(
 
 
 EARLY, PARTS = 20, 8
-"""Bins in which a density may change within a bin, and in how many parts they are summed."""
+"""Number of early bins, in which densities may change fast, and the number of their parts."""
 
 
 class Model(Protocol):
-    """What a fit asks of a model: its parameters, and when it decides."""
+    """Interface of a model for fits: its parameters, and the distribution of its decisions."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All that can be moved, those of responses last."""
+        """All parameters, those of responses last."""
 
     @property
     def threshold_name(self) -> str:
-        """The parameter that says how much evidence a decision takes."""
+        """The parameter that sets how much evidence a decision requires."""
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision for response 0 and 1 in each bin, (cells, 2, bins).
@@ -44,7 +44,7 @@ class Model(Protocol):
         Parameters
         ----------
         values : dict of str to array (cells,)
-            Its parameters in every cell.
+            The parameters in every cell.
         strength : array (cells,)
             Evidence for response 1.
         grid : Grid
@@ -52,18 +52,18 @@ class Model(Protocol):
         """
 
     def halves(self) -> tuple[Model, Model]:
-        """Return two models alike whose errors, if any, are independent of each other."""
+        """Return two copies of the model whose simulation errors, if any, are independent."""
 
     def left_out(self) -> tuple[Model, ...]:
-        """Return the model without each part of its simulated trials in turn; none if exact."""
+        """Return the model without each part of its simulated trials in turn; empty if exact."""
 
     def identity(self) -> dict[str, object]:
-        """Return all that its numbers depend on, for provenance."""
+        """Return all that its predictions depend on, for provenance."""
 
 
 @dataclass(frozen=True)
 class GapModel:
-    """The sequential test in continuous time, exactly.
+    """The sequential test in continuous time, computed exactly.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class GapModel:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sensitivity, bound, its fall, and those of responses."""
+        """Sensitivity, bound, its rate of fall, and parameters of responses."""
         return (SENSITIVITY, BOUND, *((FALL,) if self.falls else ()), *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
@@ -106,22 +106,22 @@ class GapModel:
     def _at_rest(
         self, bound: float, fall_per_s: float, time_s: Array, width_s: Array
     ) -> tuple[Array, Array]:
-        """Return the density without drift at times, and the bound there."""
+        """Return the density without drift at times, and the bound at these times."""
         if fall_per_s == 0:
             return passage.constant_at_rest(bound, time_s), np.full(len(time_s), bound)
         gap, slope = passage.exponential(bound, 1 / fall_per_s)
         return passage.falling_at_rest(gap, slope, time_s, width_s), gap(time_s)
 
     def halves(self) -> tuple[Model, Model]:
-        """Return itself twice: it is exact."""
+        """Return itself twice, since it is exact."""
         return self, self
 
     def left_out(self) -> tuple[Model, ...]:
-        """Return nothing: no trial is simulated."""
+        """Return an empty tuple, since no trial is simulated."""
         return ()
 
     def identity(self) -> dict[str, object]:
-        """Return its name: there is nothing else to it."""
+        """Return its name, which is all that it depends on."""
         return {"model": self.name}
 
 

@@ -1,4 +1,4 @@
-"""A circuit as a model of choices and times: simulated once, read at any drift and threshold."""
+"""A circuit as a model of choices and times, simulated once for any drift and threshold."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from circuits.engines import engine_of
 __all__ = ["MECHANISMS", "NONE", "Axis", "CircuitModel", "Mechanism"]
 
 NOISE_NATS = 2.0
-"""Noise of the evidence that reaches the circuit: its nats, after one second."""
+"""Default noise of the circuit's evidence: standard deviation after one second, nats."""
 LEVELS = 60
-"""Thresholds at which crossings are stored."""
+"""Number of thresholds at which crossings are stored."""
 LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
-"""Range of those thresholds, where the circuit reads and does not decide at rest."""
+"""Range of those thresholds, within the range of the read-out and below OUT at rest."""
 TRIALS = 16_000
-"""Trials at each drift; a fit warns where they are too few for the data."""
+"""Trials at each drift; a fit warns if they are too few for the data."""
 PARTS = 16
-"""Parts of the stored trials, each of which is left out in turn: how much depends on them?"""
+"""Parts of the stored trials, left out in turn to estimate the simulation error."""
 SIMULATION_SEED = 24_001
 THRESHOLD = "threshold_nats"
 
@@ -60,17 +60,17 @@ class CircuitModel:
     engine : str
         A name in ``circuits.engines.ENGINES``.
     mechanism : Mechanism
-        What else than sensitivity and threshold a fit may move.
+        Parameters to fit other than sensitivity and threshold.
     noise_nats : float, nats
         Noise of the accumulated evidence after one second, as the difference of the two channels
-        in the circuit's own nats. Only its ratio to the threshold can be told from choices and
-        times; it says which part of the circuit's range is used.
+        in the circuit's nats. Choices and times determine only its ratio to the threshold; it
+        selects which part of the circuit's range is used.
     seconds : float, s
         Length of the stored trials.
     trials, seed : int
-        How many at each drift, at least 16 (``PARTS``), and the key of their evidence and noise.
+        Trials per drift, at least 16 (``PARTS``), and the seed of their evidence and noise.
     folder : path, optional
-        Where stored crossings are kept, so that none is computed twice.
+        Folder that keeps stored crossings, so that none is computed twice.
     """
 
     circuit: Circuit
@@ -92,27 +92,27 @@ class CircuitModel:
         must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
         require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
         engine_of(self.engine)
-        whole("trials", self.trials, PARTS)  # whose parts give the error of the simulation
+        whole("trials", self.trials, PARTS)  # their parts give the simulation error
 
     @property
     def threshold_name(self) -> str:
-        """``threshold_nats``, or what stands in its place."""
+        """``threshold_nats``, or the parameter that replaces it."""
         return self.axes[0].parameter.name if self.mechanism.instead else THRESHOLD
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """Those of the mechanism."""
+        """Axes of the mechanism."""
         return self.mechanism.axes
 
     @cached_property
     def thresholds_nats(self) -> Array:
-        """Thresholds at which crossings are stored, rising."""
+        """Thresholds at which crossings are stored, increasing."""
         odds = np.linspace(HIGHEST_LOG_ODDS, LOWEST_LOG_ODDS, LEVELS)
         return np.asarray(np.log1p(np.exp(-odds)))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sensitivity, threshold, the axes', and those of responses."""
+        """Sensitivity, threshold, parameters of the axes, and those of responses."""
         low, high = float(self.thresholds_nats[0]), float(self.thresholds_nats[-1])
         about = "OUT at which it decides, in the circuit's nats"
         free = not self.mechanism.instead
@@ -120,7 +120,7 @@ class CircuitModel:
         return (SENSITIVITY, threshold, *(axis.parameter for axis in self.axes), *RESPONSE)
 
     def identity(self) -> dict[str, object]:
-        """Return all that its numbers depend on."""
+        """Return all that its predictions depend on."""
         return {
             "model": "circuit",
             "circuit": identity(self.circuit),
@@ -138,7 +138,7 @@ class CircuitModel:
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision in each bin; see ``algorithms.Model``.
 
-        Between simulated values of an axis every trial decides between its times at these.
+        Between simulated values of an axis, the time of each trial is interpolated.
         """
         names = (THRESHOLD, *(axis.parameter.name for axis in self.axes))
         settings = np.stack([values[name] for name in names], axis=1)
@@ -155,7 +155,7 @@ class CircuitModel:
         return list(itertools.product(*(map(float, axis.values) for axis in self.axes)))
 
     def _corners(self, values: Array) -> Iterator[tuple[tuple[float, ...], float]]:
-        """Go through the points that values of the axes lie between, with the share of each."""
+        """Yield the grid points around values of the axes, with the weight of each."""
         sides = []
         for axis, value in zip(self.axes, values, strict=True):
             place = float(np.interp(value, axis.values, np.arange(axis.points)))
@@ -166,7 +166,7 @@ class CircuitModel:
             yield tuple(value for value, _ in corner), math.prod(share for _, share in corner)
 
     def stored(self, point: tuple[float, ...]) -> FirstPassageTimes:
-        """Return the crossings at values of the axes: from the folder, or simulated."""
+        """Return the crossings at values of the axes, read from the folder or simulated."""
         if point not in self._kept:
             if self._part_of is not None:
                 whole, parts = self._part_of
@@ -178,12 +178,12 @@ class CircuitModel:
 
     @cached_property
     def _walks(self) -> FirstPassageTimes:
-        """What an ideal integrator decides on the evidence of the stored trials."""
+        """Crossings of an ideal integrator on the evidence of the stored trials."""
         bounds = np.linspace(HIGHEST_LOG_ODDS * 1.1, 0.1, BOUNDS) / self.noise_nats
         return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
 
     def halves(self) -> tuple[CircuitModel, CircuitModel]:
-        """Return the model with every other of its stored trials, and with the rest."""
+        """Return the model with one half of its stored trials, and with the other half."""
         even = np.array([True, False])
         return self._part(even), self._part(~even)
 
@@ -218,29 +218,29 @@ class CircuitModel:
         return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
 
     def _read(self, point: tuple[float, ...]) -> FirstPassageTimes | None:
-        """Return stored crossings; None where there are none, or their file was cut short."""
+        """Return stored crossings; None if there are none or their file is truncated."""
         path = self.path(point)
         return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
 
     def run(self, point: tuple[float, ...], lowest_nats: float) -> Run:
-        """Return what runs the circuit, at values of its axes, on evidence; see ``crossings.Run``.
+        """Return the function that runs the circuit at values of its axes; see ``crossings.Run``.
 
         Parameters
         ----------
         point : tuple of float
             Values of the axes.
         lowest_nats : float
-            The lowest threshold: below it a trial may be dropped.
+            The lowest threshold, below which a trial may be dropped.
         """
         model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
         model = model.until(lowest_nats - ROUNDING_NATS)
         model = replace(model, engine=model.engine.tuned(workers=2, rates=False))
-        # What takes no time answers a reading at once, and the reading is there at its end.
+        # An engine without dynamics responds at once, and a reading is complete at its end.
         late_ms = 0.0 if model.engine.timed else 1000 * BIN_S
 
         def run(read: Array, first: int) -> Trace:
             with warnings.catch_warnings():
-                # A random walk leaves any range: what that costs is in the crossings.
+                # A random walk leaves any range; the effect of that is included in the crossings.
                 warnings.simplefilter("ignore", RangeWarning)
                 done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
             return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
@@ -248,7 +248,7 @@ class CircuitModel:
         return run
 
     def _drive(self, read: Array) -> Array:
-        """Return the drive of accumulated evidence: less its mean where the table needs that."""
+        """Return the drive of accumulated evidence, minus its mean if the table requires it."""
         drive = self.noise_nats * read
         if not self.circuit.centred:
             return drive

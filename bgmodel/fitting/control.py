@@ -1,9 +1,9 @@
 """Densities from stored crossings, with an ideal integrator as a control variate.
 
-When a walk between two bounds decides is known exactly. Walks on the evidence of the stored trials
-differ from that by chance, and much of this difference is shared by the circuit, which decides on
-the same evidence: it is subtracted (Glasserman 2003, chapter 4). The estimate stays unbiased
-whatever the bound is; a bound and a delay like the circuit's make it precise.
+First-passage times of a walk between two bounds are known exactly. Walks on the evidence of the
+stored trials differ from them by chance, and the circuit, which decides on the same evidence,
+shares much of this difference: it is subtracted (Glasserman 2003, chapter 4). The estimate is
+unbiased for any bound; a bound and a delay like those of the circuit make it precise.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from bgmodel.support.arrays import Array, Truths
 BOUNDS = 31
 """Bounds at which walks are stored."""
 SHARE = 0.9
-"""Share of the chance difference of walks that is subtracted; 0.7 to 1 do about as well."""
+"""Share of the chance difference of walks to subtract; 0.7 to 1 do about equally well."""
 LEVELS, SLOW = 20, 3
-"""Thresholds at which walks are matched to the circuit, and drifts whose trials are used."""
+"""Numbers of thresholds at which walks are matched to the circuit, and of drifts used."""
 
 
 @dataclass(frozen=True)
 class Control:
-    """Walks on the evidence of stored trials, and which of them go with a circuit.
+    """Walks on the evidence of stored trials, and those matched to a circuit.
 
     Parameters
     ----------
     walks : FirstPassageTimes
-        Of the ideal integrator; its "thresholds" are minus the bounds, sqrt(s).
+        Walks of the ideal integrator; its "thresholds" are minus the bounds, sqrt(s).
     bound_of_odds : array (3,)
         Polynomial of the matching bound, sqrt(s), in the log odds of a threshold.
     lag : float
-        How much later the circuit decides, bins.
+        Delay of the circuit relative to the walks, bins.
     """
 
     walks: FirstPassageTimes
@@ -51,21 +51,21 @@ class Control:
         return replace(self, walks=self.walks.part(parts))
 
     def excess(self, odds: float, drift: Array, bins: int) -> Array:
-        """Return by how much walks decide more often than they should.
+        """Return the excess probability of decisions by the walks.
 
         Parameters
         ----------
         odds : float
-            Log odds of the threshold that is read.
+            Log odds of the threshold.
         drift : array (drifts,), 1/sqrt(s)
-            In favour of response 1.
+            Drift in favour of response 1.
         bins : int
-            Of the result.
+            Number of bins of the result.
 
         Returns
         -------
         array (bins, 2, drifts)
-            Probability of each response in each bin, estimated minus exact, later by the lag.
+            Probability of each response in each bin, estimated minus exact, delayed by the lag.
         """
         levels = self.walks.thresholds_nats
         bound = np.polyval(self.bound_of_odds, odds)
@@ -93,20 +93,20 @@ def decided(
     Parameters
     ----------
     settings : sequence of (FirstPassageTimes, float)
-        The same trials at settings of a circuit that the asked one lies between, and its share of
-        each; they sum to 1. Where a trial chose alike at all of them, it decides between them in
-        time; where not, it is divided among them.
+        The same trials at the settings of a circuit around the requested one, with their weights,
+        which sum to 1. If a trial's choice is the same at all of them, its time is interpolated;
+        otherwise it is divided among them.
     threshold_nats : float
-        Within those stored.
+        Threshold, within the stored range.
     drift : array (drifts,), 1/sqrt(s)
-        In favour of response 1.
+        Drift in favour of response 1.
     grid : Grid
         Bins.
 
     Returns
     -------
     array (drifts, 2, bins)
-        An estimate without bias: with a control it may lie below 0 by less than its error.
+        An unbiased estimate: with a control it may be negative, by less than its error.
     """
     first, v = settings[0][0], np.asarray(drift, float)
     levels = first.thresholds_nats
@@ -125,19 +125,19 @@ def decided(
 
 
 def joined(settings: Sequence[tuple[Control, float]]) -> Control:
-    """Return the control of a setting between others, from theirs and its share of each."""
+    """Return the control interpolated between those of several settings."""
     line = np.sum([share * each.bound_of_odds for each, share in settings], axis=0)
     lag = sum(share * each.lag for each, share in settings)
     return Control(settings[0][0].walks, line, lag)
 
 
 def matched(crossings: FirstPassageTimes, walks: FirstPassageTimes) -> Control:
-    """Return the walks that go best with a circuit: at each threshold, those most like it in time.
+    """Return the walks that match a circuit best: at each threshold, those with similar times.
 
     Parameters
     ----------
     crossings, walks : FirstPassageTimes
-        Of the circuit and of the ideal integrator, on the same evidence.
+        Crossings of the circuit and of the ideal integrator on the same evidence.
     """
     rows = np.linspace(0, len(crossings.thresholds_nats) - 1, LEVELS).astype(int)
     likeness, lag = np.array([_likeness(crossings, int(row), walks) for row in rows]).swapaxes(0, 1)
@@ -150,7 +150,7 @@ def matched(crossings: FirstPassageTimes, walks: FirstPassageTimes) -> Control:
 def _likeness(
     crossings: FirstPassageTimes, row: int, walks: FirstPassageTimes
 ) -> tuple[list[float], list[float]]:
-    """Return how alike in time the walks at each bound decide, and how much earlier, bins."""
+    """Return similarity in time of the walks at each bound, and their lead, bins."""
     slow = slice(0, SLOW * crossings.bins.shape[1] // len(crossings.drifts))
     choice, bins = crossings.choice[row, slow], crossings.bins[row, slow].astype(float)
     likeness, lag = [], []
@@ -164,7 +164,7 @@ def _likeness(
 
 
 def ideal(read: Array, first: int) -> Trace:
-    """Return the sums of the evidence as OUT, as ``crossings.Run`` asks for it."""
+    """Return the sums of the evidence as OUT; see ``crossings.Run``."""
     apart = read[:, :, 0] - read[:, :, 1]
     time_ms = np.arange(1.0, read.shape[1] + 1) * 1000 * BIN_S
     return Trace(np.stack([-apart, apart], axis=2), time_ms, step_ms=1000 * BIN_S)
@@ -191,15 +191,15 @@ def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
     Parameters
     ----------
     bound : float, sqrt(s)
-        Where it ends, on either side.
+        Bound on either side.
     bins : int
         Number of readings.
     drift : tuple of float, 1/sqrt(s)
-        In favour of response 1.
+        Drift in favour of response 1.
 
     Notes
     -----
-    Mass that is left at x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
+    Mass remaining at x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
     """
     from scipy.special import ndtr
 

@@ -1,17 +1,18 @@
-"""Stored crossings: trials that a circuit decided once, read at any threshold and any drift.
+"""Stored crossings: trials simulated once, from which any threshold and drift can be computed.
 
-A trial is simulated at full length with evidence of some drift v_j. What the circuit did up to its
-decision depends on the drift through the evidence alone, and the evidence X up to time t has the
-likelihood ratio ``exp(v X - v^2 t / 2)`` between drift v and none. So every stored trial stands for
-a trial of any drift, with the weight ``exp(v X - v^2 t / 2) / sum_j a_j exp(v_j X - v_j^2 t / 2)``
-(the balance heuristic, Veach & Guibas 1995), and the likelihood of data is smooth in the drift. A
-circuit whose channels are alike also did the mirror image of every trial.
+A trial is simulated at full length with evidence of some drift v_j. The activity of the circuit up
+to its decision depends on the drift only through the evidence, and the evidence X up to time t has
+the likelihood ratio ``exp(v X - v^2 t / 2)`` between drift v and no drift. Every stored trial can
+therefore represent a trial of any drift, with the weight
+``exp(v X - v^2 t / 2) / sum_j a_j exp(v_j X - v_j^2 t / 2)`` (the balance heuristic, Veach & Guibas
+1995), and the likelihood of data is smooth in the drift. If a circuit's channels are equal, the
+mirror image of every trial counts too.
 
-The weight depends on a trial only through t and X, so trials are counted on a grid of both, once
-for each stored threshold, and a drift costs one product with these counts, however many trials
-there are. Between stored thresholds, densities are interpolated so that the likelihood has a
-continuous slope. Chance differences that a test without noise has on the same evidence, whose law
-is known exactly, are subtracted (``control``).
+The weight depends on a trial only through t and X. Trials are therefore counted on a grid of both,
+once for each stored threshold, and a drift costs one product with these counts, regardless of the
+number of trials. Between stored thresholds, densities are interpolated so that the likelihood has a
+continuous slope. A test without noise on the same evidence, whose distribution is known exactly,
+serves as control variate: its chance deviations are subtracted (``control``).
 """
 
 from __future__ import annotations
@@ -34,44 +35,44 @@ from circuits.errors import InputError
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
 LARGEST_EXPONENT = 650.0
-"""Of e in the weights of trials: beyond it numbers overflow."""
+"""Largest exponent of e in the weights of trials: larger ones overflow."""
 EVIDENCE_BIN = 0.05
 """Width of a bin of evidence, sqrt(s)."""
 BATCH = 500
-"""Trials that are simulated at a time."""
+"""Number of trials simulated at a time."""
 Run = Callable[[Array, int], Trace]
-"""From evidence (trials, readings, 2), accumulated, sqrt(s), and the number of the first trial, to
-OUT: reading k, which is heard from k to k + 1 bins on, is the last that OUT may depend on then."""
+"""Maps accumulated evidence (trials, readings, 2), sqrt(s), and the number of the first trial to
+OUT. From k to k + 1 bins, reading k is the last that OUT may depend on."""
 
 
 class Divided(Protocol):
-    """What can be taken for some parts of the trials, as a ``control.Control``."""
+    """An object that can be restricted to some parts of the trials, such as ``control.Control``."""
 
     def part(self, parts: Truths) -> Divided:
-        """Return it for some parts."""
+        """Return the object for some parts."""
 
 
 @dataclass(frozen=True, repr=False)
 class FirstPassageTimes:
-    """When and how trials decided, at each of several thresholds.
+    """Times and choices of trials at each of several thresholds.
 
     Parameters
     ----------
     thresholds_nats : array (thresholds,)
-        Rising.
+        The thresholds, increasing.
     drifts : array (nodes,), 1/sqrt(s)
-        Drifts of the trials, as many of each.
+        Drifts of the trials, with equal numbers of trials.
     bins : int array (thresholds, trials)
-        Bin of the decision, which is also its last reading; the last bin where there was none.
+        Bin of the decision, which is also its last reading; the last bin without a decision.
     choice : int array (thresholds, trials)
-        0 or 1, -1 where there was none. Evidence of positive drift favours 0.
+        0 or 1, -1 without a decision. Evidence of positive drift favours 0.
     evidence : array (thresholds, trials), sqrt(s)
-        X, the difference of what the two channels had read by then.
+        X, the difference of the evidence of the two channels up to then.
     control : control.Control, optional
         Walks on the same evidence, whose chance differences are subtracted.
     parts : bool array (parts,)
-        Which trials count: trial k does where ``parts[k % len(parts)]`` is true. Trials are
-        independent, so estimates from different parts are too.
+        Which parts of the trials count: trial k does if ``parts[k % len(parts)]`` is true. Trials
+        are independent, and so are estimates from different parts.
     """
 
     thresholds_nats: Array
@@ -95,7 +96,7 @@ class FirstPassageTimes:
 
     @cached_property
     def reach(self) -> tuple[int, int]:
-        """Bins of evidence on either side of none: of trials that decided, and of all others."""
+        """Bins of evidence on either side of 0: for trials with a decision, and for the others."""
         far = np.abs(self.evidence)
         decided = self.choice >= 0
         farthest = (far[some].max(initial=0.0) for some in (decided, ~decided))
@@ -116,8 +117,8 @@ class Counts:
     Parameters
     ----------
     decided : array (bins, evidence)
-        Number of trials that decided in each bin of time, by the evidence for their choice, so
-        spread over neighbouring bins of evidence that sums of smooth weights are those of trials.
+        Number of trials decided in each bin of time, by the evidence for their choice, spread over
+        neighbouring bins of evidence so that sums of smooth weights are preserved.
     never : array (evidence,)
         Number of trials without a decision, by their evidence for one of the two choices.
     """
@@ -127,17 +128,17 @@ class Counts:
 
 
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
-    """Return rows of a table that a place between two of them is read from, with their weights.
+    """Return the rows used to interpolate a table at a place between two rows, with weights.
 
-    By cubic convolution (Keys 1981): quadratics are met exactly, and the slope is continuous.
-    Beyond the first and the last row, these count again.
+    By cubic convolution (Keys 1981): exact for quadratics, with a continuous slope. Beyond the
+    first and the last row, these are repeated.
 
     Parameters
     ----------
     place : float
         0 is the first row.
     rows : int
-        How many there are.
+        Number of rows.
     """
     low = min(int(place), max(rows - 2, 0))
     x = place - low
@@ -157,16 +158,16 @@ def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
 def read(
     settings: Sequence[tuple[FirstPassageTimes, float]], rows: Sequence[tuple[int, float]], v: Array
 ) -> Array:
-    """Return the probability of a decision in each bin, and one more, from the trials alone.
+    """Return the probability of a decision in each bin, plus one bin, from the trials alone.
 
     Parameters
     ----------
     settings : sequence of (FirstPassageTimes, float)
-        As of ``decided``.
+        As for ``decided``.
     rows : sequence of (int, float)
         Stored thresholds and their weights.
     v : array (drifts,), 1/sqrt(s)
-        In favour of response 1.
+        Drift in favour of response 1.
 
     Returns
     -------
@@ -180,7 +181,7 @@ def read(
     seen = np.sum([weight * counts.decided for counts, weight in weighed], axis=0)
     never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
     read_s = (np.arange(len(seen)) + 1) * BIN_S
-    # A stored trial and its mirror image: with the drift for the choice, and against it.
+    # A stored trial and its mirror image: drift in favour of the choice, and against it.
     read_so_far = _evidence(seen.shape[1])
     moved = _moved(np.abs(v) * read_so_far[-1])
     towards = np.exp(read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2))
@@ -194,14 +195,14 @@ def read(
 
 
 def _moved(largest: Array) -> Array:
-    """Return what is taken from exponents of evidence and given back to those of time.
+    """Return the offset moved from the exponents of evidence to those of time.
 
-    Trials that are decided late have read so much that the exponential alone would overflow.
+    Late trials have accumulated so much evidence that its exponential alone would overflow.
     """
     if largest.max() > 2 * LARGEST_EXPONENT:
         raise InputError(
             f"a circuit that still decides after {largest.max():.0f} nats of evidence cannot be "
-            f"weighed: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)",
+            f"reweighted: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)",
             "seconds",
         )
     return np.where(largest > LARGEST_EXPONENT, largest / 2, 0.0)
@@ -227,13 +228,13 @@ def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.Arra
 
 @lru_cache(maxsize=16)
 def _unmixed(drifts: tuple[float, ...], bins: int, columns: int) -> Array:
-    """Return one over the mixture of ``log_mixture`` on the grid of ``Counts.decided``."""
+    """Return the inverse of the mixture of ``log_mixture`` on the grid of ``Counts.decided``."""
     read_s = (np.arange(bins) + 1) * BIN_S
     return np.exp(-log_mixture(drifts, read_s[:, None], _evidence(columns)))
 
 
 def log_odds(threshold_nats: npt.ArrayLike) -> Any:
-    """Return the log odds at which OUT of an ideal circuit is at a threshold."""
+    """Return the log odds at which OUT of an ideal circuit equals a threshold."""
     return -np.log(np.expm1(threshold_nats))
 
 
@@ -243,7 +244,7 @@ def _ends(settings: Sequence[tuple[FirstPassageTimes, float]]) -> int:
 
 
 def _evidence(columns: int) -> Array:
-    """Return the middles of bins of evidence, sqrt(s)."""
+    """Return the centres of bins of evidence, sqrt(s)."""
     return np.asarray((np.arange(columns) - columns // 2) * EVIDENCE_BIN, dtype=np.float64)
 
 
@@ -264,10 +265,10 @@ def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Cou
 
 
 def _sharpened(counts: Array) -> Array:
-    """Return counts over evidence whose weighted sums are those of the trials.
+    """Return counts over evidence, corrected so that weighted sums are those of the trials.
 
-    Counting a trial in the two bins next to it adds, for trials anywhere in a bin, a twelfth of the
-    second difference of a weight: it is taken out of the counts.
+    Dividing a trial between the two nearest bins adds, for trials anywhere in a bin, a twelfth of
+    the second difference of a weight; this is removed from the counts.
     """
     padded = np.pad(counts, [(0, 0)] * (counts.ndim - 1) + [(1, 1)])
     return np.asarray(counts - np.diff(padded, n=2, axis=-1) / 12)
@@ -282,24 +283,24 @@ def simulated(
     seed: int,
     drifts: npt.ArrayLike = DRIFTS,
 ) -> FirstPassageTimes:
-    """Return the crossings of trials simulated for the purpose.
+    """Simulate trials and return their crossings.
 
     The same seed gives every circuit the same evidence.
 
     Parameters
     ----------
     run : function
-        What makes OUT; see ``Run``.
+        Function that computes OUT; see ``Run``.
     thresholds_nats : array (thresholds,)
-        Rising.
+        The thresholds, increasing.
     seconds : float, s
         Length of a trial.
     trials : int
-        How many at each drift.
+        Number of trials at each drift.
     seed : int
-        Of the evidence.
+        Seed of the evidence.
     drifts : array (nodes,), 1/sqrt(s)
-        Drifts.
+        Drifts of the trials.
     """
     readings = math.ceil(seconds / BIN_S)
     parts: list[tuple[npt.NDArray[Any], ...]] = []
@@ -327,7 +328,7 @@ def _crossed(trace: Trace, read: Array, thresholds_nats: Array) -> tuple[npt.NDA
     """Return bin, choice and evidence of each trial at each threshold."""
     decision = first_crossing(trace, thresholds_nats, forced=False, checked=False)
     never = decision.choice < 0
-    # A tick at the very end of a reading still hears that one.
+    # A tick at the very end of a reading still depends on it.
     bins = np.ceil(np.where(never, 0.0, decision.time_ms) / (1000 * BIN_S) - 1e-9) - 1
     bins = np.where(never, read.shape[1] - 1, np.maximum(bins, 0)).astype(np.int64)
     apart = read[:, :, 0] - read[:, :, 1]

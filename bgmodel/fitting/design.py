@@ -1,4 +1,4 @@
-"""The design behind a table of choices and times: its cells, and the data laid on a grid."""
+"""The design behind a table of choices and times: its cells, and the data binned on a grid."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError
 
 ALONE = 1.0
-"""Strength of every trial where there is no column of strengths."""
+"""Strength of every trial if there is no column of strengths."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """Cells of a design: strengths and conditions, and the trials that lie in them.
+    """Cells of a design: strengths and conditions, and their trials.
 
     Parameters
     ----------
     strength : array (cells,)
-        At least 0: a trial of negative strength is the mirror image of a positive one, and is
-        taken for one with its responses exchanged.
+        Absolute strength: a trial of negative strength is treated as the mirror image of a
+        positive one, with its responses exchanged.
     conditions : dict of str to list of str (cells,)
-        What each cell is called in each column.
+        Level of each cell in each column.
     observed : Observed
         The trials; response 1 is the one that the strength favours.
     left_out : int
-        Number of trials whose response time lies outside the window: they are not among the trials.
+        Number of trials excluded because their response time is outside the window.
     who : str
-        Whose trials these are, for messages.
+        Name of the participant, for messages.
     """
 
     strength: Array
@@ -47,26 +47,26 @@ class Design:
 
     @property
     def cells(self) -> int:
-        """How many."""
+        """Number of cells."""
         return len(self.strength)
 
     @property
     def trials(self) -> Integers:
-        """How many trials each cell has, (cells,)."""
+        """Number of trials in each cell, (cells,)."""
         return np.bincount(self.observed.cell, minlength=self.cells)
 
     @property
     def grid(self) -> Grid:
-        """That of the densities."""
+        """Grid of the densities."""
         return self.observed.grid
 
     def label(self, cell: int) -> str:
-        """Return what a cell is called."""
+        """Return the name of a cell."""
         names = [f"{column} {levels[cell]}" for column, levels in self.conditions.items()]
         return ", ".join([f"strength {self.strength[cell]:g}", *names])
 
     def part(self, trials: Array | Integers) -> Design:
-        """Return the same cells with some of the trials."""
+        """Return the same cells with a subset of the trials."""
         seen = self.observed
         few = replace(
             seen, cell=seen.cell[trials], response=seen.response[trials], rt_s=seen.rt_s[trials]
@@ -86,24 +86,24 @@ def design_of(
     Parameters
     ----------
     choices : Choices
-        Of one person, or of several taken for one.
+        Choices of one person, or of several pooled.
     by : sequence of str
         Columns of conditions.
     rt_window : tuple of float, s, optional
-        Earliest and latest response time to fit; (0, inf) keeps all. If left out, all times are
-        fitted where there is a deadline. Otherwise times end at the upper quartile plus 25
-        interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning says
-        how many trials are left out; the likelihood is conditional on the window, and lapses are
+        Earliest and latest response time to fit; (0, inf) keeps all. By default all times are
+        fitted if there is a deadline. Otherwise times end at the upper quartile plus 25
+        interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning gives
+        the number of excluded trials; the likelihood is conditional on the window, and lapses are
         uniform in it.
     pooled : bool
-        Whether choices of several participants are meant to be taken for those of one. Without it
-        a warning says that they are.
+        Whether to pool several participants. Without it, choices of several give a warning and are
+        pooled all the same.
 
     Raises
     ------
     ValueError
         For a column that is not among the conditions; for strengths without a sign, or with fewer
-        right responses than by chance; for a window that is none or has fewer than 10 responses.
+        correct responses than by chance; for an invalid window or one with fewer than 10 responses.
     """
     for column in by:
         if column not in choices.conditions:
@@ -116,19 +116,19 @@ def design_of(
 
 
 def _warn_of_several(choices: Choices) -> None:
-    """Warn where choices are of several participants."""
+    """Warn if choices are of several participants."""
     people = choices.people()
     if len(people) > 1:
         named = ", ".join(people[:3]) + (", ..." if len(people) > 3 else "")
         DataWarning.warn(
-            f"choices are of {len(people)} participants ({named}), and are taken for those of one: "
+            f"choices are of {len(people)} participants ({named}), and are pooled: "
             "parameters are then a mixture. Fit each on its own, "
-            f"choices.where(choices.participant == {people[0]!r}), or say pooled=True"
+            f"choices.where(choices.participant == {people[0]!r}), or set pooled=True"
         )
 
 
 def _laid(choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None) -> Design:
-    """Return the cells of choices, and those trials that lie in the window on a grid."""
+    """Return the cells of choices, with the trials within the window binned on a grid."""
     response, keys = _mirrored(choices), _keys(choices, by)
     cells = sorted(set(keys))
     place = {key: number for number, key in enumerate(cells)}

@@ -1,4 +1,4 @@
-"""The figure of a fit: accuracy, times and their quantiles, data beside models."""
+"""The figure of a fit: accuracy, times and their quantiles, data and models."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ if TYPE_CHECKING:
 
 DATA: dict[str, Any] = {"color": "0.15", "ls": "", "ms": 4}
 LOOKS = (("o", "-"), ("s", "--"), ("^", ":"), ("D", "-."))
-"""Mark of the data and line of the models, by condition, over and over."""
+"""Marker of the data and line of the models for each condition, reused cyclically."""
 TITLES = (
     "a  share of response 1",
     "b  mean time (s)",
     "c  standard deviation of times (s)",
-    "d  quantiles .1 to .9 of times (s)",
+    "d  quantiles 0.1 to 0.9 of times (s)",
 )
 
 
 def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
-    """Draw data beside models: psychometric, chronometric, spread and quantiles, over strength.
+    """Draw data and models: psychometric, chronometric, spread and quantiles, over strength.
 
     Parameters
     ----------
     fits : dict of str to DataFrame
         Cells of each model, as from ``fit.cells_of``; the data are the same in all.
     title : str
-        Whose data.
+        Title, such as the name of the participant.
 
     Returns
     -------
     Figure
-        Four panels. Bars of the data are one standard error. A condition has a mark and a line
-        of its own; at one strength alone it has a place.
+        Four panels. Error bars of the data are one standard error. Each condition has its own
+        marker and line; with a single strength, conditions are placed along the axis.
     """
     import matplotlib.pyplot as plt
 
@@ -76,7 +76,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
 
 
 def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
-    """Return the place of each cell, the names of places, and the condition of each cell."""
+    """Return the position of each cell, the names of positions, and each cell's condition."""
     columns = list(cells.columns)
     told = columns[columns.index("strength") + 1 : columns.index("trials")]
     names = [name for name in told if cells[name].nunique() > 1]

@@ -1,4 +1,4 @@
-"""One model held to the choices and times of one person: optimum, what it can tell, tables."""
+"""A model fitted to the data of one person: optimum, identifiability, tables."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHARE = 0.9
-"""Share of the posterior that an interval holds."""
+"""Share of the posterior within an interval."""
 SMALL_SHARE = 1 / 3
-"""Simulation error over the error from the data, above which a fit warns."""
+"""A fit warns if the simulation error over the error from the data exceeds this ratio."""
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)
 class Fit(Facts):
-    """A model held to data.
+    """A model fitted to data.
 
     Parameters
     ----------
     optimum : Optimum
-        Where the data are most likely.
+        The maximum of the likelihood.
     directions : Directions
-        What can be told apart there.
+        Identifiability of parameters at the optimum.
     simulation : Simulation
-        Errors that the simulated trials of a circuit leave.
+        Errors due to the simulated trials of a circuit.
     misfit : Misfit
         Difference between the data and the fitted model.
     posterior : Posterior, optional
-        Draws, if they were asked for.
+        Posterior samples, if requested.
     """
 
     optimum: Optimum
@@ -57,7 +57,7 @@ class Fit(Facts):
     posterior: Posterior | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return whose trials, the log likelihood, and each number with its standard error."""
+        """Return participant, log likelihood, and each number with its standard error."""
         likelihood, table = self.optimum.likelihood, self.parameters()
         own = self.simulation.log_likelihood
         said = f" +- {own:.1f}" if own else ""
@@ -71,7 +71,7 @@ class Fit(Facts):
         return found
 
     def summary(self) -> pd.DataFrame:
-        """Return the numbers of the fit and what is known of them, for a reader."""
+        """Return the numbers of the fit with their errors and intervals, as a table to read."""
         table = self.parameters().set_index("parameter").drop(columns="simulation_error")
         return table.dropna(axis="columns", how="all").map(
             lambda value: value if isinstance(value, (bool, np.bool_)) else float(f"{value:.4g}")
@@ -93,7 +93,7 @@ class Fit(Facts):
         Columns parameter, value, standard_error (all other parameters free; from the expected
         information and, for a circuit, its simulated trials), simulation_error (the part of it
         that is due to the simulated trials; NaN at a bound), low and high (of the posterior, a
-        middle interval of 0.9, widened by the simulation error; NaN without a posterior), at_bound.
+        central interval of 0.9, widened by the simulation error; NaN if none), at_bound.
         """
         own = self.simulation.parameters
         found = {
@@ -111,9 +111,9 @@ class Fit(Facts):
         return table
 
     def cells(self) -> pd.DataFrame:
-        """Return one row per cell of the design: data, and the model; see ``cells_of``.
+        """Return data and model for each cell of the design, one row per cell; see ``cells_of``.
 
-        Two more columns, z_accuracy and z_mean_rt, have the difference between data and model in
+        Two more columns, z_accuracy and z_mean_rt, are the difference between data and model in
         standard deviations; see ``misfit.Misfit``.
         """
         table = cells_of(self.optimum.likelihood.design, self.optimum.density)
@@ -122,17 +122,17 @@ class Fit(Facts):
 
 
 def widened(drawn: Posterior, simulation: Array) -> Array:
-    """Return the interval that holds ``SHARE`` of a posterior, with the error of its simulation.
+    """Return the central interval with ``SHARE`` of a posterior, including simulation error.
 
-    The distance of each end from the median and the error of the simulated trials, as a Gaussian,
-    add as squares.
+    The distance of each end from the median and the error of the simulated trials, taken as
+    Gaussian, are added in quadrature.
 
     Parameters
     ----------
     drawn : Posterior
-        Draws.
+        Posterior samples.
     simulation : array (parameters,)
-        Standard errors, as of ``Simulation``; NaN, which is at a bound, widens nothing.
+        Standard errors, as in ``Simulation``; NaN, at a bound, has no effect.
 
     Returns
     -------
@@ -145,10 +145,10 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
 
 
 def cells_of(design: Design, density: Array) -> pd.DataFrame:
-    """Return one row per cell: data beside a model's densities (cells, 2, bins).
+    """Return data and predictions of a model's densities (cells, 2, bins), one row per cell.
 
-    Columns strength, conditions, trials; accuracy (share of response 1, which the strength speaks
-    for), mean_s, sd_s and q10_s to q90_s of all responses, each with its like of the model as
+    Columns strength, conditions, trials; accuracy (share of response 1, which the strength
+    favours), mean_s, sd_s and q10_s to q90_s of all responses, each with its prediction as
     ``model_...``; accuracy_se and mean_se of the data; correct_s and wrong_s, mean times of
     response 1 and 0.
     """
@@ -167,7 +167,7 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
 
 
 def _seen(rt: Array, right: Integers) -> dict[str, float]:
-    """Return accuracy and times of a cell with their errors; NaN where there was no response."""
+    """Return accuracy and times of a cell with their errors; NaN without a response."""
 
     def mean(some: Array) -> float:
         return float(some.mean()) if len(some) else np.nan
@@ -200,21 +200,21 @@ def _said(density: Array, middles_s: Array) -> dict[str, float]:
 def fit_likelihood(
     likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None
 ) -> Fit:
-    """Return a fit: its optimum, and what can be told apart there.
+    """Fit a model: find the optimum, and which parameters are identifiable there.
 
-    It warns of data that differ from the fitted model by more than chance (``Misfit.cautions``), of
-    parameters that these data hardly tell apart at the optimum or that end at a bound
-    of their range, of a simulation error that is more than a third of the standard error, and of
-    draws that are too few.
+    Warns if data differ from the fitted model by more than chance (``Misfit.cautions``), if the
+    data hardly identify parameters at the optimum or these end at a bound of their range, if the
+    simulation error is more than a third of the standard error, and if there are too few posterior
+    samples.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Model, data, and what is free.
+        Model, data and free parameters.
     draws : bool
-        Whether to draw from the posterior too.
+        Whether to sample from the posterior too.
     tell : function
-        Called with what is done.
+        Called with a text on the progress.
     """
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
@@ -235,27 +235,27 @@ def fit_likelihood(
 
 
 def _ended(found: Optimum) -> list[str]:
-    """Return a sentence for each number that ends at a bound of its range."""
+    """Return a warning for each number that ends at a bound of its range."""
     return [
-        f"{name} ends at a bound of its range, {value:.3g}: its standard error means nothing"
+        f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
         for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
         if ends
     ]
 
 
 def _short(drawn: Posterior | None) -> list[str]:
-    """Return a sentence if a chain of draws is short compared with its autocorrelation time."""
+    """Return a warning if a chain of draws is short compared with its autocorrelation time."""
     if drawn is None or drawn.long_enough:
         return []
     return [
-        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times and not "
-        f"{ENOUGH}: its draws are worth less than {drawn.effective:.0f} independent ones, and "
+        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times, not "
+        f"{ENOUGH}: its effective sample size is below {drawn.effective:.0f}, and "
         "intervals are rough"
     ]
 
 
 def _rough(there: Directions, simulated: Simulation) -> list[str]:
-    """Return a sentence if the simulated trials add more than a third to some standard error."""
+    """Return a warning if the simulation error is more than a third of a standard error."""
     share = simulated.parameters / there.standard_errors
     rough = [
         f"{name} ({value:.0%})"

@@ -1,4 +1,4 @@
-"""What choices and times can tell apart: the directions in which parameters move the likelihood."""
+"""Identifiability: the directions in which parameters change the likelihood."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
 
 ALIKE = 0.95
-"""Cosine of two directions from which on a fit warns that it moves both."""
+"""Cosine of two directions above which a fit that frees both gives a warning."""
 STEP = 0.02
-"""Step of the derivatives, as a share of where a parameter stands or of its range."""
+"""Step of the derivatives, as a share of a parameter's value or of its range."""
 SINGULAR = 1e-12
-"""Least eigenvalue of the cosines below which nothing tells some parameters apart."""
+"""Below this least eigenvalue of the cosines, some parameters are not identifiable."""
 ROUNDING = 1e-12
-"""Change of a probability that is taken for none."""
+"""Changes of a probability below this count as 0."""
 
 
 @dataclass(frozen=True)
 class Directions:
-    """How parameters move the likelihood at a point, for a design and its numbers of trials.
+    """How parameters change the likelihood at a point, for a design and its numbers of trials.
 
     Parameters
     ----------
     names : list of str
         The parameters.
     vector : array (parameters,)
-        Where.
+        The point.
     information : array (parameters, parameters)
-        Fisher's, of all trials; 0 also where too few stored trials know it.
+        Fisher information of all trials; also 0 if there are too few stored trials to tell.
     idle : tuple of str
-        Parameters that move no probability at all.
+        Parameters without effect on any probability.
     """
 
     names: list[str]
@@ -44,19 +44,19 @@ class Directions:
 
     @property
     def cosines(self) -> Array:
-        """Cosine of the score directions of each pair; 1 or -1 where nothing tells them apart."""
+        """Cosine of the score directions of each pair; 1 or -1 if they are not distinguishable."""
         length = np.sqrt(np.diag(self.information))
         safe = np.where(length > 0, length, np.inf)
         return np.asarray(np.clip(self.information / np.outer(safe, safe), -1.0, 1.0))
 
     @cached_property
     def standard_errors(self) -> Array:
-        """Standard error of each with all others free; infinite where nothing fixes it."""
+        """Standard error of each with all others free; infinite if it is not identifiable."""
         length = np.sqrt(np.diag(self.information))
         found = np.full(len(length), np.inf)
         some = np.flatnonzero(length > 0)
         cosines = self.cosines[np.ix_(some, some)]
-        # An estimate of what is nearly singular may have directions of less than no information.
+        # An estimate of a nearly singular matrix may have negative eigenvalues.
         if len(some) and np.linalg.eigvalsh(cosines)[0] > SINGULAR:
             found[some] = np.sqrt(np.diag(np.linalg.inv(cosines))) / length[some]
         return found
@@ -68,11 +68,11 @@ class Directions:
             return np.asarray(1 / np.sqrt(np.diag(self.information)))
 
     def cautions(self) -> list[str]:
-        """Return a sentence for each pair of parameters that these data cannot tell apart.
+        """Return a warning for each pair of parameters that these data cannot distinguish.
 
-        It has the cosine and the ridge, along which one makes up for the other. Parameters on which
-        nothing depends get a sentence too. If neither explains an infinite standard error, one
-        sentence says so.
+        It gives the cosine and the ridge along which one compensates for the other. Parameters
+        without effect get a warning too. If neither explains an infinite standard error, one
+        further warning does.
         """
         cosines = self.cosines
         found = []
@@ -82,10 +82,10 @@ class Directions:
             step = STEP * abs(self.vector[i]) or STEP
             ridge = -self.information[i, j] / self.information[j, j] * step
             found.append(
-                f"choices and times of this design hardly tell {self.names[i]} from "
+                f"choices and times of this design hardly distinguish {self.names[i]} from "
                 f"{self.names[j]} (cosine {cosines[i, j]:.2f}): a change of {self.names[i]} by "
-                f"{step:+.3g} is made up for by one of {self.names[j]} by {ridge:+.3g}. Hold one "
-                "of them, or give it a condition that moves it alone"
+                f"{step:+.3g} is compensated by one of {self.names[j]} by {ridge:+.3g}. Fix one "
+                "of them, or add a condition that changes it alone"
             )
         found += [f"nothing in this design depends on {name}: fix it" for name in self.idle]
         lacking = [
@@ -96,25 +96,25 @@ class Directions:
         if lacking and not found:
             found.append(
                 f"no standard error can be given for {', '.join(lacking)}: the design, or too few "
-                "simulated trials, do not tell them apart. Hold one of them, or simulate more "
+                "simulated trials, do not identify them. Fix one of them, or simulate more "
                 "trials (trials)"
             )
         return found
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
-    """Return the score directions at a point, from the model's own densities.
+    """Return the score directions at a point, from the model's densities.
 
-    The expected information: no datum goes into it but the design and its numbers of trials. A
-    circuit's densities have the error of its stored trials, which a square would count as
-    information: each product is of the derivatives of one half of them with those of the other.
+    This is the expected information: it depends on the design and its numbers of trials, not on the
+    data. A circuit's densities have the error of its stored trials, which a square would count as
+    information; each product is therefore of the derivatives of one half of them with the other.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Model, design, and what is free.
+        Model, design and free parameters.
     vector : array (parameters,)
-        Where, in the numbers of the fit.
+        The point, in the numbers of the fit.
     """
     halves = likelihood.model.halves()
     whole = len({id(each) for each in halves}) == 1
@@ -123,7 +123,7 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
     weight = likelihood.design.trials[:, None] / np.maximum(_masses(likelihood, vector), 1e-12)
     information = np.einsum("icb,cb,jcb->ij", first, weight, second)
     found = (information + information.T) / 2
-    # Less than nothing is an error as large as what it is of.
+    # Negative information means an error as large as the quantity.
     unknown = np.diag(found) <= 0
     found[unknown], found[:, unknown] = 0.0, 0.0
     names = likelihood.freedom.names
@@ -132,7 +132,7 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
 
 
 def _changes(likelihood: Likelihood, vector: Array) -> Array:
-    """Return how each outcome's probability moves with each parameter, (parameters, ...)."""
+    """Return the derivative of each outcome's probability by each parameter, (parameters, ...)."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
     changes = []
     for k in range(len(vector)):

@@ -1,4 +1,4 @@
-"""What moves the criterion of a circuit beside its threshold: edits with numbers left open."""
+"""Mechanisms that change a circuit's criterion: edits with free numbers."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Axis:
-    """A number of the circuit that a fit may move: the circuit is simulated at several of it.
+    """A number of the circuit to fit, which is simulated at several of its values.
 
     Parameters
     ----------
     parameter : Parameter
-        Its name and bounds; at ``start`` it is what it is unless a fit moves it.
+        Its name and bounds; ``start`` is its default value.
     points : int
-        At how many values, evenly from bound to bound.
+        Number of values, equally spaced from bound to bound.
     """
 
     parameter: Parameter
@@ -33,24 +33,24 @@ class Axis:
 
     @cached_property
     def values(self) -> Array:
-        """Where it is simulated, (points,)."""
+        """Simulated values, (points,)."""
         return np.linspace(self.parameter.low, self.parameter.high, self.points)
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Edits of a circuit with numbers left open, and the numbers.
+    """Edits of a circuit with free numbers, and these numbers.
 
     Parameters
     ----------
     edits : tuple of str
-        As a person writes them, with names in braces: ``("dopamine {dopamine}",)``.
+        Edits as text, with names in braces: ``("dopamine {dopamine}",)``.
     axes : tuple of Axis
         One for each name.
     about : str
-        What it is.
+        Description.
     instead : bool
-        Whether it stands in place of the threshold, which is then held unless a fit frees it.
+        Whether it replaces the threshold, which is then fixed unless a fit frees it.
     """
 
     edits: tuple[str, ...]
@@ -107,4 +107,4 @@ MECHANISMS = {
         "cells of STN that are driven at onset, decay, and excite SNr of all channels",
     ),
 }
-"""What moves the decision criterion of a circuit, by name."""
+"""Mechanisms that change the decision criterion of a circuit, by name."""

@@ -48,9 +48,9 @@ class Misfit:
     p: dict[str, float]
 
     def cautions(self, found: Optimum) -> list[str]:
-        """Return a sentence with the worst cells if data and model differ by more than chance.
+        """Return a warning with the worst cells if data and model differ by more than chance.
 
-        That is, if the smallest of the three probabilities, times three, is below 0.003.
+        This is the case if three times the smallest of the three p values is below 0.003.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Misfit:
 
 
 def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Misfit:
-    """Return how far data are from a fitted model.
+    """Return the misfit of a fitted model.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mis
 def _p(off: Array, variance: Array, size: Array, enough: float, fixed: int = 0) -> float:
     """Return the probability of a larger chi-square; values of small size are summed to one.
 
-    ``fixed`` is the number of sums that are alike in data and model.
+    ``fixed`` is the number of sums that data and model have in common.
     """
     some = np.isfinite(off) & (variance > 0)
     alone, rest = some & (size >= enough), some & (size < enough)
@@ -189,7 +189,7 @@ def _variance(design: Design, density: Array) -> Array:
 
 
 def _observed(design: Design, edges_s: Array) -> Array:
-    """Return what ``_predicted`` predicts, as it is in the data."""
+    """Return the observed counterparts of ``_predicted``."""
     seen = design.observed
     share, mean_s = np.full((2, design.cells), np.nan)
     counts = np.zeros((2, edges_s.shape[1] - 1))

@@ -1,10 +1,10 @@
-"""The likelihood of a circuit as a small network, in an ONNX file that HSSM loads.
+"""The likelihood of a circuit as a small neural network, in an ONNX file for HSSM.
 
 The graph takes one trial, ``[v, threshold, t0, rt, response]``, and returns its log density. With
-alike channels response 1 at drift v is as likely as response -1 at drift -v, and t0 moves times
-alone. So the graph first computes three numbers, and a network of tanh layers goes on from there:
+equal channels response 1 at drift v is as likely as response -1 at drift -v, and t0 only shifts
+times. The graph therefore first computes three numbers, the inputs of a network of tanh layers:
 ``v * response``, the log of ``exp(threshold) - 1`` (minus the log odds at which OUT decides), and
-``rt - t0``. It states log(density + floor): where a response hardly ever occurs, the floor.
+``rt - t0``. Its output is log(density + floor), so that rare responses have the density ``floor``.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ INPUTS = ("v", "threshold", "t0", "rt", "response")
 """Inputs of the graph: three parameters, then the two columns of HSSM's data."""
 PARAMETERS = INPUTS[:3]
 KEY = "bgmodel"
-"""Name of what is known of a network in its file."""
+"""Key of the metadata of a network in its file."""
 OPSET = 17
 SHIPPED = "macaque_likelihood.onnx"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LikelihoodNetwork(Facts):
-    """A network that states the log density of a response of a circuit.
+    """A network for the log density of a response of a circuit.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class LikelihoodNetwork(Facts):
         Weights and biases; tanh between layers.
     about : dict
         Circuit, engine, seeds, ``t0_sd_s`` (s), ``floor_per_s`` (1/s), ``bounds`` of the
-        parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the error that was measured.
+        parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the measured error.
     """
 
     layers: tuple[tuple[Array, Array], ...]
@@ -62,7 +62,7 @@ class LikelihoodNetwork(Facts):
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each parameter that the network learned."""
+        """Range of each parameter for which the network was trained."""
         return {name: (float(a), float(b)) for name, (a, b) in self.about["bounds"].items()}
 
     def log_density(
@@ -84,7 +84,7 @@ class LikelihoodNetwork(Facts):
         t0 : array, s
             Mean non-decision time.
         rt : array, s
-            Times of responses.
+            Response times.
         response : array
             1 or -1.
         """
@@ -98,12 +98,12 @@ class LikelihoodNetwork(Facts):
         return np.asarray(found[..., 0])
 
     def for_hssm(self, path: str | Path | None = None) -> dict[str, Any]:
-        """Return the arguments of ``hssm.HSSM`` beside the data: network, parameters, bounds.
+        """Return the arguments of ``hssm.HSSM`` other than the data: network, parameters, bounds.
 
         Parameters
         ----------
         path : path, optional
-            The network's file; that of the shipped one if left out.
+            File of the network; by default the shipped one.
         """
         return {
             "model": "bg_circuit",
@@ -120,7 +120,7 @@ class LikelihoodNetwork(Facts):
 
     @cached_property
     def checksum(self) -> str:
-        """SHA-256 of the layers as they are written, in hexadecimal."""
+        """SHA-256 of the stored layers, in hexadecimal."""
         digest = hashlib.sha256()
         for weights, bias in self.layers:
             digest.update(weights.astype("<f4").tobytes() + bias.astype("<f4").tobytes())
@@ -158,14 +158,14 @@ class LikelihoodNetwork(Facts):
         return model
 
     def write(self, path: str | Path) -> Path:
-        """Write the network as an ONNX file, whole or not at all; return its path."""
+        """Write the network atomically as an ONNX file; return its path."""
         with replacing(path) as partial:
             partial.write_bytes(self.model.SerializeToString(deterministic=True))
         return Path(path)
 
 
 def _picks() -> dict[str, Array]:
-    """Return what takes v, threshold, response and rt - t0 out of a trial, (5, 1) each."""
+    """Return the weights that select v, threshold, response and rt - t0 of a trial, (5, 1) each."""
     taken = {"v": {"v": 1}, "threshold": {"threshold": 1}, "response": {"response": 1}}
     taken["time"] = {"rt": 1, "t0": -1}
     return {
@@ -175,7 +175,7 @@ def _picks() -> dict[str, Array]:
 
 
 def _features(helper: Any) -> list[Any]:
-    """Return the nodes from a trial to the three numbers that the layers get."""
+    """Return the nodes from a trial to the three inputs of the layers."""
     names = ("v", "threshold", "response", "time")
     nodes = [helper.make_node("MatMul", ["trial", f"pick_{name}"], [name]) for name in names]
     return [
@@ -189,17 +189,17 @@ def _features(helper: Any) -> list[Any]:
 
 
 def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
-    """Read a network from its ONNX file; the shipped one of the circuit ``macaque`` if left out.
+    """Read a network from its ONNX file; by default the shipped one of the circuit ``macaque``.
 
     Parameters
     ----------
     path : path, optional
-        As ``LikelihoodNetwork.write`` wrote it.
+        A file written by ``LikelihoodNetwork.write``.
 
     Raises
     ------
     ValueError
-        If the file is no network of bgmodel.
+        If the file is not a network of bgmodel.
     """
     import onnx
     from google.protobuf.message import DecodeError

@@ -1,4 +1,4 @@
-"""The parameters under which the data are most likely."""
+"""Maximum-likelihood parameters."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from bgmodel.support.arrays import Array, Truths
 from circuits.errors import FitWarning
 
 OPTIMUM_SEED = 24_101
-"""Of the search, which draws."""
+"""Seed of the stochastic search."""
 TOLERANCE_NATS = 0.01
 """Change of the log likelihood below which the search ends."""
 POPULATION = 16
-"""Points that a generation of the search looks at."""
+"""Number of points in a generation of the search."""
 RESPONSES = tuple(each.name for each in RESPONSE)
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """How likely a model makes the data of a design.
+    """The likelihood of a design's data under a model.
 
     Parameters
     ----------
     model : Model
-        What decides.
+        The model of decisions.
     design : Design
         Cells and trials.
     freedom : ParameterSpace
-        What a fit moves.
+        The free parameters.
     """
 
     model: Model
@@ -44,7 +44,7 @@ class Likelihood:
     freedom: ParameterSpace
 
     def density(self, vector: Array) -> Array:
-        """Return the density of responses (cells, 2, bins), 1/s, at the numbers of a fit."""
+        """Return the density of responses (cells, 2, bins), 1/s, at a vector of the fit."""
         values = self.freedom.values(vector)
         grid = self.design.grid
         decided = self.model.decided(values, self.design.strength, grid)
@@ -56,7 +56,7 @@ class Likelihood:
         return self.design.observed.each(self.density(vector))
 
     def __call__(self, vector: Array) -> float:
-        """Return the log likelihood of the data, nats; -inf beyond the bounds."""
+        """Return the log likelihood of the data, nats; -inf outside the bounds."""
         inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
         return float(self.each(vector).sum()) if inside.all() else -np.inf
 
@@ -69,11 +69,11 @@ def likelihood_of(
     fixed: dict[str, float] | None = None,
     vary: dict[str, str] | None = None,
 ) -> Likelihood:
-    """Return the likelihood of a design's data; arguments as of ``parameters.freedom``.
+    """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
 
-    Bounds and start of sensitivity are divided by the largest strength: the drift there has the
-    same range in every unit of strength. It warns of responses that are later than a model's
-    simulated trials are long.
+    Bounds and start of sensitivity are divided by the largest strength, so that the drift has the
+    same range in every unit of strength. Warns of responses that are later than the end of a
+    model's simulated trials.
     """
     _warn_of_later(model, design)
     largest = design.strength.max()
@@ -86,32 +86,32 @@ def likelihood_of(
 
 
 def _warn_of_later(model: Model, design: Design) -> None:
-    """Warn of responses after the end of a model's trials: only lapses are as late."""
+    """Warn of responses after the end of a model's trials: they can only be lapses."""
     seconds = getattr(model, "seconds", np.inf)  # exact models have no end
     rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
     later = int((rt_s > seconds).sum())
     if later:
         FitWarning.warn(
             f"{design.who}: {later} of {len(rt_s)} responses come after the {seconds:g} s "
-            f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it never decides "
-            "then, so that they count as lapses. Simulate longer trials (seconds)"
+            f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it cannot decide "
+            "then, so they count as lapses. Simulate longer trials (seconds)"
         )
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where the likelihood is largest.
+    """The maximum of the likelihood.
 
     Parameters
     ----------
     likelihood : Likelihood
-        What was searched.
+        The likelihood.
     vector : array
         The numbers of the fit.
     log_likelihood : float
-        There, nats.
+        Log likelihood at the maximum, nats.
     evaluations : int
-        What the search took.
+        Number of evaluations of the search.
     """
 
     likelihood: Likelihood
@@ -121,7 +121,7 @@ class Optimum:
 
     @cached_property
     def density(self) -> Array:
-        """Density of responses there, (cells, 2, bins), 1/s."""
+        """Density of responses at the maximum, (cells, 2, bins), 1/s."""
         return self.likelihood.density(self.vector)
 
     @property
@@ -136,7 +136,7 @@ class Optimum:
 
     @property
     def at_bound(self) -> Truths:
-        """Which numbers lie at a bound of theirs."""
+        """Which numbers are at a bound of their range."""
         return self.likelihood.freedom.at_bound(self.vector)
 
 
@@ -152,11 +152,11 @@ def optimum(
     Parameters
     ----------
     likelihood : Likelihood
-        What to search.
+        The likelihood to maximise.
     starts : sequence of array, optional
-        Where to begin; those of ``starts_of`` if left out.
+        Starting points; by default those of ``starts_of``.
     seed : int
-        Of the search.
+        Seed of the search.
     tell : function, optional
         Called with the number of evaluations and the best log likelihood so far.
     """
@@ -191,7 +191,7 @@ def optimum(
 
 @contextmanager
 def _own_random_numbers() -> Iterator[None]:
-    """Leave numpy's global generator as it was: cma seeds and uses that one."""
+    """Restore numpy's global generator, which cma seeds and uses."""
     before = np.random.get_state()  # noqa: NPY002
     try:
         yield
@@ -202,8 +202,8 @@ def _own_random_numbers() -> Iterator[None]:
 def starts_of(likelihood: Likelihood) -> list[Array]:
     """Return the starting points of a search, with the non-decision time from the fastest times.
 
-    One start has parameters where they stand unless a fit moves them. The other has those that
-    stand at a bound in the middle of their range: a likelihood may have a hill on either side.
+    One start has parameters at their default values. The other has those that start at a bound in
+    the middle of their range: a likelihood may have a maximum on either side.
     """
     freed = likelihood.freedom
     fastest = float(np.nanquantile(likelihood.design.observed.rt_s, 0.02))
@@ -219,6 +219,6 @@ def starts_of(likelihood: Likelihood) -> list[Array]:
 
 
 def _scales(likelihood: Likelihood, first: Array) -> Array:
-    """Return how far the search looks at first in each direction: about a sixth of its place."""
+    """Return the initial step of the search in each direction: about a sixth of the start."""
     width = likelihood.freedom.high - likelihood.freedom.low
     return np.asarray(np.clip(0.15 * np.abs(first), 0.02 * width, 0.2 * width))

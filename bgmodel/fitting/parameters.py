@@ -1,4 +1,4 @@
-"""Parameters of a model, and which of them a fit may move, over which conditions."""
+"""Parameters of a model, which of them are free in a fit, and over which conditions."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from bgmodel.support.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
 AT_BOUND = 1e-3
-"""Share of its range within which a number of a fit counts as at a bound."""
+"""A number of a fit counts as at a bound within this share of its range."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that a fit may move.
+    """A parameter that can be free in a fit.
 
     Parameters
     ----------
     name : str
-        With its unit.
+        Name, with its unit.
     low, high : float
         Its bounds.
     start : float
-        What it is unless a fit moves it, and where a fit begins.
+        Default value, and start of a fit.
     about : str
-        What it is.
+        Description.
     free : bool
-        Whether a fit moves it unless it is told otherwise.
+        Whether it is free by default.
     """
 
     name: str
@@ -65,9 +65,9 @@ class FreeParameter:
     name : str
         ``t0_s``, or ``t0_s[stimulation=on]``.
     parameter : Parameter
-        What it is.
+        The parameter.
     cells : int array
-        Where it holds.
+        Indices of the cells in which it applies.
     """
 
     name: str
@@ -77,14 +77,14 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """What a fit moves: from a vector of numbers to the parameters of every cell, and back.
+    """The free numbers of a fit, and their mapping to the parameters of every cell.
 
     Parameters
     ----------
     parameters : sequence of Parameter
-        All of the model.
+        All parameters of the model.
     moved : tuple of FreeParameter
-        Those that the fit moves, in order.
+        The free parameters, in order.
     cells : int
         Number of cells of the design.
     """
@@ -110,17 +110,17 @@ class ParameterSpace:
 
     @property
     def start(self) -> Array:
-        """Where a fit begins."""
+        """Start of a fit."""
         return np.array([each.parameter.start for each in self.moved])
 
     def at_bound(self, vector: Array) -> Truths:
-        """Return which numbers of a fit lie at a bound of their range, (numbers,)."""
+        """Return which numbers of a fit are at a bound of their range, (numbers,)."""
         near = AT_BOUND * (self.high - self.low)
         return np.asarray((vector - self.low < near) | (self.high - vector < near))
 
     @property
     def held(self) -> dict[str, float]:
-        """Values of the parameters that a fit leaves alone in some cell, or in all."""
+        """Values of the parameters that are fixed in some or all cells."""
         moved: dict[str, set[int]] = {each.name: set() for each in self.parameters}
         for each in self.moved:
             moved[each.parameter.name].update(each.cells.tolist())
@@ -143,28 +143,28 @@ def freedom(
     fixed: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
 ) -> ParameterSpace:
-    """Return what a fit moves.
+    """Return the free numbers of a fit.
 
     Parameters
     ----------
     parameters : sequence of Parameter
-        Of the model.
+        Parameters of the model.
     conditions : dict of str to sequence of str (cells,)
-        What each cell is called in each column of conditions.
+        Level of each cell in each column of conditions.
     cells : int
         Number of cells.
     free : sequence of str, optional
-        Parameters that the fit moves; those that say so themselves if left out.
+        Parameters to fit; by default those with ``free``.
     fixed : dict of str to float, optional
-        Parameters that are held, and where.
+        Fixed parameters and their values.
     vary : dict of str to str, optional
-        Parameters with a value of their own in each level of a column; ``column/level`` holds one
-        level where the parameter stands.
+        Parameters with a separate value in each level of a column; ``column/level`` fixes one level
+        at the default value.
 
     Raises
     ------
     ValueError
-        For a name that is none, a value beyond its bounds, or nothing to move.
+        For an unknown name, a value outside its bounds, or no free parameter.
     """
     fixed, vary = dict(fixed or {}), dict(vary or {})
     known = {each.name: each for each in parameters}
@@ -179,7 +179,7 @@ def freedom(
     chosen = {each.name for each in known.values() if each.free} if free is None else set(free)
     held = sorted({*(free or ()), *vary} & set(fixed))
     if held:
-        raise InputError(f"{', '.join(held)} can't be moved and fixed at once", "fix", held)
+        raise InputError(f"{', '.join(held)} can't be both free and fixed", "fix", held)
     moved: list[FreeParameter] = []
     for each in known.values():
         if each.name in vary:

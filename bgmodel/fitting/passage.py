@@ -1,8 +1,8 @@
-"""When a diffusion between two bounds decides: in closed form, and for bounds that fall with time.
+"""First-passage times of a diffusion between two bounds, constant or falling with time.
 
-The difference of the evidence is X(t) = v t + W(t), W a Brownian motion of unit variance per
-second, decided at X = a(t) (response 1) or X = -a(t) (response 0). Drift enters by Girsanov's
-theorem alone: at the bound X is known, so the density at drift v is that at drift 0 times
+The difference of the evidence is X(t) = v t + W(t), with W a Brownian motion of unit variance per
+second; it is decided at X = a(t) (response 1) or X = -a(t) (response 0). Drift enters by Girsanov's
+theorem: at the bound X is known, so the density at drift v is that at drift 0 times
 ``exp(+-v a(t) - v^2 t / 2)``.
 """
 
@@ -39,9 +39,9 @@ def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 
 
 def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the mean time of a decision, s.
+    """Return the mean decision time, s.
 
-    Arguments as of ``accuracy``. ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk &
+    Arguments as for ``accuracy``. ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk &
     Shadlen 2005).
     """
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
@@ -51,23 +51,23 @@ def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 
 
 def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the standard deviation of the times of decisions, s, the same for both responses.
+    """Return the standard deviation of decision times, s, equal for both responses.
 
-    Arguments as of ``accuracy``. From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of
+    Arguments as for ``accuracy``. From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of
     the time: ``sqrt(2/3) A^2`` without drift.
     """
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
-    x = np.maximum(a * v, 0.02)  # below it the difference that follows would be rounding
+    x = np.maximum(a * v, 0.02)  # below it the following difference would be rounding error
     variance = a**4 * (np.tanh(x) / x**3 - 1 / (x * np.cosh(x)) ** 2)
     near = a**4 * (2 / 3 - 8 / 15 * (a * v) ** 2)
     return np.asarray(np.sqrt(np.where(a * v < 0.02, near, variance)))
 
 
 def constant_at_rest(bound: float, time_s: Array) -> Array:
-    """Return the density of a decision at times, for a constant bound and no drift, 1/s.
+    """Return the density of decision times for a constant bound and no drift, 1/s.
 
-    Both responses together. The two series of Navarro & Fuss (2009): modes for late times, images
-    for early ones.
+    For both responses together, by the two series of Navarro & Fuss (2009): modes for late times,
+    images for early ones.
 
     Parameters
     ----------
@@ -94,23 +94,23 @@ def falling_at_rest(
     time_s: Array,
     width_s: Array | None = None,
 ) -> Array:
-    """Return the density of a decision at times, for bounds +-a(t) and no drift, 1/s.
+    """Return the density of decision times for bounds +-a(t) and no drift, 1/s.
 
     Parameters
     ----------
     bound, slope : function
         a(t), sqrt(s), above 0, and its derivative.
     time_s : array (times,), s
-        Rising, above 0.
+        Increasing, above 0.
     width_s : array (times,), s, optional
-        Length of time that each stands for, as its weight in an integral; if left out, times are
-        even and begin one interval after 0.
+        Weight of each time in an integral; by default times are equally spaced and begin one
+        interval after 0.
 
     Notes
     -----
     The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
-    where two times meet; two bounds that are each other's mirror image leave one unknown. On a
-    grid of times it is a triangular system.
+    where two times coincide; for two mirror-symmetric bounds there is one unknown. On a grid of
+    times it is a triangular system.
     """
     from scipy.linalg import solve_triangular
 
@@ -134,7 +134,7 @@ def falling_at_rest(
 
 
 def exponential(bound: float, fall_s: float) -> tuple[Callable[[Array], Array], ...]:
-    """Return the bound that falls by a factor e in so many seconds, and its slope."""
+    """Return the bound that falls by a factor e in ``fall_s`` seconds, and its slope."""
 
     def at(time_s: Array) -> Array:
         return np.asarray(bound * np.exp(-time_s / fall_s))

@@ -1,4 +1,4 @@
-"""Finished fits in a folder, each under the hash of all that it was made with."""
+"""Finished fits in a folder, named by a hash of all their settings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Piece(NamedTuple):
-    """Tables of one finished fit, as of ``fit.Fit``, and its warnings, one per row."""
+    """Tables of one finished fit, as from ``fit.Fit``, and its warnings, one per row."""
 
     parameters: pd.DataFrame
     cells: pd.DataFrame
@@ -23,16 +23,16 @@ class Piece(NamedTuple):
 
 
 def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
-    """Return a finished fit, or None where there is none of this key or a file is damaged.
+    """Return a finished fit, or None if there is none with this key or a file is damaged.
 
     Parameters
     ----------
     folder : path
-        Where finished fits are kept.
+        Folder of finished fits.
     title : str
-        What its files are called.
+        Beginning of the names of its files.
     key : dict
-        All that it was made with.
+        All its settings.
     """
     try:
         return Piece(*(files.read_table(_path(folder, title, key, each)) for each in Piece._fields))
@@ -41,7 +41,7 @@ def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
 
 
 def write_piece(folder: Path, title: str, key: dict[str, Any], piece: Piece, *, seed: int) -> None:
-    """Keep a finished fit; arguments as of ``read_piece``, and the seed of its trials."""
+    """Store a finished fit; arguments as for ``read_piece``, and the seed of its trials."""
     for each, table in zip(Piece._fields, piece, strict=True):
         path = _path(folder, title, key, each)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -49,12 +49,12 @@ def write_piece(folder: Path, title: str, key: dict[str, Any], piece: Piece, *, 
 
 
 def safe(title: str) -> str:
-    """Return a title as a name of a file: what a name can't hold becomes _, and its hash is added.
+    """Return a title as a file name: invalid characters become _, and a hash is added.
 
     Parameters
     ----------
     title : str
-        Any text, as the id of a participant.
+        Any text, such as the id of a participant.
     """
     plain = re.sub(r"[^\w .+=-]", "_", title)
     return plain if plain == title else f"{plain} {_digest(title)}"

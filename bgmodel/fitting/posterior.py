@@ -18,32 +18,31 @@ if TYPE_CHECKING:
 
 POSTERIOR_SEED = 24_201
 WALKERS, STEPS, MOST_STEPS = 32, 500, 3000
-"""Walkers of the sampler, steps between two looks at the chain, and most steps of each walker.
-
-The first half of the chain is thrown away.
+"""Number of walkers, steps between two checks of the chain, and largest number of steps per walker.
+The first half of the chain is discarded.
 """
 ENOUGH = 50
-"""Autocorrelation times that the kept half lasts when the sampler ends (Goodman & Weare 2010)."""
+"""Least length of the kept half, in autocorrelation times (Goodman & Weare 2010)."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws from the posterior.
+    """Samples from the posterior.
 
     Parameters
     ----------
     names : list of str
         The parameters.
     draws : array (draws, parameters)
-        Parameters.
+        Parameters of each sample.
     log_likelihood : array (draws,), nats
-        Of each.
+        Log likelihood of each sample.
     effective : float
-        Number of independent draws that these are worth, of the worst parameter: draws divided by
-        the autocorrelation time.
+        Effective sample size for the worst parameter: number of draws divided by the
+        autocorrelation time.
     lasts : float
         Length of the chain in autocorrelation times. Below ``ENOUGH`` the autocorrelation time is
-        estimated too short, and ``effective`` is a number that the draws do not reach.
+        underestimated, and the effective sample size is smaller than ``effective``.
     """
 
     names: list[str]
@@ -54,19 +53,19 @@ class Posterior:
 
     @property
     def long_enough(self) -> bool:
-        """Whether the chain is long beside its autocorrelation time."""
+        """Whether the chain is long compared with its autocorrelation time."""
         return self.lasts >= ENOUGH
 
     def interval(self, share: float = 0.9) -> Array:
-        """Return the middle interval of a share of the posterior, (2, parameters)."""
+        """Return the central interval with a share of the posterior, (2, parameters)."""
         return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))
 
     def to_datatree(self) -> xarray.DataTree:
-        """Return the draws as ArviZ reads them: groups ``posterior`` and ``sample_stats``.
+        """Return the draws for ArviZ: groups ``posterior`` and ``sample_stats``.
 
-        All walkers are one chain: they are not independent of each other.
+        All walkers form one chain, since they are not independent of each other.
         """
-        import xarray  # only where labels are asked for
+        import xarray  # only when labels are needed
 
         axes = {"chain": [0], "draw": np.arange(len(self.draws))}
         draws = {
@@ -93,26 +92,26 @@ def posterior(
     seed: int = POSTERIOR_SEED,
     tell: Callable[[int], None] | None = None,
 ) -> Posterior:
-    """Draw from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
+    """Sample from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
 
-    Walkers step along the differences of others (ter Braak & Vrugt 2008), whose autocorrelation
-    time is less than half of that of the stretch move. The sampler ends when the second half of
-    its chain lasts ``ENOUGH`` autocorrelation times, or after ``most_steps``; see
-    ``Posterior.long_enough``. The likelihood of stored crossings costs a few milliseconds and has
-    no noise, so it is sampled itself; nothing is put in its place.
+    Walkers step along differences of others (ter Braak & Vrugt 2008), which has less than half the
+    autocorrelation time of the stretch move. The sampler ends when the second half of its chain is
+    ``ENOUGH`` autocorrelation times long, or after ``most_steps``; see ``Posterior.long_enough``.
+    The likelihood of stored crossings takes a few milliseconds and has no noise, so it is sampled
+    directly, without a surrogate.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Of the data.
+        Likelihood of the data.
     start : Directions
-        At the optimum: the walkers begin about it, as far as its standard errors say.
+        Directions at the optimum, around which walkers begin within its standard errors.
     walkers : int
-        Of the ensemble.
+        Number of walkers.
     steps, most_steps : int
-        Steps of each walker between two looks at the chain, and in all.
+        Steps of each walker between two checks of the chain, and in total.
     seed : int
-        Of the sampler.
+        Seed of the sampler.
     tell : function, optional
         Called with the number of steps done.
     """
@@ -143,11 +142,11 @@ def posterior(
 def _first(
     likelihood: Likelihood, start: Directions, walkers: int, rng: np.random.Generator
 ) -> Array:
-    """Return where walkers begin, (walkers, parameters): about the optimum, within the bounds."""
+    """Return initial walkers, (walkers, parameters), around the optimum and within the bounds."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
     width = np.minimum(start.standard_errors, (high - low) / 8)
     near = start.vector + 0.5 * width * rng.normal(size=(walkers, len(low)))
-    # Folded, not cut off: walkers on one point or plane have no differences to step along.
+    # Reflected, not clipped: walkers on one point or plane have no differences to step along.
     near = low + np.abs(near - low)
     return np.asarray(np.clip(high - np.abs(high - near), low, high))
 
@@ -156,6 +155,6 @@ def _correlated(chain: Array) -> float:
     """Return the autocorrelation time, steps, of the slowest parameter, at least 1."""
     from emcee.autocorr import integrated_time
 
-    # Without a tolerance emcee says nothing about chains that are short: ``lasts`` does.
+    # With a tolerance of 0 emcee does not complain about short chains; see ``lasts``.
     found = float(np.max(integrated_time(chain, tol=0)))
     return max(found, 1.0) if np.isfinite(found) else float(len(chain))

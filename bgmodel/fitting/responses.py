@@ -1,4 +1,4 @@
-"""From decisions to responses: the non-decision time, lapses, and how likely data are."""
+"""From decisions to responses: non-decision time, lapses and the likelihood of data."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 BIN_S = 0.01
 """Width of a bin of time, s."""
 TINY = 1e-300
-"""Least probability whose logarithm is taken."""
+"""Lower limit of probabilities before their logarithm is taken."""
 EVERY_TIME = (0.0, math.inf)
-"""Window that leaves out no response, s."""
+"""Window that includes all responses, s."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Times at which densities are kept: the middles of bins from 0 on.
+    """Times at which densities are stored: the centres of bins from 0 on.
 
     Parameters
     ----------
     bins : int
-        How many, each ``BIN_S`` wide.
+        Number of bins, each ``BIN_S`` wide.
     """
 
     bins: int
 
     @cached_property
     def middles_s(self) -> Array:
-        """Their middles, (bins,), s."""
+        """Centres of the bins, (bins,), s."""
         return np.asarray((np.arange(self.bins) + 0.5) * BIN_S, dtype=np.float64)
 
 
@@ -46,7 +46,7 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     decided : array (cells, 2, bins)
         Probability of a decision for response 0 and 1 in each bin of the grid.
     grid : Grid
-        Of the decisions and of the responses.
+        Grid of decisions and of responses.
     t0_s, t0_sd_s : array (cells,), s
         Mean and standard deviation of the non-decision time; Gaussian.
     lapse : array (cells,)
@@ -59,7 +59,7 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     from scipy.special import ndtr
 
     bins, width = grid.bins, BIN_S
-    # From the middle of one bin to another's edges: mass in the bin, whatever t0 is.
+    # From the centre of one bin to the edges of another: preserves mass whatever t0 is.
     edges = (np.arange(-bins, bins + 1) - 0.5) * width
     below = ndtr((edges - t0_s[:, None]) / t0_sd_s[:, None])
     kernel = np.roll(np.diff(below, axis=1), -bins, axis=1)
@@ -72,21 +72,21 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
 
 @dataclass(frozen=True)
 class Observed:
-    """Responses laid on a grid, so that their likelihood is a few sums.
+    """Responses binned on a grid, so that their likelihood is a few sums.
 
     Parameters
     ----------
     cell, response : int array (trials,)
-        Which cell of the design a trial is of; 1 or 0, or -1 where there was none by the deadline.
+        Cell of the design; response 1 or 0, or -1 without a response by the deadline.
     rt_s : array (trials,), s
-        NaN where there was no response.
+        Response time; NaN without a response.
     grid : Grid
-        That of the densities.
+        Grid of the densities.
     deadline_s : float, s, optional
-        When a trial is over. Responses after it do not exist, and no response is a value.
+        End of a trial. There are no later responses, and a missing response is an outcome.
     window_s : tuple of float, s
-        Earliest and latest time of a response that is fitted. Responses at other times were left
-        out, and the likelihood is conditional on that.
+        Earliest and latest time of a response that is fitted. Responses at other times are
+        excluded, and the likelihood is conditional on that.
     """
 
     cell: Integers
@@ -98,7 +98,7 @@ class Observed:
 
     @cached_property
     def _places(self) -> tuple[Integers, Array]:
-        """Bin below each time, and how far towards the next one it lies."""
+        """Bin below each time, and its fractional distance to the next one."""
         place = np.clip(self.rt_s / BIN_S - 0.5, 0, self.grid.bins - 1.000001)
         place = np.where(np.isnan(place), 0.0, place)
         low = place.astype(np.int64)
@@ -129,7 +129,7 @@ class Observed:
             return np.asarray(mass @ np.clip(time_s / BIN_S - np.arange(self.grid.bins), 0, 1))
 
         early, late = self.window_s
-        # Without a deadline the grid may end before the latest responses do.
+        # Without a deadline the grid may end before the latest responses.
         whole = late > self.grid.bins * BIN_S and self.deadline_s is None
         return (np.ones(len(mass)) if whole else by(late)) - by(early)
 
@@ -137,7 +137,7 @@ class Observed:
 def moments(density: Array, grid: Grid) -> dict[str, Array]:
     """Return accuracy, mean time and sd of responses (cells,) under densities (cells, 2, bins).
 
-    Of trials that responded in time; ``answered`` is their share, times are in s.
+    For trials that responded in time; ``answered`` is their share, times are in s.
     """
     mass = density * BIN_S
     answered = mass.sum(axis=(1, 2))

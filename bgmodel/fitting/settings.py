@@ -1,4 +1,4 @@
-"""A fit from a table of trials: what is read, which models are fitted, and what is free in them."""
+"""Fits from a table of trials: its columns, the models, and their free parameters."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
 
 GAPS = {"constant_gap": False, "falling_gap": True}
-"""Models that are no circuit: the sequential test, and whether its bounds fall."""
+"""Models other than circuits: the sequential test, and whether its bounds fall."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """What is read from a table of trials, and what a fit moves."""
+    """How a table of trials is read, and which parameters are fitted."""
 
     strength: str | None = None
     """Column of the signed strength of the evidence: positive favours response 1."""
     participant: str | None = None
-    """The participant to fit; if left out, each is fitted separately."""
+    """The participant to fit; by default each is fitted separately."""
     pooled: bool = False
     """Fit all participants as if they were one."""
     upper: str | None = None
-    """Name of the response that is 1, where responses are not 1 and 0."""
+    """Name of the response that counts as 1, if responses are not 1 and 0."""
     deadline: float | None = None
     """Time at which a trial without a response ended, s."""
     rt_window: tuple[float, float] | None = None
-    """Earliest and latest response time to fit, s; "0 inf" keeps all. If left out and there is no
-    deadline, times end at the upper quartile plus 25 interquartile ranges. The command says how
-    many trials are left out."""
+    """Earliest and latest response time to fit, s; "0 inf" keeps all. By default, and without a
+    deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
+    many trials are excluded."""
     mechanism: str = "threshold"
-    """What moves the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
-    or, with a threshold, what changes within a trial: rising_dopamine or onset_stn."""
+    """What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
+    or, with a threshold, a change within a trial: rising_dopamine or onset_stn."""
     free: tuple[str, ...] = ()
-    """All parameters to fit; if left out, every one but a threshold that --mechanism replaces."""
+    """Parameters to fit; by default all except a threshold that --mechanism replaces."""
     fix: tuple[str, ...] = ()
-    """Parameters to fix at a value, as "lapse=0.02"."""
+    """Parameters to fix at a value, such as "lapse=0.02"."""
     vary: tuple[str, ...] = ()
     """Parameters that differ between levels of a column: "sensitivity=conflict",
-    "threshold=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
+    "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level off."""
     engine: str = "population"
-    """How the circuit is computed: algebra, population, ensemble, ..."""
+    """Engine of the circuit: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
     """Noise of the evidence in the circuit: its standard deviation after one second, nats."""
     trials: int = 16_000
@@ -62,7 +62,7 @@ class FitSettings:
     """Seed of the simulated trials."""
 
     def check(self) -> None:
-        """Raise ValueError for an engine, a noise or a mechanism that there is not."""
+        """Raise ValueError for an invalid engine, noise or mechanism."""
         from bgmodel.fitting.mechanisms import MECHANISMS
         from circuits.engines import engine_of
 
@@ -77,21 +77,21 @@ class FitSettings:
 
     @property
     def columns(self) -> list[str]:
-        """Columns of the table that tell conditions apart."""
+        """Columns of the table that define conditions."""
         return sorted({each.partition("/")[0] for each in self.varied.values()})
 
     @property
     def varied(self) -> dict[str, str]:
-        """Parameters that differ between conditions, and by which column."""
+        """Parameters that differ between conditions, with their columns."""
         return dict(_pair(each, "vary") for each in self.vary)
 
     @property
     def fixed(self) -> dict[str, float]:
-        """Parameters that are held, and at which value."""
+        """Fixed parameters and their values."""
         return {name: _number(*pair) for name, *pair in (_pair(h, "fix") for h in self.fix)}
 
     def read(self, data: str | Path | pd.DataFrame) -> Choices:
-        """Return the trials of a table; arguments as of ``tables.choices.read_choices``."""
+        """Return the trials of a table; arguments as for ``tables.choices.read_choices``."""
         from bgmodel.tables.choices import read_choices
 
         return read_choices(
@@ -104,7 +104,7 @@ class FitSettings:
         )
 
     def people(self, choices: Choices) -> list[tuple[str, Choices]]:
-        """Return the trials of each person that is fitted, or of all as one."""
+        """Return the trials of each person to fit, or of all pooled."""
         if self.pooled:
             return [(self.participant or "all", choices)]
         return [(who, choices.where(choices.participant == who)) for who in choices.people()]
@@ -123,11 +123,11 @@ class FitSettings:
         Parameters
         ----------
         model : str, path or Circuit
-            A name in ``GAPS``, or a circuit of two channels: its name, its .toml file or itself.
+            A name in ``GAPS``, or a circuit of two channels: by name, as a .toml file or a Circuit.
         seconds : float
             Length of simulated trials, s; see ``seconds_of``. Parameters do not depend on it.
         folder : path, optional
-            Where simulated trials are kept, for another fit.
+            Folder that keeps simulated trials for other fits.
         """
         from bgmodel.fitting.algorithms import GapModel
         from bgmodel.fitting.circuit import CircuitModel
@@ -153,12 +153,12 @@ class FitSettings:
         )
 
     def check_parameters(self, models: Mapping[str, Model]) -> list[str]:
-        """Return a sentence for each model that lacks a parameter which others have.
+        """Return a warning for each model that lacks a parameter of others.
 
         Raises
         ------
         ValueError
-            For a parameter that none of the models has.
+            For a parameter that no model has.
         """
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (("free", self.free), ("fix", self.fixed), ("vary", self.varied)):
@@ -172,7 +172,7 @@ class FitSettings:
             lacking = ", ".join(each for each in self.free if each not in own)
             if lacking:
                 found.append(
-                    f"{name} has no {lacking}, so that what --free leaves out is held in it; "
+                    f"{name} has no {lacking}, so all its parameters outside --free are fixed; "
                     "'threshold' is each model's own"
                 )
         return found
@@ -180,7 +180,7 @@ class FitSettings:
     def likelihood(self, design: Design, model: Model) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
-        What is asked of parameters that only other models have is left out.
+        Options on parameters that only other models have are ignored.
         """
         from bgmodel.fitting.optimum import likelihood_of
 
@@ -201,7 +201,7 @@ class FitSettings:
 
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
-"""Mappings of parameters, as ``fit`` takes them."""
+"""Examples of mappings of parameters for ``fit``."""
 
 
 def fit(
@@ -233,33 +233,33 @@ def fit(
         Name of a shipped set, a .csv, .tsv or .parquet file, or a table: participant_id, rt (s),
         response, conditions.
     model : str, path or Circuit
-        constant_gap, falling_gap, or a circuit of two channels: its name, its .toml file or itself.
+        constant_gap, falling_gap, or a circuit of two channels: its name, .toml file or Circuit.
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
-        The participant to fit, where there are several.
+        The participant to fit, if there are several.
     pooled : bool
         Whether to fit several participants as if they were one.
     upper : str, optional
-        Name of the response that is 1, where responses are not 1 and 0.
+        Name of the response that counts as 1, if responses are not 1 and 0.
     deadline : float, optional
         Time at which a trial without a response ended, s.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
-        What moves the decision criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
+        What changes the criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
     free : sequence of str, or str
-        All parameters to fit; every one if left out.
+        Parameters to fit; all by default.
     fix : mapping from names to values, optional
-        Parameters that are held: ``{"lapse": 0.02}``.
+        Fixed parameters: ``{"lapse": 0.02}``.
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
     draws : bool
-        Whether to draw from the posterior too.
+        Whether to sample from the posterior too.
     engine, noise_nats, trials, seed :
-        Of the simulated trials of a circuit; as in ``FitSettings``.
+        Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
-        Where simulated trials are kept, for another fit.
+        Folder that keeps simulated trials for other fits.
 
     Returns
     -------
@@ -269,12 +269,12 @@ def fit(
     Raises
     ------
     ValueError
-        One sentence for what cannot be read or fitted, and for several participants.
+        For a table that cannot be read or fitted, and for several participants.
 
     Warns
     -----
     UserWarning
-        As ``fit_likelihood``, and of tables that may mislead.
+        As for ``fit_likelihood``, and for tables that may mislead.
     """
     from bgmodel.fitting.fit import fit_likelihood
 
@@ -289,7 +289,7 @@ def fit(
     )  # fmt: skip
     asked.check()
     check_flag("draws", draws)
-    # Before the table is read: a column that goes with an unknown parameter may not be there.
+    # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
     choices = asked.read(data)
     people = asked.people(choices)
@@ -307,9 +307,9 @@ def fit(
 
 
 def seconds_of(designs: Iterable[Design]) -> float:
-    """Return the length of simulated trials, s: that of the longest trial that is fitted.
+    """Return the length of simulated trials, s: that of the longest fitted trial.
 
-    In whole half seconds, so that participants share what is simulated.
+    Rounded up to half seconds, so that participants share simulated trials.
     """
     import numpy as np
 
@@ -319,7 +319,7 @@ def seconds_of(designs: Iterable[Design]) -> float:
 
 
 def need_fit() -> None:
-    """Raise ImportError, with how to install them, where the libraries of fits are missing."""
+    """Raise ImportError with installation advice if the libraries of fits are missing."""
     try:
         import cma  # noqa: F401
         import emcee  # noqa: F401
@@ -343,7 +343,7 @@ def _pair(text: str, option: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not value:
         example = "lapse=0.02" if option == "fix" else "threshold=instruction"
-        example = f"{option} is a name, =, and a value, as {example}"
+        example = f"{option} is a name, =, and a value, such as {example}"
         raise InputError(f"{example}, got {text!r}", option, text)
     return name.strip(), value.strip()
 
@@ -352,4 +352,4 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError.of("fix", "must give a number, as lapse=0.02", text) from None
+        raise InputError.of("fix", "must give a number, such as lapse=0.02", text) from None

@@ -1,4 +1,4 @@
-"""Whether responses lie on the sides that strengths speak for."""
+"""Checks of whether responses agree with the sign of strengths."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError
 
 SAME = 0.6
-"""Share of one response to evidence for either side above which it may say right or wrong."""
+"""If one response exceeds this share for both signs, it may be coded as correct or wrong."""
 
 
 def name_of(choices: Choices) -> str:
-    """Return whose choices these are, for messages: "all" if they are of several participants."""
+    """Return the participant's name for messages, "all" if there are several."""
     people = choices.people()
     return people[0] if len(people) == 1 else EVERYONE
 
 
 def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
-    """Refuse responses that lie on the wrong side; warn of a bias to one response.
+    """Refuse responses on the wrong side; warn of a bias to one response.
 
     Parameters
     ----------
     choices : Choices
-        Of one person, or of several taken for one.
+        Choices of one person, or of several pooled.
     by : sequence of str
         Columns of conditions: each level may have another bias.
 
     Raises
     ------
     ValueError
-        If strengths have no sign, or fewer responses are right than by chance, also in one level.
+        If strengths have no sign, or responses are below chance, overall or in one level.
     """
     who = name_of(choices)
     check_signs(choices.strength, choices.response)
@@ -51,33 +51,33 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
         if abs(z) > STANDARD_ERRORS:
             DataWarning.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
-                f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
-                f"bias to one response: this one enters the other parameters{_coded(some, share)}"
+                f"than expected from equal sides ({abs(z):.1f} standard errors). Models have no "
+                f"such bias: it will distort the other parameters{_coded(some, share)}"
             )
 
 
 def _coded(choices: Choices, share: float) -> str:
-    """Return a hint if the response that comes too often is the usual one to either side."""
+    """Return a hint if the more frequent response is the usual one on both sides."""
     strength = np.zeros(choices.trials) if choices.strength is None else choices.strength
     against = choices.response[(choices.response >= 0) & (strength * share < 0)]
     same = float((against == int(share > 0)).mean()) if len(against) else 0.0
     if same <= SAME:
         return ""
     return (
-        f". It is also that of {same:.0%} of trials whose strength speaks for the other one: "
-        "if responses say right (1) and wrong (0), give strengths without a sign"
+        f". It is also that of {same:.0%} of trials whose strength favours the other one: "
+        "if responses mean correct (1) and wrong (0), give strengths without a sign"
     )
 
 
 def _check_right(choices: Choices, who: str) -> None:
-    """Raise ValueError if responses are right in fewer trials than by chance."""
+    """Raise ValueError if fewer responses are correct than by chance."""
     right = choices.correct[np.isfinite(choices.correct)]
     count, trials = int(right.sum()), len(right)
     z = (count - trials / 2) / np.sqrt(max(trials, 1) / 4)
     if z < -STANDARD_ERRORS:
         raise InputError(
-            f"{who}: responses must lie on the side that the strength speaks for more often than "
-            f"not, got {count} of {trials} ({count / trials:.0%}, {-z:.1f} standard errors below "
+            f"{who}: responses must agree with the sign of the strength more often than not, "
+            f"got {count} of {trials} ({count / trials:.0%}, {-z:.1f} standard errors below "
             "chance): name the other response as the one that counts as 1 (upper, at the terminal "
             "--upper), or change the sign of the strengths",
             "response",
@@ -87,16 +87,16 @@ def _check_right(choices: Choices, who: str) -> None:
 def lean(choices: Choices) -> tuple[float, float]:
     """Return the bias to response 1, as a share of all responses, and its z score.
 
-    Models are the same for both sides: a strength and its mirror image have one probability of a
-    right response, and strength 0 has a half. The bias is the responses 1 beyond that, over all
-    responses; z is the bias over its standard error where there is none, with the number of right
-    responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
+    Models are the same for both sides: a strength and its mirror image have the same probability of
+    a correct response, and strength 0 has 1/2. The bias is the excess of response 1, over all
+    responses; z is the bias over its standard error in the absence of bias, given the number of
+    correct responses at each strength (Cochran 1954; Mantel & Haenszel 1959).
 
     Parameters
     ----------
     choices : Choices
-        Of one person in one condition. Trials without a response do not count. Where there are no
-        strengths, or a strength has no mirror image, nothing is known: 0 and 0.
+        Choices of one person in one condition. Trials without a response do not count. Without
+        strengths, or if a strength has no mirror image, the bias is unknown: 0 and 0.
     """
     if choices.strength is None:
         return 0.0, 0.0
@@ -110,7 +110,7 @@ def lean(choices: Choices) -> tuple[float, float]:
             variance += positive.size / 4
             continue
         trials, right = positive.size + negative.size, positive.sum() + (~negative).sum()
-        # Right responses on one side more than its share; as many are missing on the other.
+        # Excess of correct responses on one side; the same number is missing on the other.
         beyond += 2 * (positive.sum() - positive.size * right / trials)
         spread = positive.size * negative.size * right * (trials - right)
         variance += 4 * spread / (trials**2 * max(trials - 1, 1))

@@ -1,9 +1,9 @@
-"""How far a fit would move if its model had been simulated with other trials.
+"""Simulation error: how far a fit would move with other simulated trials.
 
-A circuit's likelihood is estimated from a limited number of stored trials. They fall into
-independent parts; the jackknife (Efron & Tibshirani 1993, chapter 11) leaves out each in turn. What
-a fit finds without a part follows from one Newton step away from its optimum, so that no search is
-repeated. Models that are computed exactly have no such error.
+A circuit's likelihood is estimated from a limited number of stored trials. They are divided into
+independent parts, and the jackknife (Efron & Tibshirani 1993, chapter 11) leaves out each in turn.
+The fit without a part follows from one Newton step from the optimum, so that no search is repeated.
+Models that are computed exactly have no such error.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from bgmodel.fitting.optimum import Likelihood
 from bgmodel.support.arrays import Array, Truths
 
 HALVED = 8
-"""How often a step that leads downhill is halved before none is taken."""
+"""Number of times a step that leads downhill is halved before it is skipped."""
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """Standard errors that come from the simulated trials alone.
+    """Standard errors due to the simulated trials alone.
 
     Parameters
     ----------
     log_likelihood : float, nats
-        Of the largest log likelihood.
+        Standard error of the largest log likelihood.
     parameters : array (parameters,)
-        Of each number of the fit; NaN where it lies at a bound of its range, from which a Newton
-        step says nothing; 0 in a model without simulated trials.
+        Standard error of each number of the fit; NaN at a bound of its range, where a Newton step
+        is not informative; 0 in a model without simulated trials.
     """
 
     log_likelihood: float
@@ -55,16 +55,16 @@ def simulation_error(
     there: Directions,
     left: Sequence[tuple[Likelihood, Array]] | None = None,
 ) -> Simulation:
-    """Return the errors that the simulated trials leave in a fit.
+    """Return the standard errors of a fit due to the simulated trials.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Of the data.
+        Likelihood of the data.
     there : Directions
-        At the optimum.
+        Directions at the optimum.
     left : sequence of (Likelihood, array), optional
-        As of ``without_parts``; computed if left out.
+        As from ``without_parts``; computed if omitted.
     """
     left = without_parts(likelihood, there) if left is None else left
     vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
@@ -81,15 +81,15 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
     Parameters
     ----------
     likelihood : Likelihood
-        Of the data.
+        Likelihood of the data.
     there : Directions
-        At the optimum of all trials, with the information by which a slope moves it. A number that
-        lies at a bound of its range stays there.
+        Directions at the optimum of all trials, with the information that converts a slope into a
+        step. A number at a bound of its range stays there.
 
     Returns
     -------
     list of (Likelihood, array (parameters,))
-        One for each part; none where the model is computed exactly.
+        One for each part; empty if the model is computed exactly.
     """
     left = [replace(likelihood, model=model) for model in likelihood.model.left_out()]
     if not left:
@@ -107,10 +107,10 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
 
 
 def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -> Array:
-    """Return where a step leads, halved until it leads uphill and within the range.
+    """Return the end of a step, halved until it leads uphill and within the range.
 
-    Along a ridge the hill is no parabola, and a Newton step may end far down its other side.
-    ``common`` is the slope that all parts share, as a search ends a little beside the optimum.
+    On a ridge the surface is not parabolic, and a Newton step may end far down on the other side.
+    ``common`` is the slope shared by all parts, since a search ends slightly off the optimum.
     """
     low, high = likelihood.freedom.low, likelihood.freedom.high
     start = likelihood(vector)
@@ -122,7 +122,7 @@ def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -
 
 
 def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
-    """Return the derivative of the log likelihood by each number that does not lie at a bound."""
+    """Return the derivative of the log likelihood by each number that is not at a bound."""
     found = np.zeros(len(vector))
     for k, step in zip(np.flatnonzero(inside), _steps(likelihood, vector, inside), strict=True):
         above, below = _beside(vector, k, step)
@@ -140,8 +140,8 @@ def _beside(vector: Array, k: int, step: float) -> tuple[Array, Array]:
 def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     """Return minus the second derivatives of the log likelihood by the numbers inside.
 
-    Those of the data, not the expected ones: the two differ where a model does not fit, and it is
-    this hill that simulated trials move.
+    These are derivatives for the data, not expected ones: the two differ if a model does not fit,
+    and simulated trials move the surface of the data.
     """
     steps = _steps(likelihood, vector, inside)
     slopes = []
@@ -154,7 +154,7 @@ def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
 
 
 def _steps(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
-    """Return steps of derivatives; two of them stay within the range."""
+    """Return step sizes of derivatives; two steps stay within the range."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
     steps = STEP * np.maximum(np.abs(vector), 0.1 * (high - low))
     room = np.minimum(vector - low, high - vector) / 2

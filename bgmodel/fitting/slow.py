@@ -16,11 +16,11 @@ TAILS_S = (0.75, 1.5, 3.0)
 SHARES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 """Shares of trials that may be slow."""
 GAIN_NATS = 1.25
-"""Gain in log likelihood above which slow trials are reported (``make validate`` checks it)."""
+"""Gain in log likelihood above which slow trials are reported (checked by ``make validate``)."""
 
 
 class Slow(NamedTuple):
-    """The slow trials under which data are most likely: gain, nats; share; mean delay, s."""
+    """The most likely slow trials: gain in log likelihood, nats; share; mean delay, s."""
 
     gain_nats: float
     share: float
@@ -28,10 +28,10 @@ class Slow(NamedTuple):
 
 
 def slow_trials(found: Optimum) -> Slow:
-    """Return what a share of slow trials would add to the log likelihood of an optimum.
+    """Return the gain in log likelihood of an optimum if a share of trials is slow.
 
     A slow trial is one of the model's with an exponential delay. Parameters stay at the optimum, so
-    this is a lower bound of what a fit of share and delay would gain.
+    this is a lower bound on the gain of a fit of share and delay.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def slow_trials(found: Optimum) -> Slow:
 
 
 def warn_of_slow(found: Optimum) -> None:
-    """Warn where a tail of slow trials makes the data more likely than the fitted model alone.
+    """Warn if a tail of slow trials makes the data more likely than the fitted model alone.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def warn_of_slow(found: Optimum) -> None:
     likelihood = found.likelihood
     design, model = likelihood.design, likelihood.model.identity()["model"]
     held = "lapse" in likelihood.freedom.held
-    free = "let lapse be free, which takes some of them up, or " if held else ""
+    free = "free lapse, which absorbs some of them, or " if held else ""
     count = round(slow.share * len(design.observed.cell))
     FitWarning.warn(
         f"{design.who}, {model}: about {count} of {len(design.observed.cell)} trials are slower "

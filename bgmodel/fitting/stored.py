@@ -1,4 +1,4 @@
-"""Stored crossings in files: a column for what is known at each threshold, a row for each trial."""
+"""Stored crossings in files: columns for each threshold, one row per trial."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ KINDS = ("bin", "choice", "evidence")
 
 
 def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **made: Any) -> None:
-    """Write crossings as parquet, whole or not at all.
+    """Write crossings atomically as parquet.
 
     Parameters
     ----------
     crossings : FirstPassageTimes
-        What is stored.
+        The crossings to store.
     path : path
-        Its folder is made where it is not there.
+        The file; its folder is created if needed.
     seed : int
-        Of the trials: part of the provenance.
+        Seed of the trials, part of the provenance.
     **made
-        What else they were made with.
+        Further settings for the provenance.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     found = (crossings.bins, crossings.choice, crossings.evidence)
@@ -43,14 +43,14 @@ def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **ma
 def read_crossings(
     path: Path, thresholds_nats: Array, drifts: Sequence[float]
 ) -> FirstPassageTimes | None:
-    """Return stored crossings; None where there are none, or their file was cut short.
+    """Return stored crossings; None if there are none or their file is truncated.
 
     Parameters
     ----------
     path : path
         As given to ``write_crossings``.
     thresholds_nats, drifts : arrays
-        Those that they were made with.
+        Thresholds and drifts that they were made with.
     """
     try:
         table = files.read_table(path)

@@ -14,27 +14,27 @@ def count(
 ) -> None:  # fmt: skip
     """Add trials to the counts of a grid.
 
-    A trial is given at several settings. Where it chose the same at all of them, it decides
-    between them in time, having read what lies between; where not, it is divided among them.
+    A trial is given at several settings. If its choice is the same at all of them, its time and
+    evidence are interpolated; otherwise it is divided among them.
 
     Parameters
     ----------
     bins : int array (settings, trials)
-        Bin of the decision, the last one where there was none.
+        Bin of the decision, the last one without a decision.
     choice : int array (settings, trials)
-        0 or 1, -1 where there was none.
+        0 or 1, -1 without a decision.
     evidence : array (settings, trials), sqrt(s)
-        As of ``FirstPassageTimes``.
+        As in ``FirstPassageTimes``.
     share : array (settings,)
-        How near the asked setting lies to each; they sum to 1.
+        Weight of each setting in the interpolation; they sum to 1.
     parts : bool array
         Trial k counts where ``parts[k % len(parts)]`` is true.
     width : float, sqrt(s)
-        Of a bin of evidence.
+        Width of a bin of evidence.
     decided : array (bins, evidence)
-        Added to, by the evidence for the choice; what lies between two bins goes to both.
+        Counts to add to, by the evidence for the choice, divided between two neighbouring bins.
     never : array (evidence,)
-        Added to: trials without a decision.
+        Counts to add to, for trials without a decision.
     """
     settings, trials = bins.shape
     part = -1
@@ -64,7 +64,7 @@ def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any
     read = -read if chosen == 1 else read
     if chosen < 0:
         place = never.shape[0] // 2 + read
-        left = int(place)  # the middle is far above 0
+        left = int(place)  # the central column is far above 0
         right = weight * (place - left)
         never[left] += weight - right
         never[left + 1] += right

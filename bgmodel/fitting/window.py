@@ -15,25 +15,25 @@ from circuits.errors import DataWarning, InputError, require
 RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
 
-No decision of a constant gap is that late: an exponential tail, as it has, exceeds this in fewer
-than one of a million million trials. Lapses may.
+No decision of a constant gap is that late: an exponential tail, such as its own, exceeds this in
+fewer than one of 10^12 trials. Lapses may.
 """
 ENOUGH = 20
-"""Responses of a cell whose quartiles are used on their own."""
+"""Least number of responses of a cell for its quartiles to be used separately."""
 
 
 def fence_s(rt_s: Array, cell: Integers) -> float:
-    """Return where the default window ends, s; infinity where the quartiles are the same.
+    """Return the end of the default window, s; infinity if the quartiles are equal.
 
     In each cell of at least 20 responses it is the upper quartile plus 25 interquartile ranges;
-    the latest of these counts. Without such a cell all responses are taken together.
+    the latest of these is used. Without such a cell all responses are pooled.
 
     Parameters
     ----------
     rt_s : array (trials,), s
-        NaN without a response.
+        Response times; NaN without a response.
     cell : int array (trials,)
-        The cell of each trial.
+        Cell of each trial.
     """
     answered = np.isfinite(rt_s)
     groups = [rt_s[answered & (cell == each)] for each in np.unique(cell)]
@@ -57,7 +57,7 @@ def check_window(rt_window: tuple[float, float]) -> None:
     require(
         ends.shape == (2,) and 0 <= ends[0] < ends[1],
         "rt_window",
-        "must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf "
+        "must be an earliest and a later latest time, 0 s or more, such as 0.2 5 (inf "
         "for no latest one)",
         rt_window,
     )
@@ -70,23 +70,23 @@ def in_window(
     deadline_s: float | None,
     who: str,
 ) -> tuple[tuple[float, float], Truths]:
-    """Return the window of a fit, s, and which trials lie in it; warn with the number left out.
+    """Return the window of a fit, s, and which trials are in it; warn of excluded trials.
 
     Parameters
     ----------
     rt_s, cell :
-        As of ``fence_s``.
+        As for ``fence_s``.
     rt_window : tuple of float, s, or None
-        As asked for. None: all times if there is a deadline, and otherwise those up to ``fence_s``.
+        As requested. None: all times if there is a deadline, otherwise those up to ``fence_s``.
     deadline_s : float, s, optional
-        When a trial is over. A trial without a response is always in the window.
+        End of a trial. A trial without a response is always in the window.
     who : str
-        Whose trials these are.
+        Name of the participant.
 
     Raises
     ------
     ValueError
-        If the window is none, or fewer than 10 responses lie in it.
+        If the window is invalid or contains fewer than 10 responses.
     """
     rule = ""
     if rt_window is not None:
@@ -108,11 +108,11 @@ def in_window(
         )
     if out:
         DataWarning.warn(
-            f"{who}: {out} of {responses} response times are left out of the fit, the longest "
-            f"{rt_s[~inside].max():.3g} s: it uses those {span}. Another window: rt_window (at the "
+            f"{who}: {out} of {responses} response times are excluded from the fit, the longest "
+            f"{rt_s[~inside].max():.3g} s: it uses those {span}. To change this: rt_window (at the "
             "terminal --rt-window); 0 inf keeps all"
         )
     elif rule:
-        # Nothing is left out: the likelihood is that of all times.
+        # Nothing is excluded: the likelihood is that of all times.
         window = EVERY_TIME
     return window, inside

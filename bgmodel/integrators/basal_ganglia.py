@@ -1,4 +1,4 @@
-"""A circuit as an integrator beside ``Msprt``: the only module here that runs engines."""
+"""A circuit as an integrator, like ``Msprt``; the only module here that runs engines."""
 
 from __future__ import annotations
 
@@ -41,45 +41,45 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
 
 BATCH = 250
-"""Trials that ``BasalGanglia.batches`` runs at a time."""
+"""Number of trials in one batch of ``BasalGanglia.batches``."""
 WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
-"""Without rates: so many, if OUT has no more numbers than this. The rate engine is faster on many.
-"""
+"""Without rates: largest number of trials in a batch, and of values of OUT. The rate engine runs
+large batches faster."""
 ROUNDING_NATS = 0.01
-"""How far below its threshold a trial is dropped."""
+"""A trial is dropped once OUT is this far below its threshold."""
 LEAD_MS = 100.0
-"""Time per which a circuit states the largest lead that it follows, ms."""
+"""Time to which a circuit's largest tracked lead refers, ms."""
 REFUSED_TIMES = 8.0
-"""A lead this many times the stated one is refused: a third of decisions come late by then."""
+"""A lead this many times the circuit's largest is refused: a third of decisions are then late."""
 COARSE_MS, COARSE_SHARE = 5.0, 0.1
-"""Samples of OUT further apart than both, ms and a share of the step, are warned of. With readings
-every 50 ms the mean time is 5 ms longer at 5 ms, 13 at 10 ms and 58 at 50 ms."""
+"""Warn if samples of OUT are further apart than both (ms, share of a step). With readings every
+50 ms, sampling every 5, 10 and 50 ms lengthens the mean decision time by 5, 13 and 58 ms."""
 NOISE_SHARE = 0.02
-"""Share of trials at rest that may cross a threshold within half a second, by noise."""
+"""Largest tolerated share of trials in which noise alone crosses a threshold within 500 ms."""
 
 
 @dataclass(frozen=True, repr=False)
 class BasalGanglia(Facts):
-    """A basal ganglia circuit that integrates evidence; ``run`` gives OUT as ``Msprt`` does.
+    """A basal ganglia circuit that integrates evidence; ``run`` returns OUT, as for ``Msprt``.
 
     Parameters
     ----------
     circuit : Circuit or str
-        The table; or a name or a .toml file: that of 2 channels, or of as many as the file has.
+        The table, a name (2 channels) or a .toml file (the file's number of channels).
     engine : Engine or str
-        A record of ``circuits.engines`` with its options, as ``Population(dt_ms=0.5)``; or the name
-        of one with its defaults. Population has the noise of spikes and is the fastest engine that
-        has it.
+        A record of ``circuits.engines`` with its options, such as ``Population(dt_ms=0.5)``, or the
+        name of one, with its defaults. Population is the fastest engine that includes spiking
+        noise.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
-        ``-ln softmax(kappa L)``. The circuit's default unless given; a circuit that states none
-        needs one.
+        ``-ln softmax(kappa L)``. By default that of the circuit; required for a circuit without a
+        default.
     seed : int, optional
         Key of the noise.
     centred : bool, optional
-        Whether the mean over channels is taken off the evidence outside the circuit; as the table
-        says unless given. True for a circuit that gets raw evidence is a control: what does it
-        cost to cancel inside what channels have in common?
+        Whether the mean over channels is subtracted from the evidence outside the circuit; by
+        default as in the table. True for a circuit that gets raw evidence is a control: it shows
+        the cost of cancelling the common input within the circuit.
 
     Raises
     ------
@@ -89,12 +89,12 @@ class BasalGanglia(Facts):
     Warns
     -----
     UserWarning
-        If the engine makes no use of a number of the circuit that was edited.
+        If the engine ignores a number of the circuit that was edited.
     """
 
     circuit: Circuit
     engine: EngineOrName = EngineOrName("population")
-    gain: float = None  # type: ignore[assignment]  # a number once the model is made
+    gain: float = None  # type: ignore[assignment]  # a number after __post_init__
     seed: int | None = 0
     centred: bool | None = None
 
@@ -110,11 +110,11 @@ class BasalGanglia(Facts):
         self._warn_of_ignored_edits()
 
     def _warn_of_ignored_edits(self) -> None:
-        """Warn if the engine makes no use of a number that was edited."""
+        """Warn if the engine ignores an edited number."""
         if ignored := ignored_edits(self.circuit, self.engine):
             EditWarning.warn(
-                f"the {self.engine} engine makes no use of these edits of {self.circuit.name}: "
-                f"{'; '.join(ignored)}; take another engine, or leave them out"
+                f"the {self.engine} engine ignores these edits of {self.circuit.name}: "
+                f"{'; '.join(ignored)}; choose another engine, or remove them"
             )
 
     def facts(self) -> dict[str, str]:
@@ -133,26 +133,26 @@ class BasalGanglia(Facts):
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
 
-        Readings come at ``onset_ms + k step_ms``; each is held, and the last one for a step more,
-        so that the circuit can answer it. A foreperiod in which something is expected is run too.
+        Readings come at ``onset_ms + k step_ms``; each is held for a step, the last one for two, so
+        that the circuit can respond to it. An informative foreperiod is run too.
         """
         return self.trace(self.activity(evidence), evidence)
 
     def drive(self, evidence: Evidence) -> Array:
-        """Return the drive: raw evidence, or as ``drive_of`` where it is centred.
+        """Return the drive: raw evidence, or that of ``drive_of`` if it is centred.
 
         Raises
         ------
         ValueError
-            If each channel gets its own evidence and that has no baseline, or if something is
-            expected where the mean over channels is taken off.
+            If each channel gets its own evidence and that has no baseline, or if the foreperiod is
+            informative and the mean over channels is subtracted.
         """
         expected = check_evidence(evidence).expectancy_nats
         if not self.raw:
             if expected is not None:
                 raise InputError(
-                    "what is expected is common to all channels, and their mean is taken off what "
-                    f"{self.circuit.name} gets: nothing of it would arrive",
+                    "the expectation is common to all channels, and their mean is removed from the "
+                    f"input of {self.circuit.name}: none of it would reach the circuit",
                     "evidence",
                 )
             return drive_of(evidence, self.gain, self.circuit.max_deficit_nats)
@@ -164,13 +164,13 @@ class BasalGanglia(Facts):
 
     @property
     def raw(self) -> bool:
-        """Whether each channel gets its own evidence, and no mean is taken off before."""
+        """Whether each channel gets its own evidence, without subtraction of the mean."""
         return not (self.circuit.centred if self.centred is None else self.centred)
 
     def trace(self, activity: Activity, evidence: Evidence) -> Trace:
         """Return the OUT of an activity as a trace on the evidence's clock.
 
-        A trial ends a step after its last reading, as it would if no other were longer.
+        A trial ends a step after its last reading, however long other trials are.
         """
         foreperiod = evidence.foreperiod_steps
         time_ms = activity.time_ms + (0.0 if foreperiod else evidence.onset_ms)
@@ -195,35 +195,35 @@ class BasalGanglia(Facts):
         forced: bool = True,
         rates: RateMeans | None = None,
     ) -> Decision:
-        """Let the circuit decide, with every check and warning of ``bgmodel circuit run``.
+        """Run the circuit to a decision, with every check and warning of ``bgmodel circuit run``.
 
-        It goes through the trials a part at a time; where the engine can, a trial is over at its
+        Trials are run in batches; where the engine supports it, a trial ends at its
         decision.
 
         Parameters
         ----------
         evidence : Evidence
-            What it is given.
+            Readings of all trials.
         threshold : float, optional
-            OUT at which it decides, in the circuit's unit.
+            OUT at which the circuit decides, in the circuit's unit.
         posterior : float, optional
-            Posterior at which it decides, in the circuit's nats, in place of a threshold.
+            Posterior at which the circuit decides, in its nats; replaces the threshold.
         forced : bool
             Whether the deadline forces a response.
         rates : RateMeans, optional
-            Filled with the rates of all trials, which run to their ends then.
+            Filled with the rates of all trials, which then run to their ends.
 
         Raises
         ------
         ValueError
-            If the circuit would decide without evidence at that threshold, or does not read it.
+            If the circuit would decide without evidence at that threshold or can never reach it.
 
         Warns
         -----
         UserWarning
             If the evidence leaves the circuit's range, noise alone crosses the threshold, most
             trials are decided by the deadline or before their first reading, or posteriors at the
-            decision are not the share of right choices.
+            decision differ from the proportion correct.
         """
         if not isinstance(rates, (RateMeans, NoneType)):
             raise InputError.of("rates", "must be a RateMeans() of circuits.activity", rates)
@@ -244,9 +244,9 @@ class BasalGanglia(Facts):
         forced: bool = True,
         rates: RateMeans | None = None,
     ) -> Decision:
-        """Return the decisions at one output level, without the checks of ``decide``.
+        """Return the decisions at one threshold on OUT, without the checks of ``decide``.
 
-        It is for those that check and warn themselves, such as experiments.
+        For callers that check and warn themselves, such as experiments.
         """
         model = self.until(level - ROUNDING_NATS) if rates is None else self
         parts = []
@@ -269,7 +269,7 @@ class BasalGanglia(Facts):
         forced: bool = True,
         first_trial: int = 0,
     ) -> Session:
-        """Return a session that decides as readings come; options as of ``Session``.
+        """Return a session that decides as readings come; options as for ``Session``.
 
         Raises
         ------
@@ -280,15 +280,15 @@ class BasalGanglia(Facts):
         Warns
         -----
         UserWarning
-            Once, if a reading leaves the circuit's range; if noise alone crosses the threshold. How
-            strong evidence is on the mean is not known before its readings: see ``check_strength``.
+            Once, if a reading leaves the circuit's range, and if noise alone crosses the threshold.
+            The mean strength of evidence is unknown beforehand: see ``check_strength``.
         """
         level = self.threshold(threshold, posterior)
         self.warn_of_noise(level)
         nothing = np.zeros((1, 1, self.circuit.channels))
         empty = Evidence(nothing, prior=prior, step_ms=step_ms, baseline=baseline)  # type: ignore[arg-type]
 
-        doubts: list[str] = []  # said once a session, not at every reading
+        doubts: list[str] = []  # warn once per session, not at every reading
 
         def begin(trial: int) -> Reader:
             stream = self.engine.stream(
@@ -314,20 +314,20 @@ class BasalGanglia(Facts):
         )  # fmt: skip
 
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
-        """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
+        """Return the checked threshold on OUT, given as a threshold or as a posterior."""
         return readout_of(self.circuit).one(threshold, posterior, self.circuit.channels)
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
-        """Return all that the circuit did; trial t has the noise of ``first_trial + t``.
+        """Return the activity of the circuit; trial t has the noise of ``first_trial + t``.
 
-        Warns of evidence that is stronger than the circuit follows; see ``check_strength``.
+        Warns if evidence is stronger than the circuit can track; see ``check_strength``.
         """
         self.check_strength(evidence)
         self._warn_of_coarse_samples(evidence)
         return self.run_drive(self.drive(evidence), evidence.step_ms, first_trial)
 
     def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
-        """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
+        """Return the activity under a drive (trials, steps, channels) in the circuit's nats."""
         trials, steps, _ = checked_drive(self.circuit, drive).shape
         self.check_memory(trials, steps, step_ms)
         return self.engine.run(
@@ -335,14 +335,14 @@ class BasalGanglia(Facts):
         )
 
     def check_memory(self, trials: int, steps: int, step_ms: float) -> None:
-        """Raise ValueError if there is no memory for so many trials at a time."""
+        """Raise ValueError if there is not enough memory for this many trials at a time."""
         check_memory(
             self._memory_bytes(trials, steps, step_ms),
             f"{trials} trials of {self.circuit.name}, engine {self.engine},",
         )
 
     def memory_gb(self, trials: int, steps: int, step_ms: float) -> float:
-        """Return about how much memory so many trials at a time take, GB."""
+        """Return the approximate memory for this many trials at a time, GB."""
         return self._memory_bytes(trials, steps, step_ms) / 1e9
 
     def _memory_bytes(self, trials: int, steps: int, step_ms: float) -> float:
@@ -354,10 +354,10 @@ class BasalGanglia(Facts):
         warn_beyond_range(self.circuit, self.drive(evidence))
 
     def lead_nats(self, evidence: Evidence) -> float:
-        """Return the mean lead that the best-supported channel gains, nats of drive.
+        """Return the mean lead gained by the best-supported channel, nats of drive.
 
-        The lead is over the mean of the other channels at a trial's end, per 100 ms, or per reading
-        where readings are further apart.
+        The lead is relative to the mean of the other channels at a trial's end, per 100 ms, or per
+        reading where readings are further apart.
         """
         total = evidence.log_likelihood.sum(axis=1, dtype=np.float64)
         most = total.max(axis=1)
@@ -366,45 +366,45 @@ class BasalGanglia(Facts):
         return per_reading * max(1.0, LEAD_MS / evidence.step_ms)
 
     def check_strength(self, evidence: Evidence) -> None:
-        """Warn if evidence is stronger than the circuit follows.
+        """Warn if evidence is stronger than the circuit can track.
 
-        An engine in which no time passes follows any evidence.
+        An engine without dynamics (algebra) tracks any evidence.
 
         Raises
         ------
         ValueError
-            If the evidence gains ``REFUSED_TIMES`` the lead that the circuit states, or more, or
-            it is no ``Evidence``.
+            If the evidence gains at least ``REFUSED_TIMES`` the largest lead of the circuit, or
+            is not an ``Evidence``.
         """
         check_evidence(evidence)
         most = self.circuit.max_lead_nats
         if not (self.engine.timed and np.isfinite(most)):
             return
         lead = self.lead_nats(evidence)
-        # A hypothesis that is ruled out has no finite nats: the engines refuse it.
+        # A hypothesis that is ruled out has infinite nats: the engines refuse it.
         if lead <= most or not np.isfinite(lead):
             return
         said = (
             f"the evidence is too strong for {self.circuit.name}: one channel gains a lead of "
             f"{lead:.3g} nats of drive per {max(LEAD_MS, evidence.step_ms):g} ms, the circuit "
-            f"follows up to {most:.3g}, and beyond that decisions come late or never"
+            f"tracks up to {most:.3g}, and beyond that decisions come late or never"
         )
         if lead >= REFUSED_TIMES * most:
             raise InputError(f"{said}; lower the gain or give weaker evidence", "evidence")
         RangeWarning.warn(said)
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
-        """Warn if OUT is sampled so rarely that decision times come out too long."""
+        """Warn if OUT is sampled so rarely that decision times are overestimated."""
         sample_ms = self.engine.sample_ms
         most = max(COARSE_MS, COARSE_SHARE * evidence.step_ms)
         if sample_ms > most:
             BgmodelWarning.warn(
-                f"sample_ms = {sample_ms:g}: a decision is made only at a sample of OUT, so that "
-                f"decision times come out too long; give {most:g} or less"
+                f"sample_ms = {sample_ms:g}: decisions are detected only at samples of OUT, so "
+                f"decision times are overestimated; give {most:g} or less"
             )
 
     def out_at_rest(self, trials: int = 40) -> Array:
-        """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
+        """Return OUT (trials, ticks, channels) in 500 ms of noise without evidence."""
         silence = np.zeros((trials, 1, self.circuit.channels))
         quiet = replace(self, engine=self.engine.at_rest())
         return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
@@ -417,13 +417,13 @@ class BasalGanglia(Facts):
         share = any_crossing(out, threshold_nats).mean()
         if share > NOISE_SHARE:
             NoiseWarning.warn(
-                f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
+                f"without evidence, noise takes OUT below the threshold of {threshold_nats:.2f} "
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
                 f"{out.std():.2f}"
             )
 
     def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:
-        """Return the model that drops a trial below a level of OUT, where its engine can."""
+        """Return the model with trials dropped below a level of OUT, if its engine supports it."""
         return replace(self, engine=self.engine.until(level_nats, rates=rates))
 
     def batch(self, evidence: Evidence) -> int:
@@ -438,11 +438,11 @@ class BasalGanglia(Facts):
     def batches(
         self, evidence: Evidence, first_trial: int = 0
     ) -> Iterator[tuple[Evidence, Activity, Trace]]:
-        """Go through many trials, a part that fits into memory at a time.
+        """Run many trials in batches that fit into memory.
 
-        Yields each part of the evidence with its activity and its OUT; what a trial does is the
-        same in any part, and trial t has the noise of ``first_trial + t``. Warnings and errors of
-        ``check_strength`` are about all of the evidence.
+        Yields each batch of the evidence with its activity and its OUT. Results do not depend on
+        the batches: trial t has the noise of ``first_trial + t``. Warnings and errors of
+        ``check_strength`` refer to all of the evidence.
         """
         self.check_strength(evidence)
         self._warn_of_coarse_samples(evidence)
@@ -455,31 +455,31 @@ class BasalGanglia(Facts):
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
-                # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
+                # Not once per batch: ``warn_beyond_range`` warns once.
                 warnings.simplefilter("ignore", RangeWarning)
                 activity = self.run_drive(self.drive(part), part.step_ms, first_trial + first)
             yield part, activity, self.trace(activity, part)
 
     def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:
-        """Return the activity and OUT of one trial of a part, the same as within that part."""
+        """Return the activity and OUT of one trial of a batch, identical to those in the batch."""
         ((_, activity, trace),) = self._parts(part[trial : trial + 1], first_trial + trial)
         return activity, trace
 
 
 def checked_circuit(given: Circuit | str | Path, channels: int | None = None) -> Circuit:
-    """Return a circuit: itself, or the table of a name or of a .toml file.
+    """Return a circuit, given as such, by name or as a .toml file.
 
     Parameters
     ----------
     given : Circuit, str or path
-        What a user gives.
+        The user's argument.
     channels : int, optional
-        Number of alternatives, where it is not a circuit yet.
+        Number of alternatives, unless ``given`` is a circuit already.
 
     Raises
     ------
     ValueError
-        For an unknown name, and for anything else.
+        For an unknown name or an argument of another type.
     """
     if isinstance(given, Circuit):
         return given
@@ -493,23 +493,23 @@ def checked_circuit(given: Circuit | str | Path, channels: int | None = None) ->
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
-    """Return the gain that is given, or else the circuit's default, 1 for an exact circuit.
+    """Return the given gain, or by default that of the circuit, 1 for an exact circuit.
 
     Parameters
     ----------
     circuit : Circuit
         The table.
     given : float, optional
-        A gain that was asked for.
+        The user's gain.
 
     Raises
     ------
     ValueError
-        If none is given and the circuit has no default: that of another table would mean nothing.
+        If none is given and the circuit has no default.
     """
     found = circuit.default_gain if given is None else given
     if found is None and (circuit.unedited or circuit).exact:
-        return 1.0  # an exact table follows -ln P at any gain
+        return 1.0  # the output of an exact table is -ln P at any gain
     if found is None:
         raise InputError(
             f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
@@ -520,27 +520,27 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
 
 
 def identity(circuit: Circuit) -> dict[str, str]:
-    """Return the name and the hash of a circuit, as edited: for provenance."""
+    """Return the name and the hash of an edited circuit, for provenance."""
     from circuits.declaration.table_files import digest
 
     return {"name": circuit.name, "sha256": digest(circuit)}
 
 
 def rest_out(circuit: Circuit) -> float:
-    """Return the lowest OUT at the fixed point of rest; infinity where there is none.
+    """Return the lowest OUT at the fixed point of rest; infinity if it has none.
 
-    Courses begin with the drive: before it there is none.
+    Time courses of the input begin with the drive and are left out.
     """
     try:
         silence = np.zeros((1, 1, circuit.channels))
         found = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
     except ValueError:
-        return np.inf  # Without a state of rest there is nothing to compare with.
+        return np.inf  # Without a resting state there is nothing to compare with.
     return float(found)
 
 
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
-    """Refuse a threshold that the circuit is past before any evidence, or never reads.
+    """Refuse a threshold that OUT is past before any evidence, or can never reach.
 
     Parameters
     ----------
@@ -552,14 +552,14 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     Raises
     ------
     ValueError
-        With the OUT at rest.
+        If the threshold is refused; the message states OUT at rest.
     """
     readout_of(circuit).check(threshold_nats)
 
 
 @lru_cache(maxsize=1024)
 def readout_of(circuit: Circuit) -> ReadOut:
-    """Return what thresholds on a circuit's OUT can mean: where it rests, and what it reads."""
+    """Return the meaning of thresholds on a circuit's OUT: where it rests, how low it can go."""
     return ReadOut(circuit.name, circuit.readable_nats[0], rest_out(circuit), circuit.unit)
 
 
@@ -568,8 +568,8 @@ def check_conditions(
 ) -> None:
     """Refuse the thresholds of a control and a manipulation, as ``check_threshold`` does.
 
-    A manipulated circuit that rests below its threshold is an outcome: it decides without evidence.
-    What its read-out tells apart is none.
+    A manipulated circuit that rests below its threshold is a valid outcome: it decides without
+    evidence. A threshold beyond the range of its read-out is refused.
 
     Parameters
     ----------
@@ -581,7 +581,7 @@ def check_conditions(
     Raises
     ------
     ValueError
-        If the control would decide without evidence, or either circuit never reads its threshold.
+        If the control would decide without evidence, or a circuit can never reach its threshold.
     """
     check_threshold(control, control_nats)
     if manipulated_nats < manipulated.readable_nats[0]:
@@ -589,28 +589,28 @@ def check_conditions(
 
 
 def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
-    """Return those thresholds that lie below OUT at rest, and that the read-out can reach."""
+    """Return the thresholds that are below OUT at rest and within reach of the read-out."""
     low = circuit.readable_nats[0]
     return thresholds_nats[(thresholds_nats >= low) & (thresholds_nats < rest_out(circuit))]
 
 
 def drive_of(evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf) -> Array:
-    """Return the drive of a circuit that needs it centred, (trials, steps + 1, hypotheses) nats.
+    """Return the drive of a circuit that needs centred input, (trials, steps + 1, hypotheses) nats.
 
     Parameters
     ----------
     evidence : Evidence
-        Readings; before the first there is the prior alone.
+        Readings; the first step of the drive is the prior alone.
     gain : float
         kappa.
     max_deficit_nats : float
-        No drive falls further than this below the leader's.
+        Drives are clipped at this distance below the leader's.
 
     Notes
     -----
     ``Y_i - mean_j Y_j``, ``Y_i = max(kappa L_i, max_j kappa L_j - reach)``, with L the log prior
-    plus all readings so far: a common input changes nothing (Bogacz & Gurney 2007), and without
-    the mean no rate would have to be negative.
+    plus all readings so far: a common input cancels (Bogacz & Gurney 2007), and without the mean
+    no rate has to be negative.
     """
     total = gain * evidence.totals
     total = np.maximum(total, total.max(axis=2, keepdims=True) - max_deficit_nats)

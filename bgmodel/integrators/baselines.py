@@ -1,8 +1,8 @@
-"""What the MSPRT must beat: integrators that see the same evidence and combine it otherwise.
+"""Baseline models: integrators that combine the same evidence in other ways than the MSPRT.
 
-Each is a linear integrator of the summed log-likelihoods ``Y_i`` with a rule of its own; OUT is
-minus what its rule compares with a threshold, so that the lowest OUT is the most favoured. A
-baseline model is a class with ``run`` and ``needs_zero``, and one line in ``BASELINES``.
+Each is a linear integrator of the summed log-likelihoods ``Y_i`` with its own stopping rule; OUT
+is minus the quantity that is compared with the threshold, so the lowest OUT is the most favoured.
+A baseline model is a class with ``run`` and ``needs_zero``, and one line in ``BASELINES``.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from bgmodel.support.checks import check_positive, check_range
 
 
 class Baseline(Protocol):
-    """An integrator that is held to the MSPRT on the same evidence."""
+    """An integrator that is compared with the MSPRT on the same evidence."""
 
     needs_zero: ClassVar[bool]
-    """Whether the zero of its evidence must mean that nothing was seen: a model that adds up what
-    the hypotheses of a reading share."""
+    """Whether a zero of its evidence must mean "no information": true of a model that adds up
+    terms common to the hypotheses of a reading."""
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
@@ -35,9 +35,9 @@ class Baseline(Protocol):
 class Race:
     """Independent accumulators: stop when one total is high enough (Vickers 1970).
 
-    ``OUT_i = -Y_i``. A constant shared by the hypotheses of a reading changes nothing for the rules
-    that compare; here it does, so the zero of the evidence must mean that nothing was seen, as in
-    ``separated_evidence``.
+    ``OUT_i = -Y_i``. A constant common to the hypotheses of a reading cancels in rules that
+    compare accumulators, but not here: a zero of the evidence must mean that nothing was seen, as
+    in ``separated_evidence``.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -68,13 +68,13 @@ class MaxVsAverage:
 class MaxVsNext:
     """Stop when the highest total is far enough above the second (McMillen & Holmes 2006).
 
-    ``OUT_i = max_{j != i} Y_j - Y_i``: the limit of the MSPRT for a high gain.
+    ``OUT_i = max_{j != i} Y_j - Y_i``: the limit of the MSPRT at high gain.
     """
 
     needs_zero: ClassVar[bool] = False
 
     def run(self, evidence: Evidence) -> Trace:
-        """Return the best other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
+        """Return the highest other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
         total = check_evidence(evidence).totals
         top = np.sort(total, axis=2)[:, :, -2:]
         leads = total == top[:, :, 1:]
@@ -85,14 +85,14 @@ class MaxVsNext:
 class Lca:
     """Leaky competing accumulators without a floor (Usher & McClelland 2001), solved exactly.
 
-    ``dx_i/dt = input_i - leak x_i - inhibition sum_{j != i} x_j``, each reading an input that is
-    held until the next, and ``OUT_i = -x_i``. It starts at 0, whatever the prior.
+    ``dx_i/dt = input_i - leak x_i - inhibition sum_{j != i} x_j``, with each reading held as input
+    until the next, and ``OUT_i = -x_i``. It starts at 0, whatever the prior.
 
     Parameters
     ----------
     leak_hz, inhibition_hz : float
-        Per second; 100 and 100 in Bogacz & Gurney 2007. Where they are equal, differences between
-        the accumulators do not leak. What all share leaks fast, but it counts.
+        Rates per second; 100 and 100 in Bogacz & Gurney 2007. If they are equal, differences
+        between the accumulators do not leak. Their common part leaks fast but does not cancel.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -115,18 +115,18 @@ class Lca:
 
 @dataclass(frozen=True)
 class LinearGpe:
-    """The circuit of the MSPRT with a GPe that is linear in STN's output (Bogacz & Gurney 2007).
+    """The MSPRT circuit with a GPe that is linear in STN output (Bogacz & Gurney 2007).
 
-    GPe is ``a Sigma`` where the MSPRT asks for ``Sigma - ln Sigma``, so that Sigma, STN's output,
+    GPe is ``a Sigma`` where the MSPRT requires ``Sigma - ln Sigma``, with Sigma the STN output. It
     solves ``a Sigma + ln Sigma = ln sum_j exp y_j``, by Wright's omega function, and
-    ``OUT_i = Sigma - y_i``. What all channels share does not cancel.
+    ``OUT_i = Sigma - y_i``. Terms common to all channels do not cancel.
 
     Parameters
     ----------
     gain : float
-        Factor on the evidence: 1 is that of the exact test.
+        Factor on the evidence; 1 in the exact test.
     slope : float
-        a; 1, or .84 with a gain of .4, in their figure 3.
+        The slope a; 1, or 0.84 with a gain of 0.4, in their figure 3.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -155,19 +155,19 @@ BASELINES: dict[str, type[Baseline]] = {
 
 
 def baselines_on(zero_is_nothing: bool) -> list[str]:
-    """Return the names of the baseline models that can be run on evidence.
+    """Return the names of the baseline models that apply to the evidence.
 
     Parameters
     ----------
     zero_is_nothing : bool
-        Whether the zero of the evidence means that nothing was seen, as in ``separated_evidence``.
+        Whether a zero of the evidence means that nothing was seen, as in ``separated_evidence``.
     """
     return [name for name, model in BASELINES.items() if zero_is_nothing or not model.needs_zero]
 
 
 def _leaky(readings: Array, decay: float) -> Array:
     """Return ``dx/dt = input - decay x`` after each reading, time in readings; first tick 0."""
-    # scipy.signal takes a third of a second to import: only where it is used.
+    # Importing scipy.signal takes a third of a second: only when it is used.
     from scipy.signal import lfilter
 
     share = 1.0 if decay == 0 else -np.expm1(-decay) / decay

@@ -1,4 +1,4 @@
-"""A circuit at many thresholds: those that it reads, and what it decides at each."""
+"""A circuit at many thresholds: which it can reach, and its decisions at each."""
 
 from __future__ import annotations
 
@@ -33,37 +33,38 @@ DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
 LOWEST_NATS = 1e-3
 LOWEST, HIGHEST = 0.80, 0.98
-"""Accuracies between which thresholds are tried, unless others are asked for."""
+"""Default range of accuracies for which thresholds are tried."""
 BELOW_NATS = 0.04
-"""How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
+"""Trials are dropped this far below the lowest threshold: mostly the decoder is done by then."""
 
 
 def sample_ms(step_ms: float) -> float:
-    """Return the time between samples of OUT: 1 ms, or a fiftieth of slow readings."""
+    """Return the time between samples of OUT: 1 ms, or 1/50 of the interval of slow readings."""
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
 def thresholds_about(test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST) -> Array:
     """Return thresholds for a circuit, nats, around the test's at accuracies lowest to highest.
 
-    A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
+    A circuit's OUT follows that of the test with a delay: its thresholds are close, mostly lower.
     """
     low, high = 0.7 * test.setting(highest), 1.3 * test.setting(lowest)
-    # Where the evidence is strong enough, the test's reaches 0.
+    # With strong enough evidence, the threshold of the test reaches 0.
     return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
 
 
 def thresholds_of(
     circuit: Circuit, test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
 ) -> Array:
-    """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
+    """Return the thresholds of ``thresholds_about`` that the circuit can use.
 
-    Without nats they lie evenly from OUT at rest down to the lowest that is read.
+    Usable thresholds are below OUT at rest and within reach of the read-out. Without nats they
+    are evenly spaced between these two.
 
     Raises
     ------
     ValueError
-        If there is none: the circuit would decide without evidence at each.
+        If none is usable: the circuit would decide without evidence, or never, at each.
     """
     if circuit.unit != NATS:
         least = max(circuit.readable_nats[0], silent_nats(circuit))
@@ -72,7 +73,7 @@ def thresholds_of(
     found = deciding_thresholds(circuit, about)
     if not found.size:
         raise InputError(
-            f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and reads none below "
+            f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and resolves no OUT below "
             f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
             f"{about.max():.2f} nats, it would decide without evidence, or never",
             "circuit",
@@ -81,10 +82,10 @@ def thresholds_of(
 
 
 def without_noise_alone(model: BasalGanglia, thresholds: Array) -> Array:
-    """Return those thresholds that noise at rest hardly ever crosses.
+    """Return the thresholds that noise at rest hardly ever crosses.
 
-    Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
-    second without evidence.
+    At the others, noise decides: it crosses them within half a second without evidence in more
+    than ``NOISE_SHARE`` of trials.
     """
     if not (model.engine.threaded and model.engine.noisy):
         return thresholds
@@ -107,24 +108,24 @@ def decide_at_thresholds(
     model : BasalGanglia
         The circuit, its engine and its noise.
     evidence : Evidence
-        What it is given.
+        Readings of all trials.
     thresholds : array (K,), nats
         As from ``thresholds_about``.
     decoder_tau_ms : float, optional
-        How long the decoder counts; None for no decoder.
+        Time constant of the decoder; None for no decoder.
 
     Raises
     ------
     ValueError
-        If the circuit reads no OUT as low as the highest threshold.
+        If OUT of the circuit cannot reach even the highest threshold.
 
     Notes
     -----
-    Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
-    the decoder has not crossed all thresholds by then, the trial is run again, to its end.
+    If the engine supports it, a trial is dropped once its OUT is a little below the lowest
+    threshold. If the decoder has not crossed all thresholds by then, it is run again to its end.
     """
     if np.max(thresholds) < model.circuit.readable_nats[0]:
-        # Where OUT rests may be what is asked for; what is never read is no answer.
+        # Thresholds above OUT at rest may be of interest; unreachable ones are not.
         check_threshold(model.circuit, float(np.max(thresholds)))
     in_nats = model.circuit.unit == NATS
     decodes = in_nats and model.engine.noisy and decoder_tau_ms is not None
@@ -146,7 +147,7 @@ def decide_at_thresholds(
 
 
 def silent_nats(circuit: Circuit) -> float:
-    """Return the OUT of a read-out that does not fire, nats: no threshold below is ever met."""
+    """Return the OUT of a silent read-out, nats: lower thresholds are never reached."""
     readout = circuit.population(circuit.readout)
     return -readout.baseline_hz / readout.gain_hz_per_nat
 
@@ -154,19 +155,19 @@ def silent_nats(circuit: Circuit) -> float:
 def behaviour_of(
     model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
 ) -> Behaviour:
-    """Let a circuit decide at one threshold, and wait through a foreperiod without evidence.
+    """Measure choices at one threshold, and anticipations in a foreperiod without evidence.
 
     Parameters
     ----------
     model : BasalGanglia
         The circuit, its engine and its noise.
     evidence : Evidence
-        What it is given; its truth must be known.
+        Readings of all trials; its truth must be known.
     threshold_nats : float, nats
-        OUT at which it decides.
+        OUT at which the circuit decides.
     foreperiod_ms : float, ms
-        Length of the foreperiod, a run of its own beside each trial, unless the evidence has one
-        in which something is expected: then that one counts.
+        Length of the foreperiod, simulated separately for each trial, unless the evidence has an
+        informative foreperiod: then that one counts.
 
     Returns
     -------
@@ -186,7 +187,7 @@ def behaviour_of(
     responded = []
     for first in range(0, evidence.trials, BATCH):
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
-        # Trials of their own: their noise is no other trial's.
+        # Separate trials: their noise is independent of that of other trials.
         waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(any_crossing(waited, threshold_nats))
     return Behaviour(decision, posterior, np.concatenate(responded), evidence.hypotheses)

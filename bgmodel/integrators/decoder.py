@@ -1,4 +1,4 @@
-"""What a plain decoder makes of the spikes that a circuit is given: what is lost behind them."""
+"""A simple decoder of a circuit's input spikes: separates losses in the circuit from theirs."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def decoded(
     again: Callable[[int], tuple[Activity, Trace]],
     tau_ms: float,
 ) -> Trace:
-    """Return ``decoded_input`` where trials were dropped once their circuit had decided.
+    """Return ``decoded_input`` for trials that were dropped once the circuit had decided.
 
     Parameters
     ----------
     activity, trace, tau_ms :
         As for ``decoded_input``.
     lowest : float
-        Lowest threshold, nats. A trial whose decoder has not crossed it by then is run again.
+        Lowest threshold, nats. Trials whose decoder has not crossed it yet are run again.
     again : callable
-        From the number of a trial to its activity and OUT, not dropped.
+        Maps the number of a trial to its activity and OUT, run to the end.
     """
     found = decoded_input(activity, trace, tau_ms)
     dropped = np.isnan(trace.out_nats[:, -1, 0])
@@ -44,30 +44,30 @@ def decoded(
 
 
 def decoded_input(activity: Activity, trace: Trace, tau_ms: float = 20.0) -> Trace:
-    """Return -ln softmax of a circuit's input, decoded from its spikes by a plain filter.
+    """Return -ln softmax of a circuit's input, decoded from its spikes by an exponential filter.
 
-    It counts spikes through one exponential filter and knows the rest of the computation exactly:
-    what a circuit behind these spikes loses against it is its own. It is no bound: another filter,
-    or knowledge of when readings come, may do better.
+    Spikes are counted through one exponential filter; the rest of the computation is exact. A
+    circuit's loss relative to this decoder therefore arises within the circuit. The decoder is no
+    upper limit: another filter, or knowing when readings come, may do better.
 
     Parameters
     ----------
     activity : Activity
-        Of an engine that spikes, with rates.
+        Activity of a spiking engine, with rates.
     trace : Trace
         The circuit's OUT in that activity; the result has its times.
     tau_ms : float
-        Time constant with which it counts, ms.
+        Time constant of the filter, ms.
     """
-    # Importing scipy.signal takes half a second: only where spikes are decoded.
+    # Importing scipy.signal takes half a second: only when spikes are decoded.
     from scipy.signal import lfilter
 
     activity.circuit.check_nats("-ln softmax of its input")
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
-    # What all channels share changes nothing: at the start none is ahead.
+    # Terms common to all channels cancel: at the start none is ahead.
     seen = lfilter([1 - keep], [1, -keep], y, axis=1)
-    # After a trial was dropped nothing new comes.
+    # A dropped trial has no further spikes.
     ended = np.isnan(y[:, :, 0])
     last = np.maximum((~ended).sum(axis=1) - 1, 0)
     seen = np.where(ended[:, :, None], seen[np.arange(len(y)), last][:, None], seen)

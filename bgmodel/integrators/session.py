@@ -1,4 +1,4 @@
-"""Decisions while readings come: one reading in, a decision out as soon as there is one."""
+"""Online decisions: readings are added one by one until the model decides."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import DeadlineWarning, InputError, user_level
 
 Reader = Callable[[Evidence], Trace]
-"""Takes all readings of a trial so far, and returns OUT until a step after the last one."""
+"""Maps all readings of a trial so far to OUT, up to a step after the last one."""
 
 
 class Session:
-    """Trials whose readings are given as they come; made by ``session`` of a model.
+    """Trials whose readings are added as they come; made by the ``session`` method of a model.
 
-    Each trial is what ``decide`` makes of the same readings given all at once: the same OUT, choice
-    and time, to the byte. A reading is held for a step, in which a circuit may decide between two
-    readings. Nothing of an earlier trial is kept.
+    Each trial gives the same OUT, choice and time, to the byte, as ``decide`` with all readings at
+    once. A reading is held for a step, so a circuit may decide between two readings. No state is
+    kept from one trial to the next.
 
     Parameters
     ----------
     begin : function
-        Takes the number of a trial; returns how its readings are read.
+        Maps the number of a trial to its reader.
     hypotheses : int
-        Values of a reading.
+        Number of values in a reading.
     threshold : float
-        OUT at which it decides, in the unit of the model.
+        OUT at which the model decides, in its unit.
     step_ms : float
         Time from one reading to the next, ms.
     t_max : int
         Most steps of a trial; at its end the deadline forces a response, if ``forced``.
     prior : sequence of float, optional
-        Prior probabilities; equal if left out.
+        Prior probabilities; equal if omitted.
     baseline : float, optional
-        As of ``Evidence``: for a circuit in which each channel gets its own evidence.
+        As for ``Evidence``: needed if each channel gets its own evidence.
     forced : bool
         Whether the deadline forces a response.
     first_trial : int
@@ -73,7 +73,7 @@ class Session:
         self.hypotheses, self.threshold, self.forced = hypotheses, threshold, forced
         self.t_max = whole("t_max", t_max, 1)
         self.trial = whole("first_trial", first_trial, 0) - 1
-        # Held when no reading comes: it tells nothing, nor would a channel hear anything by itself.
+        # Input of a step without a reading: uninformative, also if each channel has its own.
         self._nothing = np.full(hypotheses, baseline or 0.0)
         self._empty = Evidence(
             self._nothing[None, None], prior=prior, step_ms=step_ms, baseline=baseline,  # type: ignore[arg-type]
@@ -90,15 +90,15 @@ class Session:
         self._read = self._begin(self.trial)
 
     def add(self, reading: npt.ArrayLike, *, at_ms: float | None = None) -> Decision | None:
-        """Take a reading; return the decision, if there is one now, of a trial of one.
+        """Add a reading; return the decision of this one trial, or None while undecided.
 
         Parameters
         ----------
         reading : array (hypotheses,), nats
-            Log-likelihoods of what was read.
+            Log-likelihoods of the reading.
         at_ms : float, optional
-            When it came, ms from the onset of evidence; a step after the last one if left out. The
-            steps until then pass without a reading.
+            Time of the reading, ms from the onset of evidence; by default a step after the last
+            one. Steps in between pass without a reading.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Session:
         Warns
         -----
         DeadlineWarning
-            If it comes more than half a step late.
+            If the reading comes more than half a step late.
         """
         if self.decision is not None:
             raise InputError("this trial is decided: session.next() begins another one", "reading")
@@ -146,7 +146,7 @@ class Session:
         return max(late, 0)
 
     def _take(self, reading: Array) -> Decision | None:
-        """Take one step; the last one is the deadline."""
+        """Advance one step; the last step is the deadline."""
         self.readings.append(reading)
         evidence = self._evidence()
         self.trace = self._read(evidence)
@@ -159,7 +159,7 @@ class Session:
 
     def _evidence(self) -> Evidence:
         values = np.array(self.readings)[None]
-        # Warnings of what readings look like are for whole tables.
+        # Evidence warns about the look of its values; that is meant for whole tables.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
             return replace(self._empty, log_likelihood=values, numbers=np.array([self.trial]))
@@ -169,7 +169,7 @@ class Session:
         return first_crossing(self.trace, self.threshold, forced=forced, checked=False)
 
     def finish(self) -> Decision:
-        """End the trial: return its decision, or what the deadline makes of it.
+        """End the trial: return its decision, forced by the deadline if there is none yet.
 
         Raises
         ------

@@ -30,7 +30,7 @@ OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
 
 
 class Integrator(Protocol):
-    """Anything that turns evidence into an output trace: a test, a baseline model, a circuit."""
+    """Maps evidence to an output trace: a test, a baseline model or a circuit."""
 
     def run(self, evidence: Evidence) -> Trace:
         """Return the output trace of every trial."""
@@ -57,23 +57,23 @@ class Decides:
         Parameters
         ----------
         evidence : Evidence
-            What is decided.
+            Readings of all trials.
         threshold : float, optional
             OUT at which it decides, nats.
         posterior : float, optional
-            Posterior at which it decides, in place of a threshold.
+            Posterior at which it decides; replaces the threshold.
         forced : bool
             Whether the deadline forces a response.
 
         Raises
         ------
         ValueError
-            As ``first_crossing``.
+            As for ``first_crossing``.
 
         Warns
         -----
         UserWarning
-            As ``first_crossing``; if posteriors at decisions are not the share of right choices.
+            As for ``first_crossing``; if posteriors at decisions are not the proportion correct.
         """
         found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
         warn_of_decisions(evidence, found)
@@ -90,7 +90,7 @@ class Decides:
         prior: npt.ArrayLike | None = None,
         forced: bool = True,
     ) -> Session:
-        """Return a session that decides as readings come; options as of ``Session``."""
+        """Return a session that decides as readings come; options as for ``Session``."""
         count = whole("hypotheses", hypotheses, 2)
         known = self.run(Evidence(np.zeros((1, 1, count)), prior=prior)).readout  # type: ignore[arg-type]
         assert known is not None
@@ -112,7 +112,7 @@ class Sprt(Decides):
     def run(self, evidence: Evidence) -> Trace:
         """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
         checked_two(evidence)
-        # Importing Numba takes most of a second: only where it is used.
+        # Importing Numba takes most of a second: only when it is used.
         from bgmodel.deciding.crossing import log_odds
 
         start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
@@ -169,7 +169,7 @@ class Msprt(Decides):
 
 
 def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
-    """Count as ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace.
+    """Equal to ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def checked_two(evidence: Evidence) -> Evidence:
 
 
 def check_two(field: str, hypotheses: int) -> None:
-    """Raise ValueError unless these are two hypotheses, which are all that the SPRT knows."""
+    """Raise ValueError unless there are two hypotheses: the SPRT is defined for two."""
     require(hypotheses == 2, field, "must be of exactly 2 hypotheses (or use Msprt)", hypotheses)
 
 
@@ -224,8 +224,8 @@ def sprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
 def msprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
     """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
 
-    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is no posterior: for that there
-    is ``threshold_from_posterior``.
+    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is not a posterior; for that,
+    use ``threshold_from_posterior``.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def _checked_gap(delta: npt.ArrayLike) -> Array:
 def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) -> Trace:
     """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior.
 
-    A trial ends with its last reading; ``readout`` says what its thresholds mean.
+    A trial ends with its last reading; ``readout`` defines the meaning of its thresholds.
     """
     readings = np.arange(evidence.steps + 1, dtype=np.float64)
     time_ms = evidence.onset_ms + evidence.step_ms * readings
@@ -259,24 +259,24 @@ def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) 
 
 @dataclass
 class Stream:
-    """One trial of a test, a reading at a time, for a robot's loop.
+    """One trial of a test, one reading at a time, for use in a robot's control loop.
 
-    Gives the decision that the batch form gives for the same readings.
+    The decision is that of the batch form for the same readings.
 
     Parameters
     ----------
     test : Sprt or Msprt
         The integrator.
     threshold : float or array (hypotheses,), nats
-        Threshold on OUT, for all responses or one a response.
+        Threshold on OUT, for all responses or one per response.
     hypotheses : int
-        How many hypotheses a reading speaks about.
+        Number of hypotheses.
     prior : array (hypotheses,), optional
-        Equal if left out.
+        Prior probabilities; equal if omitted.
     t_max : int, optional
-        Number of readings after which a response is forced; never, if left out.
+        Number of readings after which a response is forced; never, if omitted.
     number : int
-        Number of the trial, as in ``Evidence``: it decides ties.
+        Number of the trial, as in ``Evidence``; used to break ties.
     """
 
     test: Sprt | Msprt
@@ -312,7 +312,7 @@ class Stream:
             )
 
     def update(self, log_likelihood: npt.ArrayLike) -> int | None:
-        """Take one reading (hypotheses,) in nats; return the choice, or None to go on.
+        """Take one reading (hypotheses,) in nats; return the choice, or None while undecided.
 
         Raises ValueError if the reading has the wrong shape or is not finite, and RuntimeError
         if the trial is already decided.
@@ -329,7 +329,7 @@ class Stream:
         return self.choice
 
     def _decide(self) -> int | None:
-        """Ask the one stopping rule about the newest tick alone."""
+        """Apply the common stopping rule to the newest tick alone."""
         out = self.test.output(self._state)
         numbers = np.array([self.number])
         now = Trace(out[None, None], np.array([float(self.readings)]), numbers=numbers)

@@ -1,4 +1,4 @@
-"""What an edit does to OUT under steady evidence: by theory, and measured in spikes."""
+"""Effects of an edit on OUT under steady evidence: in theory, and measured in spikes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from circuits.circuit import Circuit
 from circuits.engines import Algebra, Ensemble
 
 SETTLE_MS = 1500
-"""Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
+"""Time for the slow common mode of a lesioned circuit to settle to within 1e-4 nats, ms."""
 
 
 def leader_drive(log_odds: npt.ArrayLike, channels: int) -> Array:
@@ -24,7 +24,7 @@ def leader_drive(log_odds: npt.ArrayLike, channels: int) -> Array:
     Parameters
     ----------
     log_odds : array or float
-        Of the first channel against each other one, nats.
+        Log odds of the first channel against each other one, nats.
     channels : int
         Number of alternatives.
     """
@@ -42,12 +42,12 @@ def leader_out(circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
     circuit : Circuit
         The table.
     log_odds : array (...) or float
-        Of the favoured channel against each other one, in the circuit's nats.
+        Log odds of the favoured channel against each other one, in the circuit's nats.
     laws : str
         "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
-    # Edits that the fixed point makes no use of are not what is asked for here.
+    # Drop the record of edits: those that the fixed point ignores should not warn here.
     model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws), gain=1.0)
     found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
     return np.asarray(found[:, 0, 0].reshape(odds.shape))
@@ -58,14 +58,14 @@ def out_shift(
 ) -> Array:
     """Return the shift of the winner's OUT by an edit at the fixed point, nats.
 
-    Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
+    All are NaN if the fixed point of any OUT does not exist or is not known.
 
     Parameters
     ----------
     circuit, edited : Circuit
-        Before and after.
+        The circuit before and after the edit.
     out_nats : array (...)
-        ``-ln P`` before, at which it is asked; the result has its shape.
+        OUT (``-ln P``) before the edit; the result has its shape.
     laws : str
         "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
     """
@@ -88,13 +88,13 @@ def steady_out(
     Parameters
     ----------
     circuit : Circuit
-        One of spiking cells.
+        A circuit of spiking cells.
     log_odds : array
-        Of the favoured channel against each other one, in the circuit's nats.
+        Log odds of the favoured channel against each other one, in the circuit's nats.
     seed, trials : int
-        Noise; trial t has the same in every circuit.
+        Seed of the noise and number of trials; trial t has the same noise in every circuit.
     mean_ms : int
-        The time that is averaged, after ``SETTLE_MS``.
+        Time over which OUT is averaged, after ``SETTLE_MS``, ms.
     """
     circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
@@ -113,17 +113,17 @@ def steady_shifts(
     seed: int,
     trials: int = 40,
 ) -> pd.DataFrame:
-    """Measure what edits add to OUT in the spiking circuit, beside its fixed point.
+    """Measure the shift of OUT by edits in the spiking circuit and compare it with theory.
 
     Returns
     -------
     DataFrame
-        One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
-        shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the cells'
-        own f-I laws, and with the noise of their finite number), value, low, high (the
+        One row per variant and log odds: variant, log_odds, out_nats (before the edit), exact_nats
+        (the shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the
+        cells' f-I laws, and also with the noise of their finite number), value, low, high (the
         measured shift and its 95 % interval, trials paired by their noise).
     """
-    # Importing scipy.stats takes half a second: only where shifts are measured.
+    # Importing scipy.stats takes half a second: only when shifts are measured.
     from scipy.stats import ttest_1samp
 
     odds = np.asarray(log_odds, dtype=np.float64)
@@ -149,9 +149,9 @@ def steady_shifts(
 
 
 def lesions(table: Circuit) -> dict[str, Circuit]:
-    """Return ten lesions of a circuit by name, clamped ("clamped") where the name says so.
+    """Return ten lesions of a circuit by name; "clamped": lost output replaced by its resting rate.
 
-    They are those of figure C5 and of its score.
+    They are used in figure C5 and its score.
     """
     return {
         "STN 10 %": table.lesion("STN", 0.1),
@@ -170,13 +170,13 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
 def resting_activity(
     circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5
 ) -> pd.DataFrame:
-    """Run a circuit of spiking cells without evidence.
+    """Measure the resting activity of a spiking circuit, without evidence.
 
     Returns
     -------
     DataFrame
-        One row a nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of a
-        cell's inter-spike intervals, mean over cells with ten or more in a trial (NaN without).
+        One row per nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of
+        inter-spike intervals, mean over cells with ten or more in a trial (NaN if none).
     """
     names = tuple(row.name for row in circuit.populations if row.spiking)
     model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)

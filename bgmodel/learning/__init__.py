@@ -1,1 +1,1 @@
-"""Reward moves a threshold: REINFORCE, its policies, and the worlds it learns in."""
+"""Learning a threshold from reward: REINFORCE, its policies and its environments."""

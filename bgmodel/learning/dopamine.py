@@ -1,9 +1,9 @@
-"""Dopamine moves the threshold: the effect of its level on a circuit.
+"""The level of dopamine as a threshold: its effect on a circuit.
 
-The read-out's threshold stays where it is. A level of dopamine moves D1's and D2's cortical gain in
-opposite directions and with them OUT, so the circuit stops at another posterior. The learner of
-a level is that of a gap (``learning.reinforce.learn``). It sees rewards and its own perturbations
-of the level, no gap, no evidence and no test.
+The threshold of the read-out is fixed. Dopamine changes the cortical gains of D1 and D2 in
+opposite directions, and with them OUT, so that the circuit stops at another posterior. A level is
+learned in the same way as a gap (``learning.reinforce.learn``), from rewards and the learner's
+perturbations of the level alone, without access to a gap, the evidence or a test.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from circuits.circuit import Circuit
 from circuits.errors import InputError, NoiseWarning, require
 
 ALLOWED = (0.0, 2.0)
-"""Levels that a circuit takes; 1 is normal."""
+"""Allowed levels; 1 is normal."""
 MARGIN = 0.02
-"""Share of a level by which a learner keeps away from where the fixed point stops deciding."""
+"""Relative margin of a learner from levels at which the fixed point stops deciding."""
 THRESHOLD_NATS = 0.3
-"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
-point spans posteriors .75 to .99."""
+"""Default threshold on OUT for all levels: for two to four alternatives the fixed point spans
+posteriors of 0.75 to 0.99."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -49,18 +49,18 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
     circuit : Circuit
         The table.
     level : float
-        Dopamine.
+        Level of dopamine.
     log_odds : array (M,) or float
-        Of the leader against each other alternative, in the circuit's nats.
+        Log odds of the leader against each other alternative, in the circuit's nats.
     """
     circuit.check_nats("a drive of log odds")
     return leader_out(circuit.dopamine(level), log_odds)
 
 
 def _odds(circuit: Circuit) -> Array:
-    """Return log odds from none to the most that the circuit takes: its reach, or its range.
+    """Return log odds from 0 to the largest that affect the circuit: its reach, or its range.
 
-    Rivals are silent from ``reference_nats`` behind on, and more evidence tells them nothing.
+    Competitors are silent beyond ``reference_nats`` behind; more evidence has no effect on them.
     """
     circuit.check_nats("a stopping posterior that dopamine sets")
     n = circuit.channels
@@ -71,24 +71,24 @@ def _odds(circuit: Circuit) -> Array:
 
 @lru_cache(maxsize=1024)
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
-    """Return the lowest and highest level at which the fixed point decides, and by evidence.
+    """Return the lowest and highest level at which the fixed point decides by evidence.
 
-    Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above,
-    OUT at rest is past it: decisions without evidence; or the highest is 2, the most that is
-    allowed. Noise of spikes crosses at rest from lower levels on, and now and then where the fixed
-    point never does.
+    Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above, OUT
+    at rest is past the threshold: decisions without evidence; or the highest is 2, the upper limit.
+    Spiking noise crosses the threshold at rest from lower levels on, and occasionally where the
+    fixed point never does.
 
     Raises
     ------
     ValueError
-        If the circuit does not read the threshold, or no level in 0..2 serves.
+        If the threshold is outside the range of the read-out, or no level in 0..2 works.
     """
     circuit = checked_circuit(circuit)
     require(is_number(threshold_nats), "threshold_nats", "must be a number", threshold_nats)
     odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
-        must = f"must lie where {circuit.name} reads OUT, {low_nats:.3g} to {high_nats:.3g} nats"
+        must = f"must be within the range of {circuit.name}, {low_nats:.3g} to {high_nats:.3g} nats"
         raise InputError.of("threshold_nats", must, threshold_nats)
 
     def turns(log_odds: Array) -> float:
@@ -111,16 +111,16 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 
 
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
-    """Return the lowest and highest level that a learner should play.
+    """Return the lowest and highest level that a learner should use.
 
-    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With noise its
-    upper end also lies below the level at which noise alone decides: at which OUT at rest meets the
+    The working range, reduced by ``MARGIN`` at both ends (not at a level of 2). With noise its
+    upper end is also below the level at which noise alone decides: at which OUT at rest meets the
     threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
 
     Raises
     ------
     ValueError
-        As ``working_range``, or if that leaves no level.
+        As for ``working_range``, or if no level is left.
     """
     low, high = working_range(model.circuit, threshold_nats)
     low = low * (1 + MARGIN)
@@ -146,36 +146,36 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
 
 
 def levels_between(low: float, high: float, count: int) -> Array:
-    """Return levels, evenly spaced in their logarithm: OUT moves less the higher they are."""
+    """Return levels, evenly spaced in their logarithm: OUT changes less at higher levels."""
     return np.geomspace(low, high, count)
 
 
 def playable_levels(
     model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
 ) -> Array:
-    """Return levels (count,) at which a learner meets a circuit, over its ``usable_range``."""
+    """Return levels (count,) for learning, over the ``usable_range`` of a circuit."""
     return levels_between(*usable_range(model, threshold_nats), count)
 
 
 @lru_cache(maxsize=1024)
 def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
-    """Return the posterior at which the fixed point decides, the other alternatives equal.
+    """Return the posterior at which the fixed point decides, with equal competitors.
 
     Parameters
     ----------
     circuit : Circuit
         The table.
     level : float
-        Dopamine, within ``working_range``.
+        Level of dopamine, within ``working_range``.
     threshold_nats : float
         OUT at which the circuit decides.
     gain : float
-        Nats in the circuit a nat of evidence.
+        Nats in the circuit per nat of evidence.
 
     Raises
     ------
     ValueError
-        If the level lies outside the working range.
+        If the level is outside the working range.
     """
     check_positive(gain=gain)
     circuit = checked_circuit(circuit)
@@ -202,29 +202,29 @@ def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, ga
 def decide_at_levels(
     model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
 ) -> Tradeoff:
-    """Let a circuit decide at several levels of dopamine, its threshold fixed.
+    """Return decisions of a circuit at several levels of dopamine, with a fixed threshold.
 
     Parameters
     ----------
     model : BasalGanglia
         The circuit.
     evidence : Evidence
-        The same for all levels, and so is the noise.
+        Readings of all trials, the same for all levels, as is the noise.
     levels : array (K,)
-        Dopamine.
+        Levels of dopamine.
     threshold_nats : float
-        OUT at which it decides.
+        OUT at which the circuit decides.
 
     Returns
     -------
     Tradeoff
-        Its ``settings`` are the levels, highest first.
+        With the levels as ``settings``, highest first.
 
     Raises
     ------
     ValueError
         If levels are not allowed or not distinct, or the unchanged circuit would decide without
-        evidence at that threshold, or never reads it.
+        evidence at that threshold or can never reach it.
 
     Warns
     -----

@@ -1,4 +1,4 @@
-"""Learning of a level of dopamine from reward, and what the learned level costs."""
+"""Learning a level of dopamine from reward, and the cost of the learned level."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from bgmodel.support.seeds import stream
 from circuits.errors import DeadlineWarning, InputError, require
 
 LAST_SHARE = 0.08
-"""Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
-optimum beside the edge is found too late; with more, one in a bend is missed."""
+"""Final exploration, sd as a share of the range of levels; tuned on seed 1002. With less, an
+optimum near the edge is found too late; with more, one at a bend of the curve is missed."""
 
 
 def level_outcomes(
@@ -48,7 +48,7 @@ def level_outcomes(
 
 
 def check_decided(outcomes: LevelOutcomes) -> None:
-    """Warn of levels at which the deadline decides most trials; ValueError if it does at all."""
+    """Warn of levels at which the deadline decides most trials; ValueError if it does so at all."""
     late = outcomes.forced > MOST_FORCED
     if late.all():
         said = "the deadline decides most trials at every level: give more readings"
@@ -70,23 +70,23 @@ def learn_level(
     policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Let dopamine learn its own level from reward, in several independent runs.
+    """Learn the level of dopamine from reward, in several independent runs.
 
     Parameters
     ----------
     outcomes : LevelOutcomes
-        The circuit; the learner sees its rewards alone.
+        Outcomes of the circuit; the learner sees only their rewards.
     xi : float
         Cost of an error in readings.
     start_level : float
-        Tonic level at the start.
+        Initial tonic level.
     runs : int
-        Each with trials and exploration of its own.
+        Number of runs, with independent trials and exploration.
     seed, name :
-        Of the streams.
+        Seed and name of the random-number streams.
     policy, learner :
-        A ``GaussianPolicy`` on the levels of the outcomes, its last exploration ``LAST_SHARE``, and
-        the learner of the abstract test.
+        A ``GaussianPolicy`` on the levels of the outcomes, with final exploration ``LAST_SHARE``,
+        and the learner of the abstract test.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def learn_level(
     Raises
     ------
     ValueError
-        If the start or what is played lies beyond the levels of the outcomes, or there is no run.
+        If the start or an action is outside the levels of the outcomes, or there is no run.
     """
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
@@ -105,7 +105,7 @@ def learn_level(
     require(low <= least < most <= high, "bounds", must, policy.bounds)
     require(low <= start_level <= high, "start_level", must, start_level)
     require(runs >= 1, "runs", "must be >= 1", runs)
-    # Starts with one name are paired: the same trials and perturbations from any of them.
+    # Runs of one name are paired: all starts have the same trials and perturbations.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]
     return learn(
@@ -123,21 +123,21 @@ def learned_table(learned: Learned) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a trial of a run: run, episode, tonic (the mean level), level (what was played),
+        One row per trial of a run: run, episode, tonic (the mean level), level (as sampled),
         reward, phasic (the reward prediction error).
     """
     return course(learned, mean="tonic", played="level", error="phasic")
 
 
 def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
-    """Return how much more a level costs than the best one, as a share of the least cost.
+    """Return the excess cost of a level over the best one, as a share of the least cost.
 
     Parameters
     ----------
     level : array
-        Levels of dopamine; NaN comes back for those beyond the levels of ``fresh``.
+        Levels of dopamine; the result is NaN outside the levels of ``fresh``.
     fresh : LevelOutcomes
-        The circuit on trials that were not learned from.
+        Outcomes of the circuit on trials not used for learning.
     xi : float
         Cost of an error in readings.
     """
@@ -153,25 +153,25 @@ def scored_runs(
     start_level: float,
     first: LevelOutcomes | None = None,
 ) -> pd.DataFrame:
-    """Score learned levels on trials that were not learned from.
+    """Score learned levels on trials not used for learning.
 
     Parameters
     ----------
     ends : array (runs,)
-        The level that each run learned.
+        Level learned by each run.
     fresh : LevelOutcomes
-        The circuit on trials that were not learned from.
+        Outcomes of the circuit on trials not used for learning.
     xi : float
         Cost of an error in readings.
     start_level : float
-        Level at which all runs started.
+        Initial level of all runs.
     first : LevelOutcomes, optional
-        Where ``fresh`` does not hold the start: outcomes that do.
+        Outcomes that include the start, if ``fresh`` does not.
 
     Returns
     -------
     DataFrame
-        One row per run: run, learned_level, reward and regret (NaN beyond the levels of
+        One row per run: run, learned_level, reward and regret (NaN outside the levels of
         ``fresh``), start_level, start_regret, best_level and best_reward.
     """
     learned = np.asarray(ends, dtype=np.float64)
@@ -192,17 +192,17 @@ def scored_runs(
 
 
 def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
-    """Return how much slower each run is after an error than after a correct choice, readings.
+    """Return post-error slowing of each run: time after errors minus after correct choices.
 
-    The second half of the trials; each is held to the mean of the 50 about it, itself and the one
-    before left out, so that slow drifts do not count.
+    For the second half of the trials; each is compared with the mean of the 50 around it, without
+    itself and the one before, to remove slow drifts.
 
     Parameters
     ----------
     learned : Learned
         With rewards ``xi W - T``.
     xi : float
-        Cost of an error in readings; more than any trial takes, or errors could not be told.
+        Cost of an error in readings; must exceed any trial's duration, to identify errors.
 
     Returns
     -------

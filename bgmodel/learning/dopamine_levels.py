@@ -1,4 +1,4 @@
-"""A circuit at levels of dopamine, its threshold fixed, held against the MSPRT."""
+"""A circuit with a fixed threshold at levels of dopamine, compared with the MSPRT."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from circuits.circuit import Circuit
 from circuits.engines import Ensemble, Population, Rate
 
 STEPS = {2: 120, 4: 160}
-"""Alternatives that are run, and most readings in a trial."""
+"""Numbers of alternatives, and largest number of readings in a trial."""
 LEVELS = 14
 LOWEST_SHARE = 0.85
-"""The lowest level that is played, as a share of the lowest at which the fixed point decides: noise
-takes OUT to the threshold below it too."""
+"""Lowest level, as a share of the lowest at which the fixed point decides: below the latter, noise
+can still take OUT to the threshold."""
 SPIKING_SHARE = 0.5
-"""Trials that spikes decide, as a share of those of the other engines."""
+"""Trials of the spiking engine, as a share of those of other engines."""
 LATENCY_MS = {2: 57.0, 4: 60.0}
 """Non-decision time: the default circuit's offset against the MSPRT at its gain where noise costs
-it least, d' = 1 at accuracy .9 to .95 (`python -m benchmarks.scores.raw`). It is taken off beside
-the full MSPRT too, so that what the lower gain costs is not."""
+least, d' = 1 at accuracy 0.9 to 0.95 (`python -m benchmarks.scores.raw`). It is subtracted in the
+comparison with the full MSPRT too, so that the cost of the lower gain is not."""
 ENGINES = (Rate().coarse(), Population(), Ensemble())
 
 
@@ -51,30 +51,30 @@ def level_table(
     rng: np.random.Generator,
     resamples: int = 500,
 ) -> pd.DataFrame:
-    """Return the decisions at each level of dopamine, beside the fixed point and tests.
+    """Return measures of decisions at each level of dopamine, with the fixed point and tests.
 
     Parameters
     ----------
     swept : Tradeoff
         As from ``dopamine.decide_at_levels``.
     tests : mapping of Tradeoff
-        By name, as from ``comparison.thresholds.msprt_tradeoffs``, on the same evidence.
+        Tests by name, as from ``comparison.thresholds.msprt_tradeoffs``, on the same evidence.
     circuit, gain, threshold_nats :
-        The circuit that was swept.
+        The circuit of ``swept``.
     latency_ms : float
-        What is no decision time: known from elsewhere, not fitted to what is judged by it.
+        Non-decision time, known independently, not fitted to these data.
     rng : numpy.random.Generator
-        For the bootstrap over trials.
+        Random numbers of the bootstrap over trials.
 
     Returns
     -------
     DataFrame
-        One row a level and measure: level, measure, value, low, high, reference. Measures:
-        mean_posterior (of what is chosen), fixed_point (the posterior at which the fixed
-        point decides, NaN outside its range), mean_ms, forced, premature; and beside each test
-        accuracy_gap (expected accuracy minus the test's at the same mean time less the latency) and
-        extra_ms (mean time minus the test's at the same expected accuracy, the latency not taken
-        off).
+        One row per level and measure: level, measure, value, low, high, reference. Measures:
+        mean_posterior (of the choice), fixed_point (the posterior at which the fixed point
+        decides, NaN outside its range), mean_ms, forced, premature; and for each test accuracy_gap
+        decides, NaN outside its range), mean_ms, forced, premature; and for each test accuracy_gap
+        (expected accuracy minus the test's at the same mean time minus the latency) and extra_ms
+        (mean time minus the test's at the same expected accuracy, latency included).
     """
     weights = resampled(swept.trials, resamples, rng)
     weights = weights / weights.sum(axis=1, keepdims=True)
@@ -102,21 +102,21 @@ def level_table(
 
 
 def _between(at: Array, x: Array, y: Array) -> Array:
-    """Return y where x is ``at``, row by row; NaN beyond the curve."""
+    """Return y where x is ``at``, row by row; NaN outside the curve."""
     return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 
 def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.DataFrame:
-    """Return ``level_table`` for 2 and 4 alternatives and all engines, beside the tests' curves.
+    """Return ``level_table`` for 2 and 4 alternatives and all engines, and the tests' curves.
 
     Parameters
     ----------
     seed : int
-        Of evidence, noise and bootstrap.
+        Seed of evidence, noise and bootstrap.
     trials : int
-        Trials of Gaussian evidence for each number of alternatives.
+        Number of trials of Gaussian evidence for each number of alternatives.
     spiking_every : int
-        Spikes decide at every so-many-th level.
+        Run the spiking engine at every ``spiking_every``-th level.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Learning of a gap on tactile evidence, beside exhaustive search and the exact optimum."""
+"""Learning a gap on tactile evidence, compared with exhaustive search and the exact optimum."""
 
 from __future__ import annotations
 
@@ -101,9 +101,9 @@ def learn_sources(
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn the gap on sets of readings side by side: repeats of the first set, of the next, ...
+    """Learn the gap on several sets of readings: repeats of the first set, of the next, ...
 
-    Every run has streams of its own, so its course depends on nothing beside it.
+    Each run has its own random-number streams, so that it is independent of the others.
     """
     check_start(start_delta)
     runs = [(i, k) for i in range(len(sources)) for k in range(repeats)]
@@ -130,7 +130,7 @@ def regret_on_fresh_trials(
     seed: int,
     name: object,
 ) -> Array:
-    """Return how much more fixed gaps cost on 1e5 fresh trials than the exact optimum, a share."""
+    """Return the excess cost of fixed gaps over the exact optimum on 1e5 fresh trials, relative."""
     fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
     cost = -mean_reward(exhaustive_search(fresh, delta), xi)
     return (cost - optimum.cost) / optimum.cost
@@ -155,8 +155,8 @@ def learn_folds(
     Returns
     -------
     DataFrame
-        ``keep`` rows a run: period_mm, start_delta, fold, repeat, episode, smoothed_delta (running
-        mean of the mean gap), and, the same in all rows of a run, learned_delta, regret,
+        ``keep`` rows per run: period_mm, start_delta, fold, repeat, episode, smoothed_delta
+        (running mean of the mean gap), and, constant within a run, learned_delta, regret,
         optimal_delta, optimal_cost and start_regret.
     """
     sources = fold_sources(taps, period_mm)
@@ -194,7 +194,7 @@ def _scored(
     seed: int,
     name: float,
 ) -> pd.DataFrame:
-    """Return learned gaps of one fold beside its optimum and the start, one row per run."""
+    """Return learned gaps of one fold with its optimum and the start, one row per run."""
     pair = increments(readings)
     optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
     regret = regret_on_fresh_trials(
@@ -231,14 +231,14 @@ def learn_gap(
     Parameters
     ----------
     readings : Source
-        Of two hypotheses.
+        Readings of two hypotheses.
     name : (float, int)
-        Number of the stimulus and of the fold, which name streams of random numbers.
+        Numbers of the stimulus and of the fold, the names of random-number streams.
 
     Returns
     -------
     table : DataFrame
-        One row a trial of a run: run, episode, mean_delta, delta, reward, dopamine (the reward
+        One row per trial of a run: run, episode, mean_delta, delta, reward, dopamine (the reward
         prediction error).
     summary : dict
         learned_delta and regret of each run, optimal_delta, optimal_cost.

@@ -1,4 +1,4 @@
-"""How a learner explores: distributions over what it plays, with the gradients of REINFORCE."""
+"""Policies: distributions over actions, with the gradients of REINFORCE."""
 
 from __future__ import annotations
 
@@ -11,55 +11,55 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
-# Gaps that are played, nats (the range of the paper's exhaustive search).
+# Range of gaps, nats (that of the paper's exhaustive search).
 DELTA_RANGE = (0.0, 8.0)
 
 
 class Policy(Protocol):
-    """A distribution over what is played, with parameters, for several runs at once."""
+    """A distribution over actions, with parameters, for several runs at once."""
 
     @property
     def pace(self) -> float:
-        """How many times the learner's step size suits the parameters."""
+        """Factor on the learner's step size that suits the parameters."""
         ...
 
     def start(self, runs: int, mean: float) -> Array:
-        """Return parameters (runs, p) with this mean of what is played."""
+        """Return parameters (runs, p) with this mean action."""
         ...
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
-        """Return what is played (runs,) and the gradient of log probability (runs, p)."""
+        """Return actions (runs,) and the gradient of log probability (runs, p)."""
         ...
 
     def mean(self, parameters: Array) -> Array:
-        """Return the mean of what is played in each run, (runs,)."""
+        """Return the mean action of each run, (runs,)."""
         ...
 
     def bounded(self, parameters: Array) -> Array:
-        """Return parameters held within the range that the policy allows."""
+        """Return parameters clipped to the range that the policy allows."""
         ...
 
     @property
     def noise(self) -> int:
-        """How many standard normal numbers a sample takes."""
+        """Number of standard normal numbers per sample."""
         ...
 
 
 @dataclass(frozen=True)
 class GaussianPolicy:
-    """``x ~ N(mu, sd)``, played within bounds (Williams 1992): a gap, or a level of dopamine.
+    """``x ~ N(mu, sd)``, clipped to bounds (Williams 1992): a gap, or a level of dopamine.
 
-    Exploration starts wide, where the slope of a flat reward shows best, and narrows.
+    Exploration starts wide, to detect the slope of a flat reward, and narrows.
     """
 
     bounds: tuple[float, float] = DELTA_RANGE
-    """Lowest and highest value that is played."""
+    """Lowest and highest action."""
     first_share: float = 0.25
-    """Exploration at the start, sd as a share of the bounds' distance; assumed (not printed)."""
+    """Initial exploration, sd as a share of the range; assumed (not printed in the paper)."""
     last_share: float = 0.05
-    """Exploration in the end, likewise; assumed."""
+    """Final exploration, sd as a share of the range; assumed."""
     half_episodes: float = 2_000.0
-    """Trials after which half of the way from the first to the last sd is gone; assumed."""
+    """Trials after which the sd is half-way between its first and last value; assumed."""
     noise = 1
 
     def __post_init__(self) -> None:
@@ -70,11 +70,11 @@ class GaussianPolicy:
 
     @property
     def pace(self) -> float:
-        """The learner's step suits a gap of 0..8 nats; a gradient goes with the inverse unit."""
+        """The learner's step suits a gap of 0..8 nats; gradients have the inverse unit."""
         return ((self.bounds[1] - self.bounds[0]) / (DELTA_RANGE[1] - DELTA_RANGE[0])) ** 2
 
     def sd(self, episode: int) -> float:
-        """Return the exploration in a trial, in the unit of what is played."""
+        """Return the exploration (sd) in a trial, in the unit of actions."""
         wide = self.first_share - self.last_share
         share = self.last_share + wide / (1 + episode / self.half_episodes)
         return share * (self.bounds[1] - self.bounds[0])
@@ -84,7 +84,7 @@ class GaussianPolicy:
         return np.full((runs, 1), float(mean))
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
-        """Return what is played (runs,) and d log p / d mu (runs, 1)."""
+        """Return actions (runs,) and d log p / d mu (runs, 1)."""
         sd = self.sd(episode)
         return np.clip(parameters[:, 0] + sd * noise[:, 0], *self.bounds), noise / sd
 
@@ -93,7 +93,7 @@ class GaussianPolicy:
         return parameters[:, 0]
 
     def bounded(self, parameters: Array) -> Array:
-        """Hold mu within the bounds."""
+        """Clip mu to the bounds."""
         return np.clip(parameters, *self.bounds)
 
 
@@ -101,8 +101,8 @@ class GaussianPolicy:
 class BernoulliPolicy:
     """A gap coded by stochastic binary units: ``delta = sum_j s_j y_j`` (Lepora 2016).
 
-    ``y_j`` is 1 with probability ``logistic(w_j)`` and the ``s_j`` fall as powers of two, so that
-    all units on give the top of ``DELTA_RANGE``.
+    ``y_j`` is 1 with probability ``logistic(w_j)`` and the ``s_j`` fall as powers of two, such that
+    all units together give the upper end of ``DELTA_RANGE``.
     """
 
     units: int = 8
@@ -110,12 +110,12 @@ class BernoulliPolicy:
     saturation: float = 4.0
     """Largest |w_j|, so that no unit ever stops exploring; assumed."""
 
-    # The gap moves by s_j p (1 - p), less than one, for each unit of w.
+    # The gap changes by s_j p (1 - p), less than 1, per unit of w.
     pace = 8.0
 
     @property
     def noise(self) -> int:
-        """One number a unit."""
+        """One number per unit."""
         return self.units
 
     @property
@@ -144,5 +144,5 @@ class BernoulliPolicy:
         return np.asarray(expit(parameters) @ self.sizes)
 
     def bounded(self, parameters: Array) -> Array:
-        """Hold every w within the saturation."""
+        """Clip every w to the saturation."""
         return np.clip(parameters, -self.saturation, self.saturation)

@@ -1,4 +1,4 @@
-"""Learning from reward: exhaustive search of gaps, and REINFORCE with baseline."""
+"""Learning from reward: exhaustive search of gaps, and REINFORCE with a baseline."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
-    """Try every gap on every trial.
+    """Count decisions at every gap on every trial.
 
     Parameters
     ----------
     evidence : Evidence, or an iterable of blocks of it
-        Two hypotheses.
+        Evidence of two hypotheses.
     deltas : array (K,), nats
-        Gaps to try; one pass serves all.
+        Gaps to try, all in one pass.
 
     Returns
     -------
     Tally
-        Whose ``accuracy``, ``mean_steps`` and ``mean_reward`` have one entry a gap.
+        With one entry per gap in ``accuracy``, ``mean_steps`` and ``mean_reward``.
     """
     thresholds = sprt_threshold_from_gap(np.atleast_1d(deltas))
     total: Tally | None = None
@@ -48,24 +48,24 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
 
 @dataclass(frozen=True)
 class Learner:
-    """REINFORCE with baseline (Williams 1992; Sutton & Barto 2018, section 13.4)."""
+    """REINFORCE with a baseline (Williams 1992; Sutton & Barto 2018, section 13.4)."""
 
     episodes: int = 40_000
-    """Trials of learning; assumed (not printed)."""
+    """Number of trials of learning; assumed (not printed in the paper)."""
     rate: float = 0.04
-    """Step size at the start, on the prediction error as a share of the baseline; assumed (not
-    printed)."""
+    """Initial step size, for the prediction error as a share of the baseline; assumed (not printed
+    in the paper)."""
     half_episodes: float = 1_000.0
     """Trials after which the step size has halved, rate / (1 + k / half); assumed. With inf it
-    never falls: what a world that changes asks for."""
+    stays constant, as required in a changing environment."""
     baseline_rate: float = 0.01
-    """Share of each reward in the running baseline; its inverse is the number of trials that only
-    measure the baseline before learning starts; assumed."""
+    """Weight of each reward in the running baseline; its inverse is the number of initial trials
+    that only measure the baseline, before learning starts; assumed."""
     carried: float = 0.0
-    """How far the last trial's error, as a share of the baseline, carries what is played in the
-    next, in sd of exploration: dopamine that has not gone yet; assumed."""
+    """Shift of the next action by the last prediction error (as a share of the baseline), in sd of
+    exploration: models dopamine that outlasts the trial; assumed."""
     last: int = 500
-    """The learned value is the mean of so many last trials; Burguete, Griffith & Lepora 2023."""
+    """Number of last trials whose mean is the learned value; Burguete, Griffith & Lepora 2023."""
 
     def __post_init__(self) -> None:
         fits = self.episodes >= self.last >= 1
@@ -77,18 +77,18 @@ class Learner:
 
 @dataclass(frozen=True)
 class Learned:
-    """The course of learning in several runs: what is played is a gap or a level of dopamine.
+    """The course of learning in several runs; actions are gaps or levels of dopamine.
 
     Parameters
     ----------
     played : array (runs, episodes)
         Gap (nats) or level in each trial.
     mean_played : array (runs, episodes)
-        Its mean before exploration; of levels the tonic level.
+        Mean of the policy, before exploration; for levels, the tonic level.
     reward : array (runs, episodes), readings
         Reward of each trial.
     prediction_error : array (runs, episodes), readings
-        Reward minus its learned baseline: what phasic dopamine is taken to report.
+        Reward minus its learned baseline: the presumed signal of phasic dopamine.
     learned : array (runs,)
         The learned gap or level: ``mean_played`` over the last trials.
     """
@@ -101,15 +101,15 @@ class Learned:
 
 
 def course(learned: Learned, *, mean: str, played: str, error: str) -> pd.DataFrame:
-    """Return every trial of every run, one row each: run, episode, and what was learned from.
+    """Return every trial of every run, one row each: run, episode, mean, action, reward and error.
 
     Parameters
     ----------
     learned : Learned
-        The course.
+        The course of learning.
     mean, played, error : str
-        What the columns of ``mean_played``, ``played`` and ``prediction_error`` are called; that of
-        the reward is "reward".
+        Names of the columns of ``mean_played``, ``played`` and ``prediction_error``; that of the
+        reward is "reward".
     """
     import pandas as pd
 
@@ -127,7 +127,7 @@ def course(learned: Learned, *, mean: str, played: str, error: str) -> pd.DataFr
 
 
 class LearningStopped(ValueError):
-    """Learning that cannot go on; ``learned`` is what it had reached."""
+    """Learning that cannot continue; ``learned`` is the course up to then."""
 
     def __init__(self, message: str, learned: Learned) -> None:
         super().__init__(message)
@@ -145,24 +145,24 @@ def learn(
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn a gap or a level of dopamine in several independent runs, side by side.
+    """Learn a gap or a level of dopamine in several independent runs in parallel.
 
     Parameters
     ----------
     environment : callable
-        ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, which is
-        played by gaps, and ``LevelOutcomes`` for a circuit, which is played by levels.
+        ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, with gaps as
+        actions, and ``LevelOutcomes`` for a circuit, with levels as actions.
     start : float
-        Mean of what is played at the start: a gap (nats) or a level of dopamine.
+        Initial mean of the policy: a gap (nats) or a level of dopamine.
     rngs : list of numpy.random.Generator
-        One a run, for its exploration alone: a run's course does not depend on its neighbours.
+        One per run, for its exploration, so that runs are independent of each other.
     policy, learner :
-        What explores, and how it learns.
+        The policy of exploration, and the parameters of learning.
 
     Raises
     ------
     LearningStopped
-        If a reward is not finite, or what is learned runs away.
+        If a reward or a learned value is not finite.
     """
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
@@ -172,20 +172,20 @@ def learn(
     baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):
         mean[:, k] = policy.mean(parameters)
-        # What is carried over is no exploration: it gets no credit.
+        # The carry-over is not exploration and gets no credit.
         carried = learner.carried * share[:, None]
         played[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
         _, gradient = policy.sample(parameters, noise[k], k)
         r = environment(k, played[:, k])
         if not (np.isfinite(r).all() and np.isfinite(parameters).all()):
-            what = "a reward" if not np.isfinite(r).all() else "what is learned"
+            what = "a reward" if not np.isfinite(r).all() else "a learned value"
             last = mean[:, max(k - 1, 0)]
             done = Learned(played[:, :k], mean[:, :k], rewards[:, :k], errors[:, :k], last)
             raise LearningStopped(f"{what} is not finite in episode {k}", done)
         error = r - baseline if k else np.zeros(runs)
-        scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
+        scale = baseline  # from earlier trials only, so that the gradient stays unbiased
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
-        share = error / np.maximum(np.abs(scale), 1.0)  # a reading is the least a trial costs
+        share = error / np.maximum(np.abs(scale), 1.0)  # a trial costs at least one reading
         if k * learner.baseline_rate >= 1:
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)

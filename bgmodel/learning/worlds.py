@@ -1,4 +1,4 @@
-"""Worlds of a learner: what it plays in a trial comes back as a reward."""
+"""Environments of a learner, which map actions to rewards."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def trials_of(
     Parameters
     ----------
     draws : list of callables
-        ``draws[i](trials)`` returns the next trials of run i, from that run's own generator.
+        ``draws[i](trials)`` returns the next trials of run i, from the generator of that run.
     xi : float
         Cost of an error in readings.
     block : int
-        How many trials are drawn at a time.
+        Number of trials drawn at a time.
     """
     check_xi(xi)
     drawn = -1
@@ -50,7 +50,7 @@ def trials_of(
             truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
             ends[:] = [np.stack([part.readings for part in parts], axis=1) + 1]
         now = episode % block
-        # The same trial of every run: its number is the episode's.
+        # The same trial of every run: its number is that of the episode.
         numbers = np.full(len(draws), episode)
         trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
         decision = crossing_of_each(trace, sprt_threshold_from_gap(gaps), checked=False)
@@ -66,13 +66,13 @@ class LevelOutcomes:
     Parameters
     ----------
     levels : array (K,)
-        Dopamine, rising.
+        Levels of dopamine, increasing.
     correct : bool array (K, trials)
-        Whether the choice was right.
+        Whether the choice was correct.
     steps : array (K, trials)
         Time of the decision in readings, all latencies included.
     forced : array (K,)
-        Share of trials that the deadline decided.
+        Share of trials decided by the deadline.
     """
 
     levels: Array
@@ -88,7 +88,7 @@ class LevelOutcomes:
 
     @classmethod
     def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
-        """Build from decisions and the truth."""
+        """Return the outcomes of decisions, given the truth."""
         truth = needed_truth(evidence)
         same = f"must be of {found.trials} trials, as the decisions"
         require(evidence.trials == found.trials, "evidence", same, evidence.trials)
@@ -102,21 +102,21 @@ class LevelOutcomes:
         return reward_of(~self.correct, self.steps, xi)
 
     def expected(self, level: npt.ArrayLike, xi: float) -> Array:
-        """Return the mean reward at levels, linear between those that were run; NaN beyond."""
+        """Return the mean reward at levels, interpolated linearly; NaN outside their range."""
         means: Array = self.rewards(xi).mean(axis=1)
         asked = np.asarray(level, dtype=np.float64)
         return np.interp(asked, self.levels, means, left=np.nan, right=np.nan)
 
     def best(self, xi: float) -> tuple[float, float]:
-        """Return the level with the highest mean reward, and that reward: exhaustive search."""
+        """Return the level with the highest mean reward, and that reward, by exhaustive search."""
         means: Array = self.rewards(xi).mean(axis=1)
         return float(self.levels[means.argmax()]), float(means.max())
 
     def environment(self, xi: float, rngs: Sequence[np.random.Generator]) -> Environment:
-        """Return the world of a learner: it plays levels, one a run, and gets rewards.
+        """Return the environment of a learner: maps levels, one per run, to rewards.
 
-        Each run draws its trials at random from those that were simulated. A level between two
-        that were run is one of both by chance, so that the mean reward is linear between them.
+        Each run samples from the simulated trials. A level between two simulated ones is randomly
+        replaced by one of them, such that the mean reward is linear in between.
         """
         table = self.rewards(xi)
         count, trials = table.shape
@@ -132,7 +132,7 @@ class LevelOutcomes:
 
 
 def switching(worlds: Sequence[Environment], every: int) -> Environment:
-    """Return a world that changes: ``every`` trials of each in turn, again and again."""
+    """Return a changing environment: ``every`` trials of each in turn, cyclically."""
     require(worlds, "worlds", "must hold one or more", worlds)
     whole("every", every, 1)
 

@@ -1,1 +1,1 @@
-"""What all of the package uses and no science: arrays, checks, files, seeds, progress."""
+"""Utilities of the package without science: arrays, checks, files, seeds, progress."""

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-"""Numbers in double precision: what everything is computed with unless stated."""
+"""Numbers in double precision, used unless stated otherwise."""
 Singles = npt.NDArray[np.float32]
-"""Numbers in single precision: what taps are kept in."""
+"""Numbers in single precision, used for taps."""
 Reals = npt.NDArray[np.floating]
 """Numbers in either precision."""
 Integers = npt.NDArray[np.integer]

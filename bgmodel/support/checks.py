@@ -1,4 +1,4 @@
-"""Types of what a user gives to the core: a number, a whole number, an array of numbers."""
+"""Checks of the types of user input: numbers, whole numbers, arrays of numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from circuits.errors import InputError, require
 
 
 def whole(name: str, value: Any, least: int) -> int:
-    """Return a whole number; ValueError unless it is one, and at least ``least``."""
+    """Return a whole number; ValueError unless it is one and at least ``least``."""
     require(is_whole(value) and value >= least, name, f"must be a whole number >= {least}", value)
     return int(value)
 
@@ -33,7 +33,7 @@ def check_inside(name: str, values: Integers, low: int, high: int) -> None:
 
 
 def reals(name: str, values: npt.ArrayLike) -> Reals:
-    """Return an array in single or double precision, as compiled loops take it.
+    """Return an array in single or double precision, as compiled loops require.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def known_truth(truth: Integers | None) -> Integers:
 
 
 def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integers:
-    """Return the truth (trials,); ValueError unless each is the number of a hypothesis."""
+    """Return the truth (trials,); ValueError unless each is the index of a hypothesis."""
     values = one_per_trial("truth", truth, trials)
     check_inside("truth", values, 0, hypotheses - 1)
     return values
@@ -88,7 +88,7 @@ def check_flag(name: str, value: object) -> None:
 
 
 def path_of(given: str | Path, field: str = "path") -> Path:
-    """Return the path of a file; ValueError for what is none."""
+    """Return the path of a file; ValueError for anything else."""
     if not isinstance(given, (str, PathLike)):
         raise InputError.of(field, "must be the path of a file", given)
     return Path(given)

@@ -1,4 +1,4 @@
-"""Numba's compiler with the types of what it compiles, which Numba itself does not state."""
+"""Numba's compiler, typed so that compiled functions keep their signatures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SOURCES = sources_hash(Path(__file__).parents[1])
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile a function on its first call and keep it on disk; threads run it side by side.
+    """Compile a function on its first call, cached on disk; it releases the GIL.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class _Listener(event.Listener):
         self.call: Callable[[], None] | None = call
 
     def on_start(self, event: Any) -> None:
-        """Call once; what was kept on disk starts no such event."""
+        """Call once; functions cached on disk do not start such an event."""
         module = str(getattr(event.data.get("dispatcher"), "__module__", ""))
         if self.call is not None and module.startswith("circuits."):
             call, self.call = self.call, None
@@ -51,12 +51,12 @@ class _Listener(event.Listener):
 
 
 def on_compiling(call: Callable[[], None]) -> None:
-    """Call a function when an engine of the circuits is compiled, once, before that takes long.
+    """Call a function once, just before an engine of the circuits is compiled.
 
     Parameters
     ----------
     call : function
-        Without arguments. It replaces the one of an earlier call.
+        A function without arguments; replaces that of an earlier call.
     """
     if _LISTENERS:
         event.unregister("numba:compile", _LISTENERS.pop())

@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, with the parameters, seed and versions behind them."""
+"""Files: written atomically, with the parameters, seed and versions behind them."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
 MOST_NAME_BYTES = 200
-"""Longest name of a result: what is written on the way has a longer one."""
+"""Longest name of a result, bytes: temporary files have longer names."""
 FIELDS = {"parameters", "seed", "versions"}
-"""What provenance holds."""
+"""Keys of the provenance."""
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a path to write to; it takes the final name once all is written, or vanishes.
+    """Yield a temporary path, renamed to the final name once written, or removed on errors.
 
-    Folders that are not there are made.
+    Missing folders are created.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,15 +50,15 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def remove_partial_files(folder: str | Path) -> None:
-    """Remove what killed writers left in a folder and below; none may be at work there."""
+    """Remove temporary files of killed writers in and below a folder; no writer may be active."""
     for partial in Path(folder).rglob(".*.partial.*"):
         partial.unlink()
 
 
 def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
-    """Return what a result file must carry: its parameters, seed and versions.
+    """Return the provenance of a result file: its parameters, seed and versions.
 
-    No time and no machine goes in, so the same seed gives the same bytes.
+    It has no time and no machine, so that the same seed gives the same bytes.
     """
     return {
         "parameters": {name: _plain(value) for name, value in parameters.items()},
@@ -74,22 +74,22 @@ def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
 def write_table(
     table: pd.DataFrame, path: str | Path, *, seed: int | None = None, **parameters: Any
 ) -> Path:
-    """Write a table whole or not at all, with its provenance.
+    """Write a table atomically, with its provenance.
 
     Parameters
     ----------
     table : DataFrame
-        What to write.
+        The table to write.
     path : path
-        ``.parquet`` keeps the provenance inside; ``.csv`` has it in ``<name>.csv.json`` beside it.
+        ``.parquet`` keeps the provenance inside; ``.csv`` has it in the file ``<name>.csv.json``.
     seed, parameters :
         See ``provenance``.
 
     Raises
     ------
     ValueError
-        If the ending is neither, the folder can't be written, or what lies at ``<name>.csv.json``
-        is no provenance.
+        If the ending is neither, the folder can't be written, or a file ``<name>.csv.json`` exists
+        that is not a provenance.
     """
     path = path_of(path)
     if path.suffix not in (".parquet", ".csv"):
@@ -101,7 +101,7 @@ def write_table(
         with replacing(path) as partial:
             _write_parquet(table, partial, text)
         return path
-    # Both take their names once both are written.
+    # Both are renamed once both are written.
     with replacing(path) as partial, replacing(provenance_path(path)) as beside:
         table.to_csv(partial, index=False)
         beside.write_text(text + "\n")
@@ -115,7 +115,7 @@ def provenance_path(path: str | Path) -> Path:
 
 
 def check_provenance_place(path: str | Path) -> None:
-    """Raise ValueError if the provenance of a table would go over a file that is none."""
+    """Raise ValueError if the provenance of a table would overwrite another kind of file."""
     place = provenance_path(path)
     if Path(path).suffix != ".csv" or not place.exists():
         return
@@ -125,7 +125,7 @@ def check_provenance_place(path: str | Path) -> None:
     except (OSError, ValueError):
         ours = False
     if not ours:
-        raise InputError(f"{str(place)!r} holds something else than parameters: move it", "path")
+        raise InputError(f"{str(place)!r} is not a file of parameters: move it", "path")
 
 
 def check_new(path: str | Path, *, force: bool = False) -> None:
@@ -134,10 +134,10 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     Parameters
     ----------
     path : path
-        Where a result is to go.
+        Path of a result.
     force : bool
-        Whether a file of that name may be replaced. A folder never is, nor a file beside a
-        ``.csv`` that holds no provenance.
+        Whether a file of that name may be replaced. A folder never is, nor a file next to a
+        ``.csv`` that is not a provenance.
     """
     path = Path(path)
     if path.is_dir():
@@ -145,12 +145,12 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     if len(path.name.encode()) > MOST_NAME_BYTES:
         raise InputError(f"a file's name has at most {MOST_NAME_BYTES} bytes", "path", path.name)
     if not force and (path.exists() or path.is_symlink()):
-        raise InputError(f"{str(path)!r} is there already: give another name, or --force", "path")
+        raise InputError(f"{str(path)!r} already exists: give another name, or --force", "path")
     check_provenance_place(path)
 
 
 def is_result(path: str | Path) -> bool:
-    """Whether a file is a table that carries provenance, so that a result may take its place."""
+    """Whether a file is a table with provenance, which a result may replace."""
     try:
         return set(read_provenance(path)) == FIELDS
     except (OSError, ValueError, KeyError, TypeError):
@@ -164,7 +164,7 @@ def checksum(path: str | Path) -> str:
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
+    """Read a ``.parquet`` or ``.csv`` table; ValueError with a clear reason if it can't be read."""
     import pandas as pd
 
     path = path_of(path)
@@ -184,10 +184,10 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
 
 def unreadable(path: Path, error: Exception) -> InputError:
-    """Return the error about a table that can't be read, with the first line of the reason."""
+    """Return the error for an unreadable table, with the first line of the reason."""
     reason = str(error).strip().splitlines()[0]
     if isinstance(error, UnicodeDecodeError):
-        reason = "it is no text in UTF-8"
+        reason = "it is not text in UTF-8"
     return InputError(f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path", path)
 
 
@@ -207,12 +207,12 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 def check_writable(folder: str | Path) -> Path:
     """Return a folder as an absolute path; ValueError if nothing can be written there.
 
-    It is made when something is.
+    It is created when a file is written.
     """
     folder = Path(os.path.abspath(folder))
     there = next(place for place in (folder, *folder.parents) if place.exists())
     try:
-        # Asking for rights tells nothing of a read-only or full disk: try.
+        # Permissions do not show a read-only or full disk: try to write.
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
@@ -239,11 +239,11 @@ def _write_parquet(table: pd.DataFrame, path: Path, text: str) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Turn a parameter into what JSON holds."""
+    """Convert a parameter to a JSON value."""
     if is_dataclass(value) and not isinstance(value, type):
         return {"kind": type(value).__name__, **{k: _plain(v) for k, v in asdict(value).items()}}
     if isinstance(value, Path):
-        return value.name  # where a file lay says nothing about what is in it
+        return value.name  # the location of a file says nothing about its contents
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""What a run needs of memory, said before it starts."""
+"""Memory requirements of a run, checked before it starts."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from circuits.errors import InputError
 SMALL_BYTES = 1e8
 """Smaller runs skip the check."""
 CELL_BYTES, TEXT_TIMES = 24, 2
-"""Memory that reading takes for each cell of a parquet, and at least for each byte of text;
+"""Memory for reading, per cell of a parquet file, and at least per byte of a text file, bytes;
 measured."""
 
 
 class NoMemoryError(InputError):
-    """There is not as much memory as a run needs now."""
+    """A run needs more memory than is free."""
 
 
 def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
-    """Raise NoMemoryError, before anything is run, if there is not so much memory.
+    """Raise NoMemoryError, before anything is run, if there is not enough memory.
 
     Parameters
     ----------
     needed_bytes : float
-        An estimate.
+        Estimated requirement, bytes.
     what : str
-        What needs it, for the message.
+        Description of the run, for the message.
     field : str
         The argument to reduce.
     """
@@ -40,14 +40,14 @@ def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
 
 
 def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
-    """Raise ValueError if evidence of this shape, and what is made of it, does not fit."""
-    # Eight bytes a number: as drawn, summed up, as OUT, and once in between.
+    """Raise ValueError if evidence of this shape and derived arrays do not fit into memory."""
+    # Eight bytes per number: as drawn, summed, as OUT, and one intermediate array.
     needed = 4 * 8.0 * trials * steps * hypotheses
     check_memory(needed, f"{trials} trials of up to {steps} readings")
 
 
 def check_learning_memory(runs: int, episodes: int) -> None:
-    """Raise ValueError if there is no memory for what learning keeps of each run and episode."""
+    """Raise ValueError if the records of learning (per run and episode) do not fit."""
     check_memory(10 * 8 * float(runs) * episodes, f"{runs} runs of {episodes} episodes", "runs")
 
 
@@ -57,7 +57,7 @@ def check_table_memory(path: Path) -> None:
     Parameters
     ----------
     path : path
-        A ``.parquet``, of which only the metadata are read, or a file of text.
+        A ``.parquet``, of which only the metadata are read, or a text file.
     """
     if path.suffix != ".parquet":
         check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}", "path")

@@ -1,4 +1,4 @@
-"""How far a long loop is: whoever wants to know listens around it."""
+"""Progress of long loops, reported to a listener."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _LISTENER: ContextVar[Callable[[int], object] | None] = ContextVar("listener", d
 
 @contextmanager
 def shown_by(listener: Callable[[int], object]) -> Iterator[None]:
-    """Let a function hear of every part of the trials that circuits decide inside.
+    """Report every batch of trials that circuits decide within the block to a function.
 
     Parameters
     ----------
     listener : function
-        It is given the number of trials of each part, as ``tqdm.update``.
+        Called with the number of trials of each batch, like ``tqdm.update``.
     """
     token = _LISTENER.set(listener)
     try:
@@ -26,6 +26,6 @@ def shown_by(listener: Callable[[int], object]) -> Iterator[None]:
 
 
 def advance(trials: int) -> None:
-    """Tell the listener, if there is one, that so many trials are decided."""
+    """Report a number of decided trials to the listener, if there is one."""
     if (listener := _LISTENER.get()) is not None:
         listener(trials)

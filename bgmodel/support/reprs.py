@@ -1,4 +1,4 @@
-"""The line that ``repr`` gives of a record, and the table of a notebook: the same few facts."""
+"""Short representations of records: a line for ``repr``, a table for notebooks."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 class Facts:
-    """Base of records that hold arrays: a printed array tells a reader nothing."""
+    """Base of records that hold arrays, which are not readable when printed."""
 
     def facts(self) -> dict[str, str]:
-        """Return the first facts of a record by name: shapes, units, a few means."""
+        """Return the main facts of a record by name: shapes, units, a few means."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -33,7 +33,7 @@ class Facts:
 
 
 def span(values: npt.ArrayLike, form: str = ".3g") -> str:
-    """Return the lowest and the highest of some numbers as text; what is NaN is left out."""
+    """Return the lowest and the highest of some numbers as text, ignoring NaN."""
     array = np.asarray(values, dtype=np.float64)
     known = array[np.isfinite(array)]
     if not known.size:

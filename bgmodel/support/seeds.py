@@ -1,4 +1,4 @@
-"""Random streams spawned by name, so that no part of a study shifts the noise of another."""
+"""Random-number streams by name, so that no part of a study shifts the noise of another."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from circuits.errors import InputError
 
 
 def stream(seed: int, *names: object) -> np.random.Generator:
-    """Return the generator that belongs to ``seed`` and a path of names.
+    """Return the generator for ``seed`` and a path of names.
 
-    The same seed and names give the same numbers whatever else was drawn, in whatever order and
-    in however many processes.
+    The same seed and names give the same numbers whatever else is drawn, in any order and any
+    number of processes.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def stream(seed: int, *names: object) -> np.random.Generator:
 
 
 def generator(rng: np.random.Generator | int, name: str = "rng") -> np.random.Generator:
-    """Return a generator unchanged, or the one of a seed; ``name`` is that of the argument.
+    """Return a generator unchanged, or that of a seed; ``name`` is the name of the argument.
 
     Raises
     ------
     ValueError
-        If ``rng`` is neither.
+        If ``rng`` is neither a generator nor a seed.
     """
     if isinstance(rng, np.random.Generator):
         return rng

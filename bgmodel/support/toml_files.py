@@ -1,4 +1,4 @@
-"""TOML files read into dataclasses: every key known, every value of its type."""
+"""TOML files read into dataclasses, with checks of every key and type."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T")
 UNKNOWN = "unexpected_keyword_argument"
 
 STRICT = {"extra": "forbid", "strict": True}
-"""The ``__pydantic_config__`` of a dataclass that is read from a file, for all below it too."""
+"""The ``__pydantic_config__`` of dataclasses read from files, including nested ones."""
 
 
 def read(path: str | Path, kind: type[T]) -> T:
@@ -26,19 +26,19 @@ def read(path: str | Path, kind: type[T]) -> T:
     path : path
         The file.
     kind : dataclass
-        With ``STRICT`` as its ``__pydantic_config__``.
+        The dataclass, with ``STRICT`` as its ``__pydantic_config__``.
 
     Raises
     ------
     ValueError
-        One sentence with the key, what was given and what is allowed.
+        With the key, the value given and what is allowed.
     """
     path = Path(path)
     return decoded(_given(path), kind, path.name)
 
 
 def gives(path: str | Path, key: str) -> bool:
-    """Whether a TOML file has a key at its top; ValueError as ``read``."""
+    """Whether a TOML file has a key at the top level; ValueError as for ``read``."""
     return key in _given(Path(path))
 
 
@@ -50,25 +50,25 @@ def _given(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path.name} is no TOML: {error}", "path", path) from None
+        raise InputError(f"{path.name} is not TOML: {error}", "path", path) from None
     except RecursionError:
         raise InputError(f"{path.name} is nested too deeply", "path", path) from None
 
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
-    """Return a dataclass from what a file held; ``name`` is what errors call the file."""
+    """Return a dataclass from the contents of a file; ``name`` is the file's name in errors."""
     from pydantic import ValidationError
 
     def refused(value: object) -> None:
         raise InputError(f"{name}: no key takes a date or a time, got {value}", "path", name)
 
     try:
-        # As JSON a list may be a tuple and still nothing else is taken for what it is not.
+        # JSON mode accepts lists for tuples but makes no other conversions.
         found: T = _adapter(cast(Any, kind)).validate_json(json.dumps(given, default=refused))
         return found
     except ValidationError as error:
         wrongs = error.errors(include_url=False)
-    # A misspelt key is also a missing one: the first says more.
+    # A misspelt key is also a missing one; the first error is more helpful.
     wrong = min(wrongs, key=lambda e: (e["type"] != UNKNOWN, e["type"] != "missing"))
     key = ".".join(str(part) for part in wrong["loc"]) or "the whole"
     if wrong["type"] == UNKNOWN:
@@ -87,14 +87,14 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
 
 @cache
 def _adapter(kind: Any) -> Any:
-    # Where a file is read: importing it takes a tenth of a second.
+    # Importing pydantic takes a tenth of a second: only when a file is read.
     from pydantic import TypeAdapter
 
     return TypeAdapter(kind)
 
 
 def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
-    """Return the keys of the dataclass at a place below another."""
+    """Return the keys of the nested dataclass at a place."""
     for part in place:
         kind = get_type_hints(kind)[part] if isinstance(part, str) else get_args(kind)[0]
     return [field.name for field in fields(kind)]

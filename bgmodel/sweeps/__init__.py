@@ -1,1 +1,1 @@
-"""Sweeps: one circuit and one task with some of their numbers changed, over a grid or a list."""
+"""Sweeps: a circuit and a task, with some of their numbers varied over a grid or a list."""

@@ -1,4 +1,4 @@
-"""What came of a sweep: one table with a row per point and measure, and a figure."""
+"""Results of a sweep: one table with a row per point and measure, and a figure."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AT_ONCE = 20_000_000
-"""Weights of trials in memory at a time."""
+"""Largest number of bootstrap weights in memory at a time."""
 
 
 def measured(point: Point, folder: Path) -> pd.DataFrame:
@@ -46,8 +46,8 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     DataFrame
         One row per measure of ``MEASURES``: measure, value (times in ms, shares of trials), low and
         high (95 % interval, a bootstrap over trials, the same for points of one size), trials, and
-        remark (a warning of the run, or why it ended; empty in nearly all). Values are NaN where
-        the circuit could not be run.
+        remark (a warning of the run, or why it ended; usually empty). Values are NaN if the
+        circuit could not be run.
 
     Raises
     ------
@@ -74,31 +74,29 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
 
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
-    """Return a caution about the other measures, or no text."""
+    """Return a caution about the other measures, or an empty string."""
     if decides_without_evidence(values["premature"], values["anticipatory"], foreperiod_ms):
         return "the circuit decides without evidence"
     if values["decided"] < FEWEST_DECIDED:
         return f"fewer than {FEWEST_DECIDED} trials are decided in time"
     if values["missed"] > MANY_MISSED:
         return (
-            "many trials are not decided in time: accuracy and times are those of the others; "
+            "many trials are not decided in time: accuracy and times refer to the decided ones; "
             f"{', '.join(OF_ALL)} are of all trials"
         )
     return ""
 
 
 def _uncalibrated(values: dict[str, float]) -> str:
-    """Return a caution about posteriors that are not accuracies, or no text."""
+    """Return a caution about uncalibrated posteriors, or an empty string."""
     sure = miscalibrated(values["mean_posterior"], values["accuracy"], values["decided"])
     if not sure:
         return ""
-    return (
-        f"the evidence is too {sure}: posteriors at the decision are not the share of right choices"
-    )
+    return f"the evidence is too {sure}: posteriors at the decision are not the proportion correct"
 
 
 def _withheld(values: dict[str, float]) -> str:
-    """Return why the parameters of a diffusion are not known, or no text."""
+    """Return why the parameters of a diffusion are unknown, or an empty string."""
     if values["missed"] > CUT_OFF:
         return f"{', '.join(OF_DIFFUSION)} are withheld: the deadline cuts off late decisions"
     if np.isnan(values[OF_DIFFUSION[-1]]):
@@ -107,7 +105,7 @@ def _withheld(values: dict[str, float]) -> str:
 
 
 def _weights(seed: int, trials: int) -> Iterator[Array]:
-    """Yield the weights of every trial once, then of the bootstrap, so many at a time."""
+    """Yield equal weights of all trials, then bootstrap weights in batches."""
     if trials * RESAMPLES <= AT_ONCE:
         yield _kept(seed, trials)
         return
@@ -132,12 +130,12 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
     plan : Plan
         The sweep.
     tables : list of DataFrame
-        As from ``measured``, one per point, in the plan's order; each gets its columns of keys.
+        As from ``measured``, one per point, in the plan's order; columns of keys are added.
 
     Returns
     -------
     DataFrame
-        A column per key that changes, then the columns of ``measured``.
+        One column per key that changes, then the columns of ``measured``.
 
     Raises
     ------
@@ -158,14 +156,14 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
     for key in plan.axes:
         if _idle(table, key, list(plan.axes)):
             EditWarning.warn(
-                f"no measure depends on {key}: it says nothing to the engine, or nothing while a "
-                "trial lasts; look at its units and times"
+                f"no measure depends on {key}: it has no effect on the engine, or none within a "
+                "trial; check its units and times"
             )
     return table
 
 
 def _idle(table: pd.DataFrame, key: str, axes: list[str]) -> bool:
-    """Whether points that differ in a key alone have the same measures."""
+    """Whether points that differ only in a key have the same measures."""
     known = table[table["value"].notna()]
     others = ["measure", *(other for other in axes if other != key)]
     values = known.groupby(others, sort=False)["value"].agg(["size", "nunique"])
@@ -174,7 +172,7 @@ def _idle(table: pd.DataFrame, key: str, axes: list[str]) -> bool:
 
 
 def draw(plan: Plan, table: pd.DataFrame) -> Figure:
-    """Draw the measures that a sweep shows, over one key or two.
+    """Draw the selected measures of a sweep over one key or two.
 
     Raises
     ------
@@ -203,14 +201,14 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
 
 
 def _places(values: list[Any]) -> list[float]:
-    """Return the positions of values on an axis: numbers at themselves, names side by side."""
+    """Return the positions of values on an axis: numbers at their values, names side by side."""
     if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
         return [float(v) for v in values]
     return [float(k) for k in range(len(values))]
 
 
 def _label(key: str) -> str:
-    """Return what the numbers of a key are of."""
+    """Return the axis label of a key."""
     verb = VERBS.get(key.partition(" ")[0])
     return f"{key}, fraction" if verb is not None and verb.takes == FRACTION else key
 

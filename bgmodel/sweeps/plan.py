@@ -1,4 +1,4 @@
-"""The file of a sweep: what is run, which numbers change, and the points that follow."""
+"""The file of a sweep: what is run, which numbers change, and the resulting points."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from circuits.declaration.edits import VERBS, parsed
 from circuits.errors import InputError, within
 
 BLOCK = 10_000
-"""Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
+"""Largest number of trials in a shard: seconds of the population engine, minutes of spikes."""
 TASK = "task."
 Value = bool | int | float | str
 
 
 @dataclass(frozen=True)
 class Point(Observed):
-    """One point of a sweep: everything that its decisions depend on."""
+    """One point of a sweep: all that its decisions depend on."""
 
     task: Stimuli = field(default_factory=lambda: Stimuli(trials=1000))
-    """What is decided; `trials` at each point."""
+    """The task, with the number of `trials` at each point."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -51,7 +51,7 @@ class Point(Observed):
 
     @property
     def steps(self) -> int:
-        """Readings of the longest trial."""
+        """Number of readings of the longest trial."""
         if self.task.evidence is None:
             return self.task.t_max
         return read_once(self.task).evidence.steps
@@ -65,7 +65,7 @@ class Point(Observed):
         return replace(self.task, trials=trials).draw(self.block_seed(first), "sweep")
 
     def block_seed(self, first: int) -> int:
-        """Return the seed of the evidence and of the noise of the block from a trial on."""
+        """Return the seed of evidence and noise for the block that begins with trial ``first``."""
         return int(stream(self.seed, "sweep", first).integers(2**62))
 
     def shards(self) -> list[Shard]:
@@ -81,7 +81,7 @@ OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits"))
 
 @dataclass(frozen=True)
 class Shard:
-    """A block of the trials of one point: what is computed, and stored, as a whole."""
+    """A block of trials of one point, computed and stored as a unit."""
 
     point: Point
     first: int
@@ -118,22 +118,21 @@ class Shard:
 
 @dataclass(frozen=True)
 class Plan(Point):
-    """A sweep: what is the same everywhere, and what changes from point to point.
+    """A sweep: shared settings, and the values that change from point to point.
 
-    A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task as
+    A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task such as
     ``task.d_prime``, or an edit without its value: ``lesion STN``, ``scale STN->GPe``,
-    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; a key
-    that would change the same number as another edit, such as a factor on a weight that is set, is
-    refused. The values of a key
-    that is an edit by itself may be true and false: the edit is made, or not.
+    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; a key that would
+    change the same number as another edit, such as a factor on a weight that is set, is refused. A
+    key that is a complete edit takes the values true and false: the edit is made, or not.
     """
 
     name: str = ""
-    """What is asked, in a few words."""
+    """The question in a few words."""
     grid: dict[str, tuple[Value, ...]] | None = None
-    """Values by key: every combination is a point, the last key changes fastest."""
+    """Values by key: every combination is a point; the last key changes fastest."""
     points: tuple[dict[str, Value], ...] = ()
-    """The points one by one, instead of a grid; all have the same keys."""
+    """A list of points, instead of a grid; all have the same keys."""
     show: tuple[str, ...] = ("accuracy", "mean_ms", "missed")
     """Measures to draw."""
 
@@ -151,7 +150,7 @@ class Plan(Point):
                 raise InputError(f"show must name {', '.join(MEASURES)}; got {measure!r}", "show")
 
     def _check_once(self) -> None:
-        """Refuse a key in two spellings, and a value or a point that is there twice."""
+        """Refuse a key in two spellings, and a value or a point given twice."""
         names = [key.strip() for key in self.grid or self.points[0]]
         for name in names:
             if names.count(name) > 1:
@@ -171,7 +170,7 @@ class Plan(Point):
 
     @property
     def axes(self) -> dict[str, list[Value]]:
-        """The values of every key that changes, in the order in which they first come."""
+        """The values of every key that changes, in order of first appearance."""
         return {key: list(dict.fromkeys(p[key] for p in self.each)) for key in self.each[0]}
 
     def all_points(self, folder: Path = Path()) -> list[Point]:
@@ -180,12 +179,12 @@ class Plan(Point):
         Parameters
         ----------
         folder : Path
-            Folder to which the paths in the plan are relative: that of its own file.
+            Folder to which paths in the plan are relative: that of its file.
 
         Raises
         ------
         ValueError
-            One sentence with the point, for a key or a value that has no effect there.
+            Naming the point, for a key or a value that has no effect there.
         """
         same = {f.name: getattr(self, f.name) for f in fields(Point)}
         return [_point(Point(**same), point, folder) for point in self.each]
@@ -206,7 +205,7 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
 
 
 def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
-    """Return the fields of a point, as a file has them."""
+    """Return the fields of a point, as in a file."""
     values = asdict(same)
     made: list[str] = []
     left_out: list[str] = []
@@ -231,7 +230,7 @@ def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, 
 
 
 def _is_whole(key: str) -> bool:
-    """Whether a key is an edit by itself, such as "compensate" or "lesion STN"."""
+    """Whether a key is a complete edit, such as "compensate" or "lesion STN"."""
     try:
         return bool(parsed(key))
     except ValueError:
@@ -239,7 +238,7 @@ def _is_whole(key: str) -> bool:
 
 
 def _line(key: str, value: Value) -> str:
-    """Return the edit of a key and its value; ValueError if it begins with no verb."""
+    """Return the edit of a key and its value; ValueError unless it begins with a verb."""
     verb = key.partition(" ")[0]
     if verb not in VERBS:
         of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
@@ -262,7 +261,7 @@ def read_plan(file: str | Path) -> Plan:
     Raises
     ------
     ValueError
-        One sentence with the key, what was given and what is allowed.
+        With the key, the value given and what is allowed.
     """
     path = path_of(file, "file")
     if path.suffix != ".toml":

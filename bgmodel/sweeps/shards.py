@@ -1,4 +1,4 @@
-"""Shards of a sweep: computed anywhere, stored whole, named by what they compute."""
+"""Shards of a sweep: computed anywhere, stored as a unit, named by a hash of their settings."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
-"""Size of a stored trial, and of a shard without any, at most."""
+"""Largest size of a stored trial, and of a shard without trials, bytes."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 OF_DECISION = ("choice", "time_ms", "forced", "premature")
-"""Columns of a shard that make decisions again."""
+"""Columns of a shard from which decisions are restored."""
 REMARK = "remark"
-"""The column with what a run warned of, or why it ended, once; empty in nearly all."""
+"""The column with the warnings of a run, or why it ended; in the first row, usually empty."""
 
 
 def path_of(shard: Shard, folder: Path) -> Path:
@@ -52,10 +52,10 @@ def state(shard: Shard, folder: Path) -> str:
 
 
 def compute(shard: Shard, folder: Path) -> None:
-    """Let the circuit decide the trials of a shard, and store what it did.
+    """Run the circuit on the trials of a shard and store its decisions.
 
-    A circuit that can't be run, such as one whose rates run away, is an outcome: its shard holds
-    no trial and says why.
+    A circuit that cannot be run, such as one whose rates diverge, is an outcome: its shard has no
+    trials and states the reason.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -63,7 +63,7 @@ def compute(shard: Shard, folder: Path) -> None:
             table = _decided(shard)
             remark = ""
         except NoMemoryError:
-            raise  # that of this moment: no outcome
+            raise  # a temporary failure, not an outcome
         except (ValueError, FloatingPointError) as error:
             table, remark = pd.DataFrame(), str(error)
     if replace(shard).key != shard.key:
@@ -74,7 +74,7 @@ def compute(shard: Shard, folder: Path) -> None:
         files.write_table(table, path, seed=shard.point.seed, shard=shard.key, remark=remark)
     except OSError as error:
         raise ValueError(
-            f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
+            f"{str(folder)!r} can't be written: {error.strerror}; finished shards are kept"
         ) from error
 
 
@@ -96,7 +96,7 @@ def _decided(shard: Shard) -> pd.DataFrame:
 def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
     """Return the decisions at a point, from its shards, and the remarks on them.
 
-    None where the circuit could not be run.
+    None if the circuit could not be run.
     """
     parts, remarks = [], []
     for shard in point.shards():
@@ -124,7 +124,7 @@ def _plain(shard: Shard) -> Any:
 
 
 def check_room(points: Sequence[Point], folder: Path) -> None:
-    """Raise ValueError if a disk has no room for what is not stored yet."""
+    """Raise ValueError if the disk has no room for the shards still missing."""
     trials = sum(point.trials for point in points)
     need = TRIAL_BYTES * trials + SHARD_BYTES * (len(points) + trials // BLOCK)
     there = sum(path.stat().st_size for path in (folder / "shards").glob("*.parquet"))
@@ -139,12 +139,12 @@ def check_room(points: Sequence[Point], folder: Path) -> None:
 
 @contextmanager
 def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
-    """Hold a folder: alone, or as one of several parts of a sweep.
+    """Lock a folder: exclusively, or shared by several parts of a sweep.
 
     Raises
     ------
     ValueError
-        Another sweep is at work there.
+        If another sweep is running there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "sweep.lock").open("a+") as lock:
@@ -152,11 +152,11 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
             flock(lock, (LOCK_EX if alone else LOCK_SH) | LOCK_NB)
         except BlockingIOError:
             raise ValueError(
-                f"another sweep is at work in {str(folder)!r}: wait for its end, or give another "
+                f"another sweep is running in {str(folder)!r}: wait for its end, or give another "
                 "folder"
             ) from None
         except OSError:
-            pass  # a file system without locks: shards are whole, only work may be done twice
+            pass  # file system without locks: shards stay intact, but work may be done twice
         if alone:
             files.remove_partial_files(folder)
         yield
@@ -164,13 +164,13 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Give processes that compute, one thread each; after an error what they do is dropped."""
+    """Yield a pool of processes, one thread each; after an error their work is dropped."""
     os.environ.update(dict.fromkeys(THREADS, "1"))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         try:
             yield pool
         except BaseException:
-            # What is under way is dropped: a shard is stored whole or not at all.
+            # Unfinished work is dropped: a shard is stored completely or not at all.
             for child in active_children():
                 child.terminate()
             raise

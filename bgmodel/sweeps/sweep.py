@@ -1,4 +1,4 @@
-"""A sweep in Python: how it is read and run, and its results as tables, arrays and a figure."""
+"""Sweeps in Python: reading, running, and results as tables, arrays and a figure."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 
 
 NAMED = 3
-"""Points that a caution names."""
+"""Largest number of points named in a caution."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A plan, and the folder to which the paths in it are relative.
+    """A plan, and the folder to which paths in it are relative.
 
     Parameters
     ----------
     plan : Plan
         What is run, and what changes.
     beside : Path
-        Folder of the plan's own file.
+        Folder of the plan's file.
     """
 
     plan: Plan
@@ -50,7 +50,7 @@ class Sweep:
         Raises
         ------
         ValueError
-            One sentence with the key, what was given and what is allowed.
+            With the key, the value given and what is allowed.
         """
         path = path_of(file, "file")
         return cls(read_plan(path), path.parent)
@@ -62,31 +62,31 @@ class Sweep:
 
     @cached_property
     def shards(self) -> list[Shard]:
-        """What is computed and stored; points may share a shard."""
+        """The units of computation and storage; points may share a shard."""
         every = (shard for point in self.points for shard in point.shards())
         return list({shard.name: shard for shard in every}.values())
 
     def run(self, folder: str | Path | None = None, *, workers: int = 1) -> SweepOutcome:
-        """Compute every point that is not there yet, and return the measures of all.
+        """Compute every missing point, and return the measures of all.
 
         Parameters
         ----------
         folder : path, optional
-            Where shards are kept, as by ``bgmodel sweep``: those that are there are not computed
-            again. None is kept if left out.
+            Where shards are kept, as by ``bgmodel sweep``: existing ones are not computed again. By
+            default none is kept.
         workers : int
-            Processes; the results do not depend on it. With more than one, a script needs
+            Number of processes; the results do not depend on it. With more than one, a script needs
             ``if __name__ == "__main__"``.
 
         Raises
         ------
         ValueError
-            If a key has no effect at a point, or another sweep is at work in the folder.
+            If a key has no effect at a point, or another sweep is running in the folder.
 
         Warns
         -----
         UserWarning
-            For each remark on points, as the command prints it, and each key that changes nothing.
+            For each remark on points, as the command prints it, and each key without effect.
         """
         with ExitStack() as stack:
             place = Path(folder or stack.enter_context(TemporaryDirectory()))
@@ -114,9 +114,9 @@ class SweepOutcome(Facts):
     Parameters
     ----------
     plan : Plan
-        What was run.
+        The plan of the sweep.
     table : DataFrame
-        As from ``outcome.gathered``: a column per key that changes, then measure, value, low and
+        As from ``outcome.gathered``: one column per key that changes, then measure, value, low and
         high (95 % interval), trials, remark.
     """
 
@@ -124,7 +124,7 @@ class SweepOutcome(Facts):
     table: pd.DataFrame
 
     def facts(self) -> dict[str, str]:
-        """Return what changed, over how many points, and their number of trials."""
+        """Return the varied keys, the number of points, and their number of trials."""
         axes = self.plan.axes
         return {
             "points": f"{len(self.plan.each)}",
@@ -163,7 +163,7 @@ class SweepOutcome(Facts):
         return self.table
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an array per measure, by the keys that change and ``of``.
+        """Return one array per measure, with the keys that change and ``of`` as dimensions.
 
         ``of`` is "value", "low" or "high", the two ends of the 95 % interval:
         ``found.accuracy.sel(of="value")``. Keys become names: ``lesion_STN``, ``task_channels``.

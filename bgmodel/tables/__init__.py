@@ -1,1 +1,1 @@
-"""Tables that people bring and take: trials, evidence, exports."""
+"""Input and output tables: trials, evidence, exports."""

@@ -1,4 +1,4 @@
-"""What is odd about a table of choices as a whole: refused where wrong, said where doubtful."""
+"""Checks of a whole table of choices: errors if it is wrong, warnings if it is doubtful."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
 from circuits.errors import DataWarning, InputError
 
 LATE, TOO_LATE = 3.0, 10.0
-"""Multiples of the slowest response at which a deadline is doubted, and refused."""
+"""Multiples of the slowest response from which a deadline gives a warning, and an error."""
 LONG_MEDIAN_S, SHORT_MEDIAN_S = 5.0, 0.1
-"""Median response times beyond which seconds are doubted."""
+"""Range of median response times, s, outside which a warning is given."""
 STEPS_S = (0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 1 / 30, 0.025, 0.02)
-"""Steps in which times may be recorded; finer ones move no estimate by half a standard error."""
+"""Coarsest resolutions to test, s; finer ones shift no estimate by half a standard error."""
 STEP_ERROR_S = 6e-4
-"""Distance from a multiple of a step at which a time still counts as one."""
+"""Tolerance within which a time counts as a multiple of a step."""
 LEAST_RIGHT, ENOUGH = 0.6, 20
-"""Share of right responses at the largest strength below which signs are missing, and the number
-of responses that it takes to tell."""
+"""Proportion correct at the largest strength below which signs are taken to be missing, and the
+number of responses required."""
 STRENGTHS = ("coherence", "coh", "contrast", "strength", "evidence", "stimulus")
-"""Words in the names of columns that hold the strength of evidence."""
+"""Words in the names of columns that may hold the strength of evidence."""
 CORRELATED, ERRORS_OF_R = 0.15, 5.0
 """Correlation with responses, and its z score, above which a column may be the strength."""
 PILE, PILE_SHARE = 5, 0.01
-"""Number and share of times that are exactly the longest, above which trials were cut off there;
-the number also compared with how many trials share a time on average."""
+"""Number and share of times exactly equal to the longest, above which trials were probably cut off
+there; the number is also compared with the average number of trials per distinct time."""
 FAR = 10.0
-"""Ratio of strengths from which on the larger one is doubted where few trials have it."""
+"""Ratio of strengths above which the larger one is doubtful if few trials have it."""
 COPIED, NEAR_S = 0.01, 0.1
-"""Share of rows that are copies from which it matters, and distance of times that are compared with
-equal ones."""
+"""Share of duplicate rows from which a warning is given, and distance of times that are compared
+with equal ones."""
 SAME = 1e-6
-"""Relative difference below which two strengths are the same but for rounding."""
+"""Relative difference below which two strengths differ only by rounding."""
 
 
 def check_times(rt_s: Array) -> None:
-    """Refuse times that are no seconds; warn of times that may be none, or are rounded.
+    """Refuse times that are not in seconds; warn of doubtful units and of rounding.
 
     Parameters
     ----------
     rt_s : (trials,) float64, s
-        NaN without a response.
+        Response times; NaN without a response.
 
     Raises
     ------
@@ -73,33 +73,33 @@ def check_times(rt_s: Array) -> None:
         if (np.abs(given - step_s * np.round(given / step_s)) <= STEP_ERROR_S).all():
             DataWarning.warn(
                 f"all {len(given)} times are multiples of {step_s:.3g} s: rounding adds "
-                f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and cutting off also takes "
-                f"{500 * step_s:.0f} ms off t0_s"
+                f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and truncation also subtracts "
+                f"{500 * step_s:.0f} ms from t0_s"
             )
             break
     _warn_of_pile(given)
 
 
 def _warn_of_pile(given: Array) -> None:
-    """Warn where many times are exactly the longest: trials that were cut off there."""
+    """Warn if many times are exactly equal to the longest: trials were probably cut off there."""
     longest = float(given.max())
     ends, times = int((given == longest).sum()), len(np.unique(given))
-    # Of times in coarse steps, as many share each of them.
+    # With coarse times, many trials share each value.
     if ends >= PILE and ends > PILE_SHARE * len(given) and ends > PILE * len(given) / times:
         DataWarning.warn(
-            f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: where a "
-            "trial ended then without a response, leave rt and response empty, and give that time "
+            f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: if trials "
+            "ended then without a response, leave rt and response empty, and give that time "
             "as the deadline (deadline_s, at the terminal --deadline)"
         )
 
 
 def warn_of_far(strength: Array) -> None:
-    """Warn where few trials have a strength far beyond all others: a slip, or a code of none.
+    """Warn if few trials have a strength far beyond all others: an error, or a missing value.
 
     Parameters
     ----------
     strength : (trials,) float64
-        Signed; sizes are compared.
+        Signed strengths; absolute values are compared.
     """
     sizes, counts = np.unique(np.abs(strength), return_counts=True)
     above = sizes[1:] >= FAR * sizes[:-1]
@@ -115,15 +115,15 @@ def warn_of_far(strength: Array) -> None:
 
 
 def warn_of_units(strength: Array) -> None:
-    """Warn where strengths seem to be in per cent in some trials, and in shares in others.
+    """Warn if strengths seem to be in per cent in some trials and in shares in others.
 
-    That is, if there are two strengths or more whose hundredfold occurs too, and these pairs are
-    all but a few of the strengths.
+    This is the case if there are at least two strengths whose hundredfold occurs too, and these
+    pairs are all but a few of the strengths.
 
     Parameters
     ----------
     strength : (trials,) float64
-        Signed; sizes are compared.
+        Signed strengths; absolute values are compared.
     """
     sizes, counts = np.unique(np.abs(strength[strength != 0]), return_counts=True)
     larger = np.array([np.isclose(sizes, 100 * size, rtol=SAME, atol=0) for size in sizes])
@@ -132,24 +132,24 @@ def warn_of_units(strength: Array) -> None:
         many = int(counts[larger.any(axis=0)].sum())
         first = sizes[larger.any(axis=1)][0]
         DataWarning.warn(
-            f"{pairs} of {len(sizes)} strengths occur a second time a hundred times as large, as "
+            f"{pairs} of {len(sizes)} strengths also occur a hundred times as large, such as "
             f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
             "trials, are in per cent, divide them by 100"
         )
 
 
 def warn_of_copies(table: pd.DataFrame) -> None:
-    """Warn where more rows are copies of others than by chance: standard errors are too small.
+    """Warn of more duplicate rows than by chance: standard errors would be too small.
 
-    Copies are rows with the same values in all columns. By chance two trials that differ in time
-    alone may have the same time, since times are rounded. How often times within 0.1 s of each
-    other are the same is known from rows that differ in other columns. A warning needs 10 copies,
-    1 % of all rows, and a quarter and 5 standard errors more than by chance.
+    Duplicates are rows with the same values in all columns. Since times are rounded, two trials
+    that differ only in time may have the same time by chance. How often times within 0.1 s of each
+    other are equal is estimated from rows that differ in other columns. A warning needs 10
+    duplicates, 1 % of all rows, and an excess of a quarter and of 5 standard errors over chance.
 
     Parameters
     ----------
     table : DataFrame
-        A user's table, all columns.
+        A user's table, with all columns.
     """
     copies = int(table.duplicated().sum())
     if copies < max(FEWEST, COPIED * len(table)):
@@ -157,17 +157,17 @@ def warn_of_copies(table: pd.DataFrame) -> None:
     alike, chance = _alike(table)
     if alike > 1.25 * chance + 5 * np.sqrt(chance) + 5:
         DataWarning.warn(
-            f"{copies} of {len(table)} rows are copies of earlier ones: {alike:.0f} pairs of rows "
-            f"are the same in all columns, and about {chance:.0f} would be by chance. If trials "
-            "were put together twice, leave out the copies (drop_duplicates in pandas), since "
-            "standard errors count each row as a new trial"
+            f"{copies} of {len(table)} rows are duplicates of earlier ones: {alike:.0f} pairs of "
+            f"rows are equal in all columns; about {chance:.0f} are expected by chance. If trials "
+            "were concatenated twice, remove the duplicates (drop_duplicates in pandas), since "
+            "standard errors count each row as an independent trial"
         )
 
 
 def _alike(table: pd.DataFrame) -> tuple[float, float]:
-    """Return the number of pairs of rows that are the same, and how many would be by chance."""
+    """Return the number of pairs of equal rows, and the number expected by chance."""
     times = pd.to_numeric(table["rt"], errors="coerce")
-    table = table.assign(rt=times)[times > 0]  # without a response nothing tells trials apart
+    table = table.assign(rt=times)[times > 0]  # trials without a response cannot be distinguished
     rest = [name for name in table if name != "rt"]
     who = ["participant_id"] if "participant_id" in rest else []
     alike = chance = 0.0
@@ -190,14 +190,14 @@ def _pairs(rt_s: Array) -> Array:
 
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:
-    """Refuse or doubt a deadline long after all responses.
+    """Refuse, or warn of, a deadline long after all responses.
 
     Parameters
     ----------
     rt_s : (trials,) float64, s
-        NaN without a response.
+        Response times; NaN without a response.
     deadline_s : float, s
-        When a trial without a response ended.
+        Time at which a trial without a response ended.
 
     Raises
     ------
@@ -228,12 +228,12 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
 
 
 def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
-    """Raise ValueError if strengths have no sign and responses are no rights and wrongs.
+    """Raise ValueError if strengths have no sign and responses are not coded by correctness.
 
     Parameters
     ----------
     strength : (trials,) float64 or None
-        Where none is below 0, all speak for response 1.
+        Strengths; if none is negative, all favour response 1.
     response : (trials,) int8
         1, 0 or -1.
     """
@@ -252,18 +252,18 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
 def warn_without_strength(
     table: pd.DataFrame, used: Sequence[str], response: npt.NDArray[np.int8]
 ) -> None:
-    """Warn where the strength of the evidence seems to be missing.
+    """Warn if the strength of the evidence seems to be missing.
 
-    A column may hold it if it has numbers that differ, and either is called so or has at least
+    A column may hold it if its numbers vary, and it either has a suitable name or has at least
     three values and is correlated with the responses. Without such a column, response 1 may not be
-    the right one.
+    the correct one.
 
     Parameters
     ----------
     table : DataFrame
         A user's table.
     used : names
-        Columns that are read as conditions.
+        Columns that are used as conditions.
     response : (trials,) int8
         1, 0 or -1.
     """
@@ -289,7 +289,7 @@ def warn_without_strength(
     share = float((response[response >= 0] == 1).mean())
     if share < LEAST_RIGHT:
         DataWarning.warn(
-            f"no strength is given, so that response 1 is taken for the right one, and it is "
+            f"no strength is given, so response 1 is taken as correct, and it is "
             f"{share:.0%} of responses: name the column of signed strengths (strength, at the "
             "terminal --strength)"
         )
@@ -302,26 +302,26 @@ def _correlation(values: Array, response: npt.NDArray[np.int8]) -> float:
 
 
 def without_rounding(strength: Array) -> Array:
-    """Return strengths, those that differ by less than a millionth as one; warn if there are any.
+    """Merge strengths that differ by less than a millionth; warn if there are any.
 
     Parameters
     ----------
     strength : (trials,) float64
-        Signed; sizes are compared.
+        Signed strengths; absolute values are compared.
     """
     sizes, counts = np.unique(np.abs(strength), return_counts=True)
     group = np.concatenate([[0], np.cumsum(np.diff(sizes) > SAME * sizes[1:])])
     if len(sizes) == group[-1] + 1:
         return strength
-    # The most frequent value of each group stands for all of it.
+    # Each group is represented by its most frequent value.
     merged = sizes.copy()
     for each in np.flatnonzero(np.bincount(group) > 1):
         some = group == each
         merged[some] = sizes[some][np.argmax(counts[some])]
     first = int(np.flatnonzero(merged != sizes)[0])
     DataWarning.warn(
-        f"{len(sizes)} strengths are taken for {group[-1] + 1}, since some differ by rounding "
-        f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}"
+        f"{len(sizes)} strengths are merged to {group[-1] + 1}, since some differ only by "
+        f"rounding, such as {sizes[first]!r:.22} and {merged[first]!r:.22}"
     )
     at = np.searchsorted(sizes, np.abs(strength))
     return np.asarray(np.sign(strength) * merged[at])

@@ -1,4 +1,4 @@
-"""Choices and times of people and animals, one row per trial."""
+"""Choice and response-time data, one row per trial."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Choices(Facts):
     Parameters
     ----------
     participant : (trials,) text
-        Who decided.
+        The participant of each trial.
     rt_s : (trials,) float64
         Time from onset to response, s; NaN without a response.
     response : (trials,) int8
@@ -60,18 +60,18 @@ class Choices(Facts):
     deadline_s : float or None
         Time at which a trial without a response ended, s.
     source : str
-        What was read: a file's name, the name of a shipped set, or "a table".
+        The source: a file name, the name of a shipped set, or "a table".
 
     Attributes
     ----------
     checksum : str
-        SHA-256, in hexadecimal, of all that is above but the source.
+        SHA-256, in hexadecimal, of all fields above except the source.
 
     Raises
     ------
     ValueError
-        If columns differ in length, a response is none of these, or a time stands without a
-        response or the other way round.
+        If columns differ in length, a response has another value, or a time is given without a
+        response or the reverse.
     """
 
     participant: npt.NDArray[np.str_]
@@ -101,21 +101,21 @@ class Choices(Facts):
 
     @property
     def correct(self) -> Array:
-        """Whether a response is right, (trials,): 1, 0, or NaN where that is not known.
+        """Whether a response is correct, (trials,): 1, 0, or NaN if unknown.
 
-        Right is the side of the strength; without strengths it is response 1.
+        The correct side is that of the strength; without strengths it is response 1.
         """
         side = np.ones(self.trials) if self.strength is None else np.sign(self.strength)
         right = (self.response == 1) == (side > 0)
         return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
 
     def where(self, mask: Truths) -> Choices:
-        """Return some of the trials.
+        """Return a subset of the trials.
 
         Parameters
         ----------
         mask : (trials,) bool
-            Which.
+            Which trials to keep.
         """
         return replace(
             self,
@@ -171,31 +171,31 @@ def read_choices(
     deadline_s: float | None = None,
     upper: str | None = None,
 ) -> Choices:
-    """Read a table of choices and times; no trial in it is left out.
+    """Read a table of choices and response times; no trial is left out.
 
-    Strengths that differ by less than a millionth are taken for one, with a warning. Other warnings
-    name what may be wrong: units of time, a deadline far beyond all responses, coarse times, many
-    times that are exactly the longest, rows that are there twice, a strength far beyond all others,
-    and a column that may hold the strength.
+    Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
+    possible errors: units of time, a deadline far beyond all responses, coarse times, many times
+    exactly equal to the longest, duplicate rows, a strength far beyond all others, and a column
+    that may hold the strength.
 
     Parameters
     ----------
     source : path, str or DataFrame
         ``.csv``, ``.tsv`` or ``.parquet``, the name of a shipped set, or a table with one row per
         trial: ``rt``, s from the onset of evidence, and ``response``, 1 or 0; optionally
-        ``participant_id``, without which all trials are of one participant, "all". A trial
-        without a response has neither ``rt`` nor ``response``; where ``rt`` is -999, as HSSM
-        writes it, ``response`` is not read.
+        ``participant_id``, without which all trials belong to one participant, "all". A trial
+        without a response has neither ``rt`` nor ``response``; if ``rt`` is -999, as written for
+        HSSM, ``response`` is ignored.
     strength : str, optional
         Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
-        Columns of conditions; they are read as text.
+        Columns of conditions, read as text.
     participant : str, optional
-        The one whose trials are read; all if left out.
+        The participant whose trials are read; all by default.
     deadline_s : float, optional
         Time at which a trial without a response ended, s.
     upper : str, optional
-        The response that counts as 1, where responses are two names and not 1 and 0.
+        The response that counts as 1, if responses are two names instead of 1 and 0.
 
     Returns
     -------
@@ -205,8 +205,8 @@ def read_choices(
     Raises
     ------
     ValueError
-        One sentence with the source's name, and where a value is wrong its column, value and row,
-        counted from 0.
+        With the name of the source and, for a wrong value, its column, value and row, counted
+        from 0.
     """
     name, table = _table(source)
     if not isinstance(conditions, (str, list, tuple)):
@@ -244,7 +244,7 @@ def read_choices(
 
 
 def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
-    """Return the name of a source, and its table as it stands there."""
+    """Return the name of a source and its unchanged table."""
     if isinstance(source, pd.DataFrame):
         return "a table", source
     path = path_of(source, "source")
@@ -270,7 +270,7 @@ def _check_cells(choices: Choices) -> None:
 
 
 def _check_both_chosen(choices: Choices) -> None:
-    """Raise ValueError if a participant gave one of the two responses only, or none."""
+    """Raise ValueError if a participant gave only one of the two responses, or none."""
     for who in choices.people():
         mine = choices.response[choices.participant == who]
         given = sorted({int(code) for code in mine} - {NO_RESPONSE})

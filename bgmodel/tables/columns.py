@@ -1,4 +1,4 @@
-"""Columns of a user's table of choices: arrays, or one sentence about what is wrong."""
+"""Columns of a user's table of choices, as arrays, with one-sentence errors."""
 
 from __future__ import annotations
 
@@ -14,54 +14,54 @@ from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
-"""What a cell of numbers or responses holds where there is none."""
+"""Contents of a cell for a missing number or response."""
 MOST_MEDIAN_S = 50.0
-"""Longest median time that is taken for seconds."""
+"""Longest median time that is accepted as seconds."""
 MISSING_RT = -999.0
-"""What HSSM takes for the time of a response that never came."""
+"""Response time of HSSM for a missing response."""
 NO_RESPONSE = -1
 FEWEST = 10
-"""Fewest trials of a participant in a condition."""
+"""Least number of trials of a participant in a condition."""
 EVERYONE = "all"
-"""The participant of a table that names none."""
+"""Name of the participant of a table without participants."""
 OURS = ("participant_id", "rt", "response")
-"""Columns that mean something by their name."""
+"""Columns with a meaning."""
 PEOPLE = ("subj_idx", "subj_id", "subj", "subject", "subject_id", "participant", "participantid")
-"""Names under which other tools keep ids of participants."""
+"""Names of other tools for ids of participants."""
 PERSON = re.compile(
     r"(subj(ect)?|sub|participant|ppt?|person|patient|observer|monkey|animal|rat|mouse|user)s?"
     r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid"
 )
-"""Names of columns that may hold participants."""
+"""Pattern of names of columns that may hold participants."""
 
 
 def names_once(columns: Iterable[object]) -> list[str]:
-    """Return the names of columns as text; ValueError where one is there twice."""
+    """Return the names of columns as text; ValueError if one occurs twice."""
     names = [str(name) for name in columns]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         said = ", ".join(map(repr, twice))
-        raise InputError(f"a table has each column once, got {said} twice", "columns")
+        raise InputError(f"each column may occur once, got {said} twice", "columns")
     return names
 
 
 def check_spelt(name: str, ours: Sequence[str]) -> None:
-    """Raise ValueError for a name that is one of ours but for blanks and capitals."""
+    """Raise ValueError for a name that differs from ours only in blanks and capitals."""
     meant = name.strip().lower()
     if meant in ours and meant != name:
-        said = f"column {name!r} is not {meant!r}: write it so, or call it otherwise"
+        said = f"column {name!r} is not {meant!r}: write it so, or rename it"
         raise InputError(said, meant)
 
 
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
-    """Raise ValueError if a column that is wanted is not there, is there twice, or misnamed.
+    """Raise ValueError if a required column is missing, duplicated or misspelt.
 
     Parameters
     ----------
     table : DataFrame
         A user's table.
     wanted : names
-        Columns that it must have.
+        Required columns.
     """
     names = names_once(table.columns)
     for name in names:
@@ -69,20 +69,20 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         if meant not in names:
             check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
-            held = "seems to hold participants: call it participant_id"
+            held = "seems to hold participants: rename it to participant_id"
             raise InputError(f"column {name!r} {held}", "participant")
     for name in wanted:
         if name not in names:
             hint = ""
             if name == "response" and "correct" in names:
                 hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
-            raise InputError(f"there is no column {name}: there are {', '.join(names)}{hint}", name)
+            raise InputError(f"there is no column {name}; there are {', '.join(names)}{hint}", name)
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 
 
 def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
-    """Raise ValueError for columns that may hold participants, where none is participant_id."""
+    """Raise ValueError for columns that may hold participants if none is participant_id."""
     if "participant_id" in table:
         return
     kinds = {
@@ -90,21 +90,21 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         for name in table
         if name not in (*OURS, *used) and PERSON.fullmatch(str(name).strip().lower())
     }
-    # More names than participants with enough trials: these are of trials.
+    # More names than participants with enough trials: these identify trials.
     found = {name: k for name, k in kinds.items() if 2 <= len(k) <= len(table) / FEWEST}
     if found:
         each = " and ".join(
-            f"{name!r} ({len(k)} values, as {', '.join(k[:3])})" for name, k in found.items()
+            f"{name!r} ({len(k)} values, such as {', '.join(k[:3])})" for name, k in found.items()
         )
         raise InputError(
-            f"column {each} may hold participants, whose trials would be pooled: call it "
+            f"column {each} may hold participants, whose trials would be pooled: rename it to "
             "participant_id, or name it as a condition",
             "participant",
         )
 
 
 def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
-    """Return the rows of one participant or of all, each with its number as the index."""
+    """Return the rows of one participant or of all, indexed by row number."""
     for name in wanted:
         is_name = isinstance(name, str)
         require(is_name, "conditions", "and strength must be names of columns", name)
@@ -112,7 +112,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     table = table.set_axis(names, axis=1).reset_index(drop=True)
     check_columns(table, ["rt", "response", *wanted])
     taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
-    own = "and strength must be columns of their own, each named once"
+    own = "and strength must be separate columns, each named once"
     require(not taken, "conditions", own, taken)
     _check_people(table, wanted)
     if participant is None:
@@ -125,7 +125,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
 
 
 def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
-    """Return who decided in each row, (rows,)."""
+    """Return the participant of each row, (rows,)."""
     if "participant_id" not in table:
         return np.full(len(table), EVERYONE)
     return texts(table["participant_id"])
@@ -134,7 +134,7 @@ def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
 def answers(
     table: pd.DataFrame, deadline_s: float | None, upper: str | None
 ) -> tuple[Array, npt.NDArray[np.int8]]:
-    """Return times, s, and responses; ValueError where one stands without the other, or late."""
+    """Return times, s, and responses; ValueError if one is missing, or a time is too late."""
     require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     rt, response = table["rt"], table["response"]
     rt_s, told = times(rt)
@@ -162,16 +162,16 @@ def strengths(column: pd.Series) -> Array:
 
 
 def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
-    """Raise ValueError if any row is wrong, with the first one's number and value.
+    """Raise ValueError if any row is wrong, with the number and value of the first.
 
     Parameters
     ----------
     wrong : (rows,) bool
-        Which rows are.
+        Which rows are wrong.
     column : Series
         The column, its index the number of each row in the user's table, from 0.
     must, hint : str
-        What its values must be, and what to do.
+        What its values must be, and how to correct them.
     """
     if wrong.any():
         at = int(np.argmax(wrong))
@@ -184,24 +184,24 @@ def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
 
 
 def texts(column: pd.Series) -> npt.NDArray[np.str_]:
-    """Return a column as text, (rows,); ValueError where a cell holds nothing."""
+    """Return a column as text, (rows,); ValueError for an empty cell."""
     found = np.array([str(value) for value in column], dtype=np.str_)
     refuse(column.isna().to_numpy() | (found == ""), column, "given for every trial")
     return found
 
 
 def check_numeric(column: pd.Series) -> None:
-    """Raise ValueError for a column of times or of true and false: they are no numbers."""
+    """Raise ValueError for a column of dates or of True and False instead of numbers."""
     require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
 
 
 def numbers(column: pd.Series) -> Array:
-    """Return a column of numbers, (rows,), NaN where a cell holds nothing.
+    """Return a column of numbers, (rows,), NaN for an empty cell.
 
     Raises
     ------
     ValueError
-        If a value is no finite number.
+        If a value is not a finite number.
     """
     check_numeric(column)
     missing = _is_missing(column)
@@ -214,12 +214,12 @@ def numbers(column: pd.Series) -> Array:
 
 
 def times(column: pd.Series) -> tuple[Array, Truths]:
-    """Return response times, (rows,), s, NaN where there is none, and where HSSM says so.
+    """Return response times, (rows,), s, NaN if missing, and where HSSM's missing code occurs.
 
     Raises
     ------
     ValueError
-        If a time is no number above 0, or times seem to be in milliseconds.
+        If a time is not a number above 0, or times seem to be in milliseconds.
     """
     values = numbers(column)
     told = values == MISSING_RT
@@ -236,21 +236,21 @@ def times(column: pd.Series) -> tuple[Array, Truths]:
 
 
 def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDArray[np.int8]:
-    """Return 1, 0 or, without a response, -1 of each row, (rows,).
+    """Return 1, 0 or, without a response, -1 for each row, (rows,).
 
     Parameters
     ----------
     column : Series
         1 and 0, or two names.
     missing : (rows,) bool
-        Rows whose response is not read.
+        Rows whose response is ignored.
     upper : str, optional
-        The name that is 1.
+        The name that counts as 1.
 
     Raises
     ------
     ValueError
-        If there are other values, more than two names, or none is ``upper``.
+        If there are other values, more than two names, or ``upper`` is not among them.
     """
     missing = missing | _is_missing(column)
     names = np.array([_name(v) for v in column], dtype=object)
@@ -263,7 +263,7 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
         found = list(dict.fromkeys(names[~missing]))
         if len(found) > 2:
             third = ~missing & ~np.isin(names, found[:2])
-            refuse(third, column, f"one of two names, as {found[0]} and {found[1]}")
+            refuse(third, column, f"one of two names, such as {found[0]} and {found[1]}")
         if len(found) == 2 and upper not in found:
             raise InputError.of("upper", f"must be one of {', '.join(sorted(found))}", upper)
     coded = np.where(missing, NO_RESPONSE, names == upper)
@@ -276,7 +276,7 @@ def _is_missing(column: pd.Series) -> Truths:
 
 
 def _number(value: object) -> float:
-    """Return a cell as a number; NaN if it is none."""
+    """Return a cell as a number; NaN if it is not one."""
     try:
         # Python would read 1_000 as a thousand.
         return np.nan if "_" in str(value) else float(str(value))
@@ -285,6 +285,6 @@ def _number(value: object) -> float:
 
 
 def _name(value: object) -> str:
-    """Return a response's name; 1.0 is 1, as a column of whole numbers with a gap is read."""
+    """Return the name of a response; 1.0 becomes 1 (from columns with missing values)."""
     number = _number(value)
     return str(int(number)) if np.isfinite(number) and number == int(number) else str(value)

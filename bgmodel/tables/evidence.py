@@ -1,4 +1,4 @@
-"""A user's own evidence, read from a table: every trial, every id, every column."""
+"""Evidence read from a user's table, with all trials, ids and columns."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from bgmodel.tables.trials import RESULT, Trials
 from circuits.errors import InputError, within
 
 KEYS = ("participant_id", "trial")
-"""Columns that tell trials apart, the first one if a table has it."""
+"""Columns that identify trials, the first one only if a table has it."""
 OURS = (*KEYS, "step", "truth")
-"""Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
+"""Columns of an evidence table with a meaning, in addition to ``ll_<hypothesis>``."""
 DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
@@ -39,10 +39,10 @@ def read_evidence_table(
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
 ) -> Trials:
-    """Read a user's evidence from a file; see ``trials_from_table`` for what it holds.
+    """Read a user's evidence from a file; see ``trials_from_table`` for its columns.
 
-    Cells of a ``.csv`` are kept as they are written: a column is taken for numbers only where each
-    of them would be written just so again (an id "007" stays that).
+    Cells of a ``.csv`` are kept as written: a column becomes numeric only if each cell would be
+    written in the same way again (an id "007" stays text).
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def read_evidence_table(
     Raises
     ------
     ValueError
-        One sentence with the file's name.
+        With the name of the file.
     """
     path = path_of(path)
     table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
@@ -77,19 +77,19 @@ def read_evidence(
     ----------
     path : path
         One row per reading: ``trial``; ``step``, 1, 2, ... in each trial; a column ``ll_<name>``
-        for each hypothesis, with the natural logarithm of p(reading | hypothesis); and, where it is
-        known, ``truth``, the name of the true hypothesis. ``trials_from_table`` says the rest.
+        for each hypothesis, with the natural logarithm of p(reading | hypothesis); and, if known,
+        ``truth``, the name of the true hypothesis. See ``trials_from_table`` for details.
     step_ms : float
         Time between readings, ms.
     prior : sequence of float, optional
-        Of the hypotheses; equal if left out.
+        Prior probabilities of the hypotheses; equal by default.
     onset_ms : float
-        When evidence sets in, ms.
+        Onset of evidence, ms.
 
     Raises
     ------
     ValueError
-        One sentence with the file's name, the column and what is allowed.
+        With the name of the file, the column and what is allowed.
     """
     table = read_evidence_table(path, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     return table.evidence
@@ -109,25 +109,25 @@ def trials_from_table(
     table : DataFrame
         One row per reading: ``trial``, an id of any kind; ``step``, 0, 1, 2, ... or 1, 2, 3, ... in
         each trial; and a column ``ll_<name>`` for each hypothesis, holding
-        ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, a hypothesis's name, and
-        ``participant_id``: trials of two participants are two, whatever their ids. Trials may
-        differ in length, and rows may come in any order. Other columns come back with the results.
-        The evidence's baseline is the mean of all these numbers.
+        ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, the name of a hypothesis, and
+        ``participant_id``: trials of different participants are distinct even with equal ids.
+        Trials may differ in length, and rows may be in any order. Other columns are copied to the
+        results. The evidence's baseline is the mean of all these numbers.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
 
     Raises
     ------
     ValueError
-        If columns are absent, written twice or nearly but not quite as above; if an id is missing,
-        a step is missing or there twice, a value is no finite number, or a truth is none of the
+        If columns are absent, duplicated or misspelt; if an id is missing, a step is missing or
+        given twice, a value is not a finite number, or a truth is not among the
         hypotheses.
 
     Warns
     -----
     UserWarning
-        As ``Evidence`` does, if trials hold the very readings of other ones, or if the truth tells
-        that log-likelihoods are no natural logarithms, as log2 or log10.
+        As for ``Evidence``, if trials have exactly the same readings, or if the truth implies
+        that log-likelihoods are not natural logarithms (but log2 or log10).
     """
     columns = _hypotheses(table)
     if len(table) == 0:
@@ -159,13 +159,13 @@ def trials_from_table(
     kept = table[[name for name in own if name not in varying]].iloc[first_row]
     for name in kept:
         if name == "row" or (name in RESULT and f"given_{name}" in kept):
-            raise InputError(f"the column {name} is the result's own: call it otherwise", "columns")
+            raise InputError(f"the column {name} is reserved for results: rename it", "columns")
     kept = kept.reset_index(drop=True).assign(row=first_row)
     return Trials(evidence, names, kept, [str(name) for name in varying])
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
-    """Return a table of text, but for the log-likelihoods and for what are plain numbers."""
+    """Return a table of text, with numbers only for log-likelihoods and plain numeric columns."""
     check_table_memory(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -177,7 +177,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
             raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
-        # What pandas calls a column without a name.
+        # The name that pandas gives to an unnamed column.
         names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)
@@ -201,7 +201,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
 
 
 def _typed(column: pd.Series) -> pd.Series:
-    """Return a column of text as numbers where each is written as Python writes it; else as is."""
+    """Convert text to numbers if each is written as Python would; otherwise leave it unchanged."""
     codes, texts = pd.factorize(column.astype(object))
     for kind in (int, float):
         try:
@@ -217,14 +217,14 @@ def _typed(column: pd.Series) -> pd.Series:
 
 
 def _hypotheses(table: pd.DataFrame) -> list[str]:
-    """Return the columns of log-likelihoods; ValueError where a column's name misleads."""
+    """Return the columns of log-likelihoods; ValueError for misleading names of columns."""
     names = names_once(table.columns)
     for name in names:
         check_spelt(name, OURS)
         close = re.fullmatch(r"ll(\W.*|_.*)?", name.strip().lower(), re.DOTALL)
         if close and not _is_hypothesis(name):
             rule = "these are ll_<name>, lower case, no blank around the name"
-            raise InputError(f"column {name!r} is no hypothesis: {rule}", "columns")
+            raise InputError(f"column {name!r} is not a hypothesis: {rule}", "columns")
     columns = [name for name in names if _is_hypothesis(name)]
     absent = [name for name in ("trial", "step") if name not in names]
     if absent or len(columns) < 2:
@@ -257,7 +257,7 @@ def _numbered(
 def _steps(
     table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
 ) -> npt.NDArray[np.intp]:
-    """Return the place of each row in its trial, from 0; ValueError unless steps follow on."""
+    """Return the position of each row in its trial, from 0; ValueError for gaps in steps."""
     check_numeric(table["step"])
     step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.isfinite(step) & (step == np.floor(step)))

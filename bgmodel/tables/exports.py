@@ -1,6 +1,6 @@
-"""Trial tables, and choices and times of one's own, as PyDDM and HSSM read them.
+"""Export of trial tables, and of choice and response-time data, for PyDDM and HSSM.
 
-A choice that the deadline forced crossed no threshold: for these it counts as undecided.
+A choice forced by the deadline crossed no threshold, and counts as undecided here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from circuits.errors import InputError, require
 __all__ = ["MISSING_RT", "to_hssm", "to_pyddm"]
 
 CONDITIONS = ("condition",)
-"""Conditions of a trial table."""
+"""Default conditions of a trial table."""
 
 
 def to_pyddm(
@@ -27,30 +27,30 @@ def to_pyddm(
     upper: str | None = None,
     conditions: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Return trials as ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")`` reads them.
+    """Return trials for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``.
 
     Parameters
     ----------
     table : DataFrame or Choices
         As from ``tables.trial_table``, two alternatives; or as from ``tables.read_choices``.
     upper : str, optional
-        Name of the response that is 1, the other one is 0; 1 for correct and 0 for an error if left
-        out. Choices are coded already.
+        Name of the response that counts as 1, the other being 0; by default 1 is correct and 0 an
+        error. Not for choices, which are coded already.
     conditions : names, optional
-        Columns that PyDDM shall take for conditions; those that are blank everywhere are left out.
-        Unless given, "condition", or all conditions of choices.
+        Columns to use as conditions, except those that are blank everywhere. By default
+        "condition", or all conditions of choices.
 
     Returns
     -------
     DataFrame
         rt (seconds), choice (0 or 1; both NaN where undecided or forced), and the conditions; of
-        choices also their strength, and participant_id where there are several participants.
+        choices also their strength, and participant_id if there are several participants.
 
     Raises
     ------
     ValueError
-        If a column is absent, ``upper`` is none of two responses or given with choices, or nobody
-        knows what is correct.
+        If a column is absent, ``upper`` is not one of two responses or is given with choices, or
+        it is unknown what is correct.
     """
     if isinstance(table, Choices):
         own = _own(table, upper, conditions)
@@ -70,7 +70,7 @@ def to_hssm(
     upper: str | None = None,
     conditions: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Return trials as ``hssm.HSSM(data=table)`` reads them.
+    """Return trials for ``hssm.HSSM(data=table)``.
 
     Parameters
     ----------
@@ -81,14 +81,14 @@ def to_hssm(
     -------
     DataFrame
         participant_id, trial, rt (seconds), response (1 or -1), and the conditions; of choices also
-        their strength. Where undecided or forced, or without a response, rt is -999, which HSSM
-        takes for missing with ``missing_data=True``, and response is -1, which it then does not
-        read.
+        their strength. For undecided or forced trials, or without a response, rt is -999, which
+        HSSM treats as missing with ``missing_data=True``, and response is -1, which it then
+        ignores.
 
     Raises
     ------
     ValueError
-        As ``to_pyddm``.
+        As for ``to_pyddm``.
     """
     if isinstance(table, Choices):
         own = _own(table, upper, conditions)
@@ -114,31 +114,31 @@ def to_hssm(
 def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
     """Return strength and conditions of choices as columns."""
     if upper is not None:
-        raise InputError("choices say already which response is 1: leave upper out", "upper")
+        raise InputError("choices already define which response is 1: leave upper out", "upper")
     there = [str(name) for name in choices.conditions]
     wanted = there if names is None else list(names)
     absent = [name for name in wanted if name not in there]
     require(not absent, "conditions", f"must be among {', '.join(there) or 'none'}", absent)
     strength = {} if choices.strength is None else {"strength": choices.strength}
-    # A column of the same name would take the place of another.
+    # A column of the same name would replace another.
     _check_free(wanted, "participant_id", "trial", "rt", "response", "choice", *strength)
     return strength | {name: choices.conditions[name].to_numpy() for name in wanted}
 
 
 def _check_free(conditions: Sequence[str], *taken: str) -> None:
-    """Raise ValueError for conditions that are called as another column of the result."""
+    """Raise ValueError for conditions named like another column of the result."""
     both = sorted({*taken} & {*conditions})
     if both:
         raise InputError(f"conditions must be other columns than {', '.join(both)}", "conditions")
 
 
 def _conditions(table: pd.DataFrame, names: Sequence[str]) -> dict[str, pd.Series]:
-    """Return the columns of conditions; one that is blank everywhere is none."""
+    """Return the columns of conditions, except those that are blank everywhere."""
     return {name: table[name] for name in names if (_texts(table[name]) != "").any()}
 
 
 def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.Series:
-    """Return 1 or 0 of each trial, NaN where it met no threshold."""
+    """Return 1 or 0 for each trial, NaN if it met no threshold."""
     wanted = ("rt", "response", "correct", "undecided", "forced", *needed)
     absent = [name for name in wanted if name not in table]
     if absent:
@@ -147,10 +147,10 @@ def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.
     _check_free(needed, "rt", "response", "choice")
     met = ~(_truths(table["undecided"]) | _truths(table["forced"]))
     if upper is None:
-        # Of more than two alternatives correct and wrong are still two.
+        # With more than two alternatives, correct and wrong are still two.
         coded = pd.to_numeric(table["correct"], errors="coerce").astype(float)
         if coded[met].isna().any():
-            raise InputError("nobody knows what is correct: name the response that is 1", "upper")
+            raise InputError("it is unknown what is correct: name the response that is 1", "upper")
     else:
         response, names = _texts(table["response"]), set(_texts(table["response"])[met])
         if "stimulus" in table:
@@ -162,7 +162,7 @@ def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.
 
 
 def _truths(column: pd.Series) -> pd.Series:
-    """Return a column of true and false, be it written as text."""
+    """Return a column of True and False, also if given as text."""
     found = column.map({True: True, False: False, "True": True, "False": False})
     known = found.notna().all()
     require(known, column.name, "must hold True and False", column.unique()[:5])
@@ -170,7 +170,7 @@ def _truths(column: pd.Series) -> pd.Series:
 
 
 def _texts(column: pd.Series) -> pd.Series:
-    """Return names as text; 1.0 is 1, as a column of numbers with a gap is read, and a gap ''."""
+    """Return names as text; 1.0 becomes 1 (from columns with gaps), a missing value ''."""
     return column.map(
         lambda name: "" if pd.isna(name) else f"{name:g}" if isinstance(name, float) else str(name)
     )

@@ -15,23 +15,23 @@ SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
 
 @dataclass(frozen=True, eq=False)
 class Shipped:
-    """A published set of choices and times, and what is known of it.
+    """A published set of choices and times, with its description.
 
     Parameters
     ----------
     name : str
-        Its name, as ``read_choices`` takes it.
+        Its name, as for ``read_choices``.
     table : DataFrame
         One row per trial: participant_id, trial, rt (s), response (1 or 0), and its conditions.
     columns : dict
-        What each column holds, by its name.
+        Description of each column, by name.
     strength : str or None
         The column of the signed strength of evidence, if there is one.
     conditions : tuple of str
-        Columns of the conditions that were set by the experimenter.
+        Columns of experimental conditions.
     citation, source, licence, licence_file, note : str
-        Publication; repository; licence of that, by its SPDX name; file of its text, in the
-        package's folder ``data``; what is to be known of the licence.
+        Publication; repository; licence of the repository, by its SPDX name; file of its text, in
+        the package's folder ``data``; remarks on the licence.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Shipped:
 
     @property
     def about(self) -> dict[str, Any]:
-        """Its name, and what is to be said wherever it is shown."""
+        """Its name, and the facts to show with it."""
         names = ("name", "citation", "source", "licence", "note")
         return {name: getattr(self, name) for name in names}
 
@@ -58,17 +58,17 @@ class Shipped:
 
     @property
     def people(self) -> int:
-        """Number of participants, be they people or monkeys."""
+        """Number of participants, people or monkeys."""
         return int(self.table["participant_id"].nunique())
 
 
 def shipped() -> dict[str, Shipped]:
-    """Return the sets that ship with the package, by their names."""
+    """Return the shipped sets by name."""
     return {name: _read(name) for name in SETS}
 
 
 def _read(name: str) -> Shipped:
-    """Return a set; what is known of it stands in its file."""
+    """Return a set, with the description stored in its file."""
     with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:
         table, about = read_table(path), read_provenance(path)["parameters"]
     kept = ("strength", "citation", "source", "licence", "licence_file", "note")

@@ -22,9 +22,9 @@ def statistics(choices: Choices) -> pd.DataFrame:
     -------
     DataFrame
         One row per participant, condition and size of the strength: participant_id, the
-        conditions, strength (its absolute value, where there is one), trials, missing (trials
-        without a response), accuracy (share of right responses, as in ``Choices.correct``; NaN
-        where that is not known), mean_s, sd_s, q10_s, q50_s and q90_s: mean, standard deviation
+        conditions, strength (absolute value, if given), trials, missing (trials without a
+        response), accuracy (proportion correct, as in ``Choices.correct``; NaN if unknown),
+        mean_s, sd_s, q10_s, q50_s and q90_s: mean, standard deviation
         and quantiles of the times of all responses, s.
     """
     table = pd.DataFrame({"participant_id": choices.participant}).join(choices.conditions)

@@ -1,4 +1,4 @@
-"""Tables of a user whose cells stay as they are written."""
+"""Users' tables, with cells unchanged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SEPARATORS = {".csv": ",", ".tsv": "\t"}
 
 
 def read_rows(path: Path) -> pd.DataFrame:
-    """Read a table from .csv, .tsv or .parquet; cells of text files stay as they are written.
+    """Read a table from .csv, .tsv or .parquet; cells of text files are kept as text.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def read_rows(path: Path) -> pd.DataFrame:
     Raises
     ------
     ValueError
-        If there is no such file, it can't be read as what its name ends in, or it does not fit
+        If there is no such file, it can't be read in the format of its ending, or it does not fit
         into memory.
     """
     if path.suffix == ".parquet":
@@ -44,7 +44,7 @@ def read_rows(path: Path) -> pd.DataFrame:
 
 
 def separated(found: str, wanted: str) -> InputError:
-    """Return the error about a table whose columns are separated by another sign."""
+    """Return the error for a table with another column separator."""
     hint = f"write {wanted!r} between columns, and a point as the decimal sign"
     return InputError(f"its columns are separated by {found!r}: {hint}", "path")
 
@@ -57,7 +57,7 @@ def _cells(path: Path, separator: str) -> pd.DataFrame:
     if other and separator not in header:
         raise separated(other[0], separator)
     with warnings.catch_warnings():
-        # More cells in a row than in the first one would be lost.
+        # Cells beyond the number of columns would be lost.
         warnings.simplefilter("error", pd.errors.ParserWarning)
         return pd.read_csv(
             path, sep=separator, header=None, dtype=str, keep_default_na=False, encoding="utf-8-sig"

@@ -1,4 +1,4 @@
-"""Trial tables: decisions as other tools of the field read them."""
+"""Trial tables: decisions in the format of other tools of the field."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 RESULT = ("rt", "response", "stimulus", "correct", "undecided", "forced", "premature", "steps",
           "condition", "seed", "model", "anticipatory")  # fmt: skip
-"""Columns of results: a user's own column of that name comes back as ``given_<name>``."""
+"""Columns of results: a user's column of the same name is renamed to ``given_<name>``."""
 
 
 def _no_columns() -> pd.DataFrame:
@@ -28,19 +28,19 @@ def _no_columns() -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Trials:
-    """Evidence, what its hypotheses are called, and what a table says of each trial.
+    """Evidence, the names of its hypotheses, and further columns of a table.
 
     Parameters
     ----------
     evidence : Evidence
-        Log-likelihoods and truth; trial k is the k-th that the table names.
+        Log-likelihoods and truth; trial k is the k-th to appear in the table.
     names : list of str
         Names of the hypotheses.
     columns : DataFrame
-        One row per trial with the table's own columns, and ``row``, where in the table its first
-        row stands, counted from 0. No columns for evidence that was drawn.
+        One row per trial with the further columns of the table, and ``row``, the index of its
+        first row in the table, from 0. No columns for randomly drawn evidence.
     varying : list of str
-        Columns that were left out: they change within a trial.
+        Columns left out because they change within a trial.
     """
 
     evidence: Evidence
@@ -53,12 +53,12 @@ class Trials:
         require(len(self.names) == count, "names", f"must be of {count} hypotheses", self.names)
 
     def where(self, chosen: Truths) -> Trials:
-        """Return some of the trials."""
+        """Return a subset of the trials."""
         columns = self.columns[chosen].reset_index(drop=True) if len(self.columns) else self.columns
         return replace(self, evidence=self.evidence[chosen], columns=columns)
 
     def summary(self) -> str:
-        """Return one sentence: trials, readings, hypotheses, and what was left out."""
+        """Return one sentence: trials, readings, hypotheses, and columns left out."""
         few, many = self.evidence.readings.min(), self.evidence.readings.max()
         readings = f"{few}" if few == many else f"{few} to {many}"
         left = f"; columns that change within a trial are left out: {', '.join(self.varying)}"
@@ -76,28 +76,28 @@ def trial_table(
     model: str,
     condition: str = "",
 ) -> pd.DataFrame:
-    """Return one row per trial, as other tools of the field read it.
+    """Return one row per trial, in the format of other tools of the field.
 
     Parameters
     ----------
     decision : Decision
-        At one threshold.
+        Decisions at one threshold.
     trials : Trials
-        What was decided on.
+        Trials of the evidence.
     seed : int, optional
-        Of what was drawn, if anything was.
+        Seed, if anything was random.
     model, condition : str
-        What decided, and what was done to it.
+        Name of the model, and of its condition.
 
     Returns
     -------
     DataFrame
-        Columns participant_id, trial, rt (seconds from onset; NaN where undecided), response and
-        stimulus (names of hypotheses, empty where there is none), correct (1, 0, or NA where
-        undecided or without truth), undecided, forced, premature, steps (readings taken, whole or
-        in part; no more than there are), condition, seed, model; then the other columns of the
-        user's table. One of these with a name of ours comes back as ``given_<name>``, but
-        for participant_id, trial and, where none is given here, condition: these are the user's.
+        Columns participant_id, trial, rt (seconds from onset; NaN if undecided), response and
+        stimulus (names of hypotheses, empty if unknown), correct (1, 0, or NA if undecided or
+        without truth), undecided, forced, premature, steps (readings used, fully or in part; at
+        most the number of readings), condition, seed, model; then the other columns of the
+        user's table. Columns with one of these names are renamed to ``given_<name>``, except
+        participant_id, trial and, unless given here, condition, which are the user's.
 
     Raises
     ------

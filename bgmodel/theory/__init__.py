@@ -1,1 +1,1 @@
-"""What a sequential test must do: closed forms, first passages, exact recursions."""
+"""Theory of the sequential test: closed forms, first passages, exact recursions."""

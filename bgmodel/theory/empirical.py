@@ -1,4 +1,4 @@
-"""Increments known by their values, and the chain a walk of them makes between two bounds."""
+"""Increments with an empirical distribution, and the Markov chain of their walk between bounds."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,12 +11,12 @@ from circuits.errors import require
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes
 MAX_HEAVY = 32  # atoms of x whose sums are followed exactly,
-MAX_PLACES = 128  # to so many places of Z
-HEAVY = 2e-3  # a lighter atom brings less than one walk in 250 000 twice to the same spot
+MAX_PLACES = 128  # to this many places of Z
+HEAVY = 2e-3  # two lighter atoms bring fewer than one walk in 250 000 to the same spot
 
 
 def check_size(states: float, lower: float, upper: float) -> None:
-    """Raise ValueError where the bounds would need more than MAX_STATES states."""
+    """Raise ValueError if the bounds would need more than MAX_STATES states."""
     allowed = f"closer to lower, or t_max given and smaller, for at most {MAX_STATES} states"
     require(states <= MAX_STATES, "upper", f"must be {allowed}", upper)
 
@@ -50,7 +50,7 @@ class Empirical:
         require((weights >= 0).all(), "weights", "must be at least 0", weights)
         total = float(weights.sum())
         require(abs(total - 1) < 1e-9, "weights", "must be of sum 1", weights)
-        # Values that differ by rounding alone are one; the walk tells apart no less than 1e-10.
+        # Values that differ only by rounding are merged; the walk resolves 1e-10.
         near = np.round(given[weights > 0], 12) + 0.0
         values, group = np.unique(near, return_inverse=True)
         merged = np.bincount(group, weights[weights > 0]) / total
@@ -89,7 +89,7 @@ def empirical_chain(
 ) -> tuple[Array, ...]:
     """Arrays of a `first_passage.Chain`, whose states are places of Z and then cells.
 
-    Each place that sums of heavy atoms lead to is a state; cells hold the rest of the mass.
+    Each place reached by sums of heavy atoms is a state; cells hold the rest of the mass.
     """
     tol = 1e-10 * max(1.0, upper - lower, abs(start))
     places = _reachable(x, lower, upper, start, tol)
@@ -97,7 +97,7 @@ def empirical_chain(
     if t_max is not None:
         bottom = max(lower, start + (t_max + 1) * min(x.values[0], 0))
         top = min(upper, start + (t_max + 1) * max(x.values[-1], 0))
-    # With one reading that always decides, nothing is left for cells, however narrow x is.
+    # If one reading always decides, no mass is left for cells, however narrow x is.
     once = bool(np.all((x.values <= lower - start) | (x.values >= upper - start)))
     exact = once or (places.size < MAX_PLACES and bool(x.heavy.all()))
     n = 0
@@ -112,7 +112,7 @@ def empirical_chain(
 
 
 def _reachable(x: Empirical, lower: float, upper: float, start: float, tol: float) -> Array:
-    """Places (k,) between the bounds that sums of heavy atoms lead to, the start first."""
+    """Places (k,) between the bounds reached by sums of heavy atoms, the start first."""
     places = frontier = np.array([start])
     while frontier.size and places.size < MAX_PLACES:
         landing = (frontier[:, None] + x.values[x.heavy]).ravel()
@@ -159,7 +159,7 @@ def _from_places(
 def _share(
     onward: Array, row: NDArray[np.intp], landing: Array, weight: Array, edges: Array
 ) -> None:
-    """Add places not followed to the two nearest cells, which keeps their mean."""
+    """Add places that are not followed to the two nearest cells, which preserves their mean."""
     last = edges.size - 2
     offset = np.clip((landing - edges[0]) / (edges[1] - edges[0]) - 0.5, 0, last)
     cell = offset.astype(int)
@@ -170,8 +170,8 @@ def _share(
 def _from_cells(x: Empirical, edges: Array, k: int) -> tuple[Array, ...]:
     """Rows (n, k + n) of the chain that start in cells, where the density is piecewise linear.
 
-    A cell moved by an atom overlaps two cells, in shares that keep its mean; its slope, taken
-    from its neighbours, takes away the spurious variance h^2/6 a step of flat cells.
+    A cell shifted by an atom overlaps two cells, in shares that preserve its mean; its slope, from
+    its neighbours, removes the spurious variance h^2/6 per step of flat cells.
     """
     n, width = edges.size - 1, edges[1] - edges[0]
     shift = np.clip(x.values / width, -n, n)

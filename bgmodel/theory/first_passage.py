@@ -1,9 +1,9 @@
 """First passage of a random walk through two bounds, in discrete time and without simulation.
 
-The walk Z_0 = start, Z_t = Z_(t-1) + x_t responds R1 once Z <= lower and R2 once Z >= upper; where
-both hold, half of the mass goes to each. It is written as an absorbing Markov chain whose state 0
-is the start, so that the first reading is always exact; the horizon, finite or not, is then one and
-the same computation for any x.
+The walk Z_0 = start, Z_t = Z_(t-1) + x_t responds R1 once Z <= lower and R2 once Z >= upper; if
+both hold, half of the mass goes to each. It is an absorbing Markov chain whose state 0 is the
+start, so that the first reading is always exact; a finite and an infinite horizon are then the same
+computation for any x.
 """
 
 from dataclasses import dataclass

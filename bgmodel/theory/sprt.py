@@ -1,11 +1,11 @@
-"""The sequential probability ratio test, exactly: errors, decision times, optimal thresholds.
+"""Exact theory of the SPRT: error rates, decision times, optimal thresholds.
 
 Z_0 is the log prior odds and Z_t = Z_(t-1) + x_t, with x = log p(reading|S2) / p(reading|S1) in
 nats. After a reading the test responds R1 if Z <= lower and R2 if Z >= upper; before the first one
-only if Z_0 lies strictly beyond a bound. At t_max it must respond: R2 if Z > 0, R1 if Z < 0. Where
-nothing tells the two apart (Z = 0 then, or on both bounds), each has a chance of 1/2. The symmetric
-test has its bounds at -delta/2 and delta/2, so delta = 0 decides by the sign of one reading. Times
-count readings ("steps").
+only if Z_0 is strictly beyond a bound. At t_max it must respond: R2 if Z > 0, R1 if Z < 0. Ties
+(Z = 0 then, or Z on both bounds) are broken with probability 1/2 each. The symmetric test has its
+bounds at -delta/2 and delta/2, so delta = 0 decides by the sign of one reading. Times are numbers
+of readings ("steps").
 """
 
 from typing import NamedTuple
@@ -178,7 +178,7 @@ def reward_curve(
     Raises
     ------
     ValueError
-        If `xi` is not finite and above 0, or as `sprt` and `walk` do.
+        If `xi` is not finite and above 0, or as for `sprt` and `walk`.
     """
     cost = float(_positive("xi", xi))
     test = sprt(increments_s1, increments_s2, delta, prior_s2=prior_s2, t_max=t_max, cells=cells)
@@ -198,7 +198,7 @@ def optimal_delta(
     """Find the threshold that minimises the exact cost xi ER + E[T].
 
     A grid of 33 thresholds is searched, then the interval around the best of them. The curve is
-    flat near its minimum: `cost` is far surer than `delta`.
+    flat near its minimum, so ``cost`` is determined far more precisely than ``delta``.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def optimal_delta(
     Raises
     ------
     ValueError
-        If `bounds` are not finite, rising and at least 0, or as `reward_curve` does.
+        If `bounds` are not finite, rising and at least 0, or as for `reward_curve`.
     """
     from scipy.optimize import minimize_scalar
 

@@ -24,7 +24,7 @@ def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     Path("mine.csv").write_text("mine")
     assert main(arguments) == 2
-    assert "are one file" in capsys.readouterr().err
+    assert "are the same file" in capsys.readouterr().err
     assert Path("mine.csv").read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
 
@@ -36,7 +36,7 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
     (tmp_path / "foreign.csv.json").write_text("[]")
     (tmp_path / "taps").mkdir()
     for path, says in (
-        (dangling, "is there already"),
+        (dangling, "already exists"),
         (foreign, "holds something else"),
         (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
     ):
@@ -50,7 +50,7 @@ def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, r
     out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
     beside.write_text("mine")
     asked = ("experiment", "stn_no_conflict", out, "--force", "--trials", 100)
-    assert "out_trials.csv' is there already" in refusal(*asked)
+    assert "out_trials.csv' already exists" in refusal(*asked)
     assert beside.read_text() == "mine"
 
 
@@ -59,7 +59,7 @@ def test_a_result_is_written_over_only_by_force(tmp_path, refusal, capsys):
     short = ("--trials", 10, "--t-max", 3)
     assert run("decide", out, *short) == 0
     before = out.read_bytes(), out.with_name("out.csv.json").read_bytes()
-    assert "is there already: give another" in refusal("decide", out, *short, "--seed", 4)
+    assert "already exists: give another" in refusal("decide", out, *short, "--seed", 4)
     assert before == (out.read_bytes(), out.with_name("out.csv.json").read_bytes())
     assert run("decide", out, *short, "--seed", 4, "--force") == 0
     assert out.read_bytes() != before[0]
@@ -130,7 +130,7 @@ def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys
         evidence = some_evidence(trials=2, hypotheses=2, baseline=baseline)
         say_before("trying", BasalGanglia(load_circuit(name), "algebra", 0.5), evidence)
         told = capsys.readouterr().err
-        assert ("less what a reading says on the mean: 0.5 nats" in told) == said
+        assert ("minus the baseline of a reading: 0.5 nats" in told) == said
 
 
 def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys, monkeypatch):

@@ -25,7 +25,7 @@ def test_show_says_whose_noise_it_is(capsys):
     for edits in ([], ["--edits", "neurons 1200"]):
         assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *edits) == 0
         line = capsys.readouterr().out.splitlines()[-1]
-        said.append(float(line.split("scatters by ")[1].split(" nats")[0]))
+        said.append(float(line.split("noise of OUT is ")[1].split(" nats")[0]))
         shares = [int(part.split("%")[0]) for part in line.split("variance ")[1].split(" ")[1::2]]
         assert 97 <= sum(shares) <= 103
     assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
@@ -36,9 +36,9 @@ def test_show_says_whose_noise_it_is(capsys):
     ]
     given = ["--noise", "0.85", "--edits", *bent]
     assert run("circuit", "show", "spiking_msprt", *given) == 0
-    assert "OUT scatters by 0.028 nats" in capsys.readouterr().out
+    assert "noise of OUT is 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
-    assert "does not scatter" in capsys.readouterr().out
+    assert "has no noise" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("channels", [2, 4])
@@ -53,7 +53,7 @@ def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_competitors(
 
     monkeypatch.setattr(steady, "leader_drive", watched)
     assert run("circuit", "show", "spiking_msprt", "--channels", channels, "--noise", 0.8) == 0
-    assert "at a posterior of 0.8 OUT scatters" in capsys.readouterr().out
+    assert "at a posterior of 0.8 the noise of OUT" in capsys.readouterr().out
     ((odds, count),) = asked
     assert count == channels
     competitors = np.zeros(channels - 1)
@@ -61,7 +61,7 @@ def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_competitors(
 
 
 def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):
-    cells, rest = "there are no cells that spike", "without evidence, 4 trials of 5 s"
+    cells, rest = "this circuit has no spiking cells", "without evidence, 4 trials of 5 s"
     for table, asked, wanted in (
         ("appendix_b", [], ()),
         ("appendix_b", ["--rest"], (cells,)),

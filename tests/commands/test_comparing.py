@@ -96,7 +96,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
 def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
     small = ("--trials", 100, "--t-max", 4, "--engine", "algebra", "--accuracies", 0.7)
     assert run("circuit", "compare-edits", tmp_path / "a.csv", *small) == 0
-    said = "no edit given, these run: lesion STN 20%, lesion GPe 20%, lesion D2, scale ctx->STN 0.9"
+    said = "no edits given, running the default ones: lesion STN 20%, lesion GPe 20%, lesion D2"
     assert said in capsys.readouterr().err
     assert run("compare", tmp_path / "b.csv", *small[:-1], 0.505) == 2
     assert (
@@ -109,7 +109,7 @@ def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
     assert run("compare", tmp_path / "a.csv", *options) == 0
     told = capsys.readouterr()
     assert "race" not in told.out
-    assert "race and LCA are left out: the zero of this evidence means nothing" in told.err
+    assert "race and LCA are left out: the zero of this evidence is arbitrary" in told.err
 
 
 def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, refusal, capsys):
@@ -144,7 +144,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):
     told = capsys.readouterr()
     assert "read 100 trials of 2 readings, hypotheses a, b" in told.out
     assert "not reached" in told.out
-    assert "are left out: the zero of this evidence means nothing" in told.err
+    assert "are left out: the zero of this evidence is arbitrary" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
     small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
     assert (

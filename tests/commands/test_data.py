@@ -57,7 +57,7 @@ def test_a_written_set_is_read_back_as_the_shipped_one(tmp_path, capsys, name, e
 def test_nothing_is_written_over_a_file_that_is_there(tmp_path, refusal):
     out = tmp_path / "mine.csv"
     out.write_text("dear diary")
-    assert "is there already" in refusal("data", "palmer_huk_shadlen_2005", "--out", out)
+    assert "already exists" in refusal("data", "palmer_huk_shadlen_2005", "--out", out)
     assert out.read_text() == "dear diary"
     assert run("data", "palmer_huk_shadlen_2005", "--out", out, "--force") == 0
     assert len(pd.read_csv(out)) == 3373

@@ -19,7 +19,7 @@ def test_the_file_of_one_that_is_shipped_is_printed_and_runs_as_its_own(tmp_path
     mine = tmp_path / "mine.toml"
     mine.write_text(capsys.readouterr().out)
     assert Experiment.from_toml(mine) == Experiment.from_toml("stn_conflict")
-    assert "show is for an experiment that is shipped" in refusal("experiment", mine, "--show")
+    assert "show is for a shipped experiment" in refusal("experiment", mine, "--show")
 
 
 def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
@@ -157,7 +157,7 @@ def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, r
         assert part["rt"].isna().equals(part["undecided"])
     assert run("experiment", experiment_file, out) == 2
     out.unlink()
-    assert "out_trials.csv' is there already" in refusal("experiment", experiment_file, out)
+    assert "out_trials.csv' already exists" in refusal("experiment", experiment_file, out)
 
 
 def test_conditions_that_say_nothing_are_refused(experiment_file, refusal):
@@ -210,7 +210,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
         experiment_file.write_text(experiment_file.read_text().replace("mine.csv", named.name))
         out = out.with_suffix(".csv")
         assert run("experiment", experiment_file, out, "--force") == 2
-        assert re.search("are one file|is there already", capsys.readouterr().err)
+        assert re.search("are the same file|already exists", capsys.readouterr().err)
         assert named.read_bytes() == before
 
 

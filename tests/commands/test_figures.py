@@ -57,7 +57,7 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     assert command[command.index("--") + 1 :] == asked
     assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
     said = capsys.readouterr().out
-    assert f": {count}, there already: 0" in said
+    assert f": {count}, already there: 0" in said
     # How long all of them take; of a part nothing is known.
     assert ("about 18 minutes of CPU" in said) == (not arguments)
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
@@ -65,7 +65,7 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     (folder / "fig2.png").touch()
     assert main(["figures", *arguments]) == 0
     said = capsys.readouterr().out
-    assert f": {count}, there already: 1" in said
+    assert f": {count}, already there: 1" in said
     assert "minutes" not in said
 
 
@@ -193,12 +193,12 @@ def until(holds):
 def test_a_live_run_refuses_a_second_and_one_that_is_stopped_goes_on(checkout):
     command, *others = checkout.held()
     assert checkout.start().wait(HANG_S) == 2
-    assert checkout.said().startswith("bgmodel: another run draws figures in this checkout")
+    assert checkout.said().startswith("bgmodel: another run is drawing figures in this checkout")
     assert checkout.said().endswith("`bgmodel figures --unlock`\n")
     os.killpg(command.pid, signal.SIGINT)
     assert command.wait(HANG_S) == 130
     said = (checkout.folder / "said0").read_text()
-    assert said.endswith("bgmodel: stopped. The same command goes on where it was.\n")
+    assert said.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
     assert "Traceback" not in said
     assert not psutil.wait_procs(others, timeout=HANG_S)[1]
     checkout.assert_goes_on()
@@ -221,7 +221,7 @@ def test_a_figure_that_fails_says_so_in_the_last_line_and_leaves_no_lock(checkou
         (checkout.folder / "figures" / "fig3.py").write_text("raise SystemExit('no such luck')")
         assert checkout.start().wait(HANG_S) == 1
         assert checkout.said().splitlines()[-1] == (
-            "bgmodel: not every figure is drawn, Snakemake ended with status 1"
+            "bgmodel: not all figures were drawn: Snakemake ended with status 1"
         )
 
 

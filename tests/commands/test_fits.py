@@ -71,7 +71,7 @@ BAD_TABLES = {
     "few trials": (GOOD.iloc[:12], "each participant needs at least 10 trials"),
     "another code": (changed(response=GOOD["response"] + 1), "response must be 1 or 0, got '2'"),
     "one strength": (changed(coherence=0.4), "coherence must differ between trials"),
-    "no rt": (GOOD.drop(columns="rt"), "there is no column rt: there are participant_id"),
+    "no rt": (GOOD.drop(columns="rt"), "there is no column rt; there are participant_id"),
 }
 
 
@@ -85,8 +85,8 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--strength", "contrast"], "mine.csv: there is no column contrast: there are"),
-        (["--vary", "bound=day"], "mine.csv: there is no column day: there are"),
+        (["--strength", "contrast"], "mine.csv: there is no column contrast; there are"),
+        (["--vary", "bound=day"], "mine.csv: there is no column day; there are"),
         (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
         (["--deadline", "0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
         (["--deadline", "-1"], "mine.csv: deadline_s must be > 0 and finite"),
@@ -99,13 +99,13 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--fix", "mood=1"], "fix must name a parameter, one of "),
         (["--vary", "mood=drug"], "vary must name a parameter, one of "),
         (["--fix", "lapse"], "fix is a name, =, and a value"),
-        (["--fix", "lapse="], "fix is a name, =, and a value, as lapse=0.02, got 'lapse='"),
+        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got 'lapse='"),
         (["--vary", "bound="], "vary is a name, =, and a value, as threshold=instruction, got"),
-        (["--fix", "lapse=much"], "fix must give a number, as lapse=0.02, got 'much'"),
+        (["--fix", "lapse=much"], "fix must give a number, such as lapse=0.02, got 'much'"),
         (["--fix", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
         (["--fix", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
         (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
-        (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be moved and fixed at once"),
+        (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be both free and fixed"),
         (["--trials", "0"], "trials must be at least 1, got 0"),
         (["--noise-nats", "0"], "noise_nats must be > 0 and finite, got 0"),
         (["--rt-window", "2", "0.3"], "rt_window must be an earliest and a later latest time"),
@@ -159,7 +159,7 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
     asked = ["one.csv", *COHERENCE, "--pooled", "--models", "macaque", "--mechanism", "dopamine"]
     small = ["--engine", "rate", "--trials", "200", "--fix", "t0_sd_s=0.1"]
     assert run("fit", *asked, *free, *small) == 0
-    assert "hardly tell threshold_nats from dopamine" in capsys.readouterr().err
+    assert "hardly distinguish threshold_nats from dopamine" in capsys.readouterr().err
     assert set(pd.read_csv("fits/one/parameters.csv")["parameter"]) > {"dopamine", "t0_s"}
 
 
@@ -174,14 +174,16 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "cells.csv").write_text("dear diary")
     said = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
-    assert said.startswith("'out/cells.csv' is there and no result of a fit: give another folder")
+    assert said.startswith(
+        "'out/cells.csv' exists and is not a result of a fit: give another folder"
+    )
 
 
 def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
-    assert "cosines of the directions" in shown
+    assert "parameter trade-offs" in shown
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]
@@ -351,7 +353,7 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
     said = fails(capsys, *one, "--rt-window", "0.3", "2")
     assert said.startswith("'fits/mine' holds fits with another rt_window: give another folder")
     outside = (late < 0.4) | (late > 2)
-    with pytest.warns(UserWarning, match="are left out of the fit"):
+    with pytest.warns(UserWarning, match="are excluded from the fit"):
         assert run("fit", "mine.csv", "out", *one[1:], "--pooled", "--rt-window", "0.4", "2") == 0
     found = pd.read_csv("out/parameters.csv")
     assert (found.loc[~found["held"], "left_out"] == outside.sum()).all()
@@ -389,7 +391,7 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     shown = capfd.readouterr()
     (said,) = shown.err.splitlines()
     assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
-    assert "of its autocorrelation times and not 50: its draws are worth less than" in said
+    assert "of its autocorrelation times, not 50: its effective sample size is below" in said
     found = pd.read_csv("fits/mine/parameters.csv")
     low, high = found.loc[~found["held"], ["low", "high"]].to_numpy().T
     assert (low < high).all()
@@ -422,7 +424,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     shown = capsys.readouterr().out
     assert len(done) == 1
     for name in ("a, constant_gap", "a, macaque", "b/c, constant_gap"):
-        assert f"{name}: there already" in shown
+        assert f"{name}: already done" in shown
     whole = pd.read_csv("fits/mine/parameters.csv")
     assert (~whole["held"]).sum() == 4 * 3
 

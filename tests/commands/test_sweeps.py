@@ -66,7 +66,7 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(swept):
     # Each remark once, with the number of points that have it; none for points without a remark.
     assert "bgmodel: at 2 of 6 points (lesion STN = 0, posterior = 0.9; lesion STN" in warned
     assert "): \n" not in warned
-    assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")
+    assert said.startswith(f"points: 6; shards: 6, 0 done; folder: {folder}\n")
     assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")
     assert len(table.drop_duplicates(["lesion STN", "posterior"])) == 6
@@ -82,7 +82,7 @@ def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, swept
     one, *others = made
     one.write_bytes(one.read_bytes()[:50])
     assert run("sweep", small, folder, "--workers", 1) == 0
-    assert "shards: 6, 5 there already, 1 damaged, computed again" in capsys.readouterr().out
+    assert "shards: 6, 5 done, 1 damaged, computed again" in capsys.readouterr().out
     assert all(path.stat().st_mtime_ns == made[path] for path in others)
     assert outcome(folder) == outcome(swept[0])
 
@@ -168,7 +168,7 @@ def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, ca
     ("options", "says"),
     [
         (["--part", "3/2"], "part must be K/N with K in 1..N, as 3/40, got '3/2'"),
-        (["--part", "1/2", "--on", "slurm"], "part is what a job computes"),
+        (["--part", "1/2", "--on", "slurm"], "part is for a single job"),
         (["--on", "slurm", "--profile", "nowhere"], "profile must be a folder with config.yaml"),
         (["--workers", "0"], "workers must be at least 1, got 0"),
     ],
@@ -183,7 +183,7 @@ def test_options_that_make_no_sense_are_one_sentence(small, tmp_path, capsys, op
 def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):
     with shards.at_work(tmp_path / "found", alone=True):
         assert run("sweep", small, tmp_path / "found") == 2
-    assert "another sweep is at work in" in capsys.readouterr().err
+    assert "another sweep is running in" in capsys.readouterr().err
 
 
 def killed(command, shards, count, later_s):

@@ -88,7 +88,7 @@ def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, cap
     assert found["readings"].sum() <= 20
     told = capsys.readouterr()
     assert "decisions on 20 readings" in told.out
-    assert "not a readable image: this image is left out" in told.err
+    assert "not a readable image: this image is skipped" in told.err
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
@@ -120,7 +120,7 @@ def test_images_that_are_there_already_are_listed_twice_and_not_once_for_each(
         ({"decoder": "nothing"}, "there is no decoder"),
         ({"folder": "nowhere"}, "there is no folder"),
         ({"engine": "algebra"}, "takes all readings of a trial at once"),
-        ({"posterior": 0.99}, "reads no OUT below"),
+        ({"posterior": 0.99}, "resolves no OUT below"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(given, says, sensor, tmp_path, capsys):

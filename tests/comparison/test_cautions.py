@@ -112,7 +112,7 @@ def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(tmp_path, 
     if not conflict:
         silent(run, *asked)
         return
-    with pytest.warns(CalibrationWarning, match="too sure: .* of 200 decisions are right"):
+    with pytest.warns(CalibrationWarning, match="too sure: .* of 200 decisions are correct"):
         assert run(*asked) == 0
 
 

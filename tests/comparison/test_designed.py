@@ -185,7 +185,7 @@ def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials()
 def test_what_a_circuit_does_not_read_is_refused():
     macaque, spiking = anatomy.macaque(4), anatomy.spiking_msprt(4)
     for table, out, says in (
-        (macaque, 0.05, "thresholds macaque reads no OUT below 0.0798"),
+        (macaque, 0.05, "thresholds macaque resolves no OUT below 0.0798"),
         (macaque, 1.5, "thresholds would decide without evidence"),
         (spiking, 0.7, "thresholds rests at OUT = 0.65"),
         (anatomy.bogacz_gurney(4), np.nan, "thresholds finite"),

@@ -171,7 +171,7 @@ def test_a_page_names_measures_as_the_table_does_and_explains_what_is_unknown(ta
     for measure in ("agreement", "pearson_r", "extra_ms", "accuracy_gap", "offset_ms", "slope"):
         assert f"({measure})" in shown
     late = table.assign(value=table["value"].where(table["measure"] != "extra_ms"))
-    assert "later, ms unknown: an accuracy is reached within .01, but not passed" in page(late)
+    assert "later, ms unknown: an accuracy is reached within 0.01 but not exceeded" in page(late)
     assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
     loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
     assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)

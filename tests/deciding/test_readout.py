@@ -189,7 +189,7 @@ def test_noise_that_crosses_the_threshold_at_rest_is_warned_of():
         lambda: first_crossing(model.run(few), 0.6),
         lambda: model.decide(few, 0.6),
     ):
-        assert any(one.startswith("without evidence noise takes OUT below") for one in told(call))
+        assert any(one.startswith("without evidence, noise takes OUT below") for one in told(call))
     assert not told(lambda: model.decide(few, 0.35))
 
 
@@ -198,12 +198,12 @@ def test_of_many_thresholds_each_kind_is_warned_of_once_and_all_are_refused(leve
     known = ReadOut("it", lowest=0.1, rest=0.7)
     wrong = [level >= 0.7 for level in levels], [level < 0.1 for level in levels]
     if all(any(pair) for pair in zip(*wrong, strict=True)):
-        with refused("thresholds (rests at|reads no) OUT"):
+        with refused("thresholds (rests at|resolves no) OUT"):
             known.check(levels)
         return
     said = told(lambda: known.check(levels))
     counts = [f"{sum(kind)} of {len(levels)} thresholds" for kind in wrong if any(kind)]
-    assert [one.partition(" mean nothing")[0] for one in said] == counts
+    assert [one.partition(" are unusable")[0] for one in said] == counts
 
 
 def test_a_grid_is_warned_of_once_with_the_number_of_its_thresholds():

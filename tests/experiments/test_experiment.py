@@ -56,7 +56,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, choice_0, .*got 'mean'"),
         ("= 20", "= -1", "at_least must be >= 0, got -1"),
         ("= 20", "= nan", "at_least must be >= 0, got nan"),
-        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
+        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 if the direction is "no'),
         ('name = "a lesion"', "", "the key 'name' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
         ('["lesion STN 20%"]', '"STN"', r'edits = \["lesion STN 10%"\]'),
@@ -64,7 +64,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be a whole number >= 1"),
         ('"algebra"', '"pen"', "engine must be one of algebra, rate, .*got 'pen'"),
         ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
-        ("[task]", "[task", "small.toml is no TOML: "),
+        ("[task]", "[task", "small.toml is not TOML: "),
         ('"lesion STN 20%"', '"lesion GPi 20%"', "has no nucleus 'GPi': ctx, common"),
         ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must lie in 0..1, got 2"),
         ("lesion STN 20%", "set STN.bias_nat 1", "STN has no 'bias_nat': cell, baseline_hz, "),
@@ -259,9 +259,9 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))
     careful = replace(experiment.manipulation, posterior=0.96)
-    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds resolves no OUT below 0\.0539 nats"):
         replace(experiment, manipulation=careful).run()
-    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds resolves no OUT below 0\.0539 nats"):
         replace(experiment, control=Changes(posterior=0.96)).run()
 
 

@@ -124,7 +124,7 @@ class Twice:
 
 def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
-    with pytest.warns(FitWarning, match="hardly tell bound from times"):
+    with pytest.warns(FitWarning, match="hardly distinguish bound from times"):
         found = fit_likelihood(asked)
     assert abs(found.directions.cosines[0, 1]) > 0.999
     product = found.optimum.values["bound"] * found.optimum.values["times"]

@@ -89,7 +89,7 @@ def test_two_names_of_one_parameter_have_a_cosine_of_1_and_one_makes_up_for_the_
     assert found.cosines == pytest.approx(1, abs=1e-6)
     (caution,) = found.cautions()
     # The bound is their product: 0.6 times 1.
-    assert "bound by +0.012 is made up for by one of times by -0.02" in caution
+    assert "bound by +0.012 is compensated by one of times by -0.02" in caution
     assert not directions(of_doubled(["sensitivity", "times"]), np.array([8.0, 1.0])).cautions()
 
 

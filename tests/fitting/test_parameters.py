@@ -58,8 +58,8 @@ def test_bounds_and_start_go_with_their_numbers():
         ({"fixed": {"a": float("nan")}}, "a must lie between 0 and 10, got nan"),
         ({"vary": {"a": "day"}}, "a can't vary with 'day': conditions are speed, site"),
         ({"vary": {"a": "speed/late"}}, "speed has no level 'late': fast, slow"),
-        ({"fixed": {"a": 1}, "vary": {"a": "speed"}}, "a can't be moved and fixed at once"),
-        ({"fixed": {"a": 1}, "free": ["a"]}, "a can't be moved and fixed at once"),
+        ({"fixed": {"a": 1}, "vary": {"a": "speed"}}, "a can't be both free and fixed"),
+        ({"fixed": {"a": 1}, "free": ["a"]}, "a can't be both free and fixed"),
         ({"free": []}, "nothing is free: name some of a, b, c"),
     ],
 )

@@ -39,12 +39,12 @@ def test_a_tail_of_slow_trials_is_said_with_their_number():
     assert text.startswith(f"all, constant_gap: about {round(600 * slow.share)} of 600 trials are")
     assert 0.005 <= slow.share <= 0.08
     assert "rt_window" in text
-    assert "let lapse be free" not in text
+    assert "free lapse, which" not in text
 
 
 def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps():
     held, (text,) = fitted(SLOWED, fixed={"lapse": 0.001})
-    assert "let lapse be free" in text
+    assert "free lapse, which" in text
     free, _ = fitted(SLOWED)
     off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
     assert off[0] < off[1] / 2

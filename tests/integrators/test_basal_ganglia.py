@@ -218,7 +218,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
     ahead = expecting(
         separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
-    with refused("evidence ^what is expected is common to all channels"):
+    with refused("evidence ^the expectation is common to all channels"):
         BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
 
 

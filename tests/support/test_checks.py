@@ -164,7 +164,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: stopping_posterior(TABLE, 1.0, 0.3, -1.0),
         lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
     ):
-        with pytest.raises(ValueError, match=r"must|not of|reads no OUT|equals"):
+        with pytest.raises(ValueError, match=r"must|not of|resolves no OUT|equals"):
             call()
 
 
@@ -190,5 +190,5 @@ def test_one_trial_by_its_number_is_evidence_of_that_trial():
         assert one.trial_numbers.tolist() == [number]
         assert np.array_equal(one.log_likelihood[0], READINGS[number])
     assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
-    with refused("trials got none of 4"):
+    with refused("trials got 0 of 4"):
         EVIDENCE[2:2]

@@ -63,7 +63,7 @@ def test_a_place_is_taken_by_a_file_or_a_link_to_nothing_unless_by_force(tmp_pat
     file.write_text("mine")
     link.symlink_to(tmp_path / "nothing")
     for path in (file, link):
-        with refused("path there already"):
+        with refused("path already exists"):
             check_new(path)
         check_new(path, force=True)
     check_new(tmp_path / "free.csv")

@@ -57,7 +57,7 @@ def test_missed_trials_are_said(tmp_path):
     missed = table[table["measure"] == "missed"]["value"].item()
     assert 0.05 < missed < 0.75
     assert set(table["remark"]) == {
-        "many trials are not decided in time: accuracy and times are those of the others; "
+        "many trials are not decided in time: accuracy and times refer to the decided ones; "
         "accuracy_all, accuracy_best, mean_all_ms are of all trials"
     }
 

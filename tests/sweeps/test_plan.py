@@ -159,7 +159,7 @@ def test_a_posterior_that_out_does_not_read_is_refused_before_anything_runs(post
         {"posterior": (0.8, posterior)},
         {"lesion STN": (0.1,), "posterior": (posterior,)},
     ):
-        with refused("thresholds reads no OUT below"):
+        with refused("thresholds resolves no OUT below"):
             Plan(grid=grid).all_points()
 
 

@@ -105,7 +105,7 @@ def test_a_sweep_larger_than_the_disk_is_refused_before_it_is_listed(tmp_path):
 def test_one_sweep_at_a_time_is_at_work_in_a_folder(tmp_path, held, asked):
     with (
         stored.at_work(tmp_path, alone=held),
-        pytest.raises(ValueError, match="another sweep is at work in"),
+        pytest.raises(ValueError, match="another sweep is running in"),
         stored.at_work(tmp_path, alone=asked),
     ):
         pass
@@ -133,7 +133,7 @@ def test_a_full_disk_is_one_sentence_and_no_shard(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(files, "write_table", full)
-    says = "can't be written: No space left on device; finished shards stay"
+    says = "can't be written: No space left on device; finished shards are kept"
     with pytest.raises(ValueError, match=says):
         stored.compute(shard, tmp_path)
     assert stored.state(shard, tmp_path) == "missing"

@@ -146,7 +146,7 @@ def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
 
 def test_trials_that_are_all_there_twice_are_doubted():
     (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
-    assert text.startswith("400 of 800 rows are copies of earlier ones")
+    assert text.startswith("400 of 800 rows are duplicates of earlier ones")
     numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
     assert said(numbered, **NAMED) == []
 
@@ -197,7 +197,7 @@ def test_strengths_in_per_cent_in_some_trials_are_doubted():
     part = GOOD.index % 2 == 0
     mixed = GOOD["coherence"].where(part, 100 * GOOD["coherence"])
     (text,) = said(table(coherence=mixed), **NAMED)
-    assert text.startswith("2 of 4 strengths occur a second time a hundred times as large, as 0.1 ")
+    assert text.startswith("2 of 4 strengths also occur a hundred times as large, such as 0.1 ")
     assert f"in {int((~part).sum())} of 400 trials" in text
     # Contrasts, per cent: one pair alone is no other unit.
     signs = np.sign(GOOD["coherence"])
@@ -251,7 +251,7 @@ def test_columns_that_hold_no_strength_are_not_taken_for_one():
 def test_strengths_that_differ_by_rounding_only_are_one():
     at = GOOD.index % 7 == 0
     rounded = GOOD["coherence"] * np.where(at, 1 + 1e-7, 1.0)
-    with pytest.warns(DataWarning, match="4 strengths are taken for 2"):
+    with pytest.warns(DataWarning, match="4 strengths are merged to 2"):
         found = read_choices(table(coherence=rounded), **NAMED)
     assert found.strength.tolist() == GOOD["coherence"].tolist()
 

@@ -210,12 +210,12 @@ BAD = {
     "participant .* got 9 of participant '007'": changed(
         cue="speed", participant_id=lambda good: np.where(good.index < 9, "007", "8")
     ),
-    "rt there is no column rt: there are participant_id, trial, response": without("rt"),
-    "coherence there is no column coherence: there are": without("coherence"),
-    "cue there is no column cue: there are": renamed(cue="Cue"),
+    "rt there is no column rt; there are participant_id, trial, response": without("rt"),
+    "coherence there is no column coherence; there are": without("coherence"),
+    "cue there is no column cue; there are": renamed(cue="Cue"),
     "rt column 'RT' is not 'rt'": renamed(rt="RT"),
     "participant 'subj_idx' seems to hold participants: call": renamed(participant_id="subj_idx"),
-    "columns a table has each column once, got 'rt' twice": renamed(trial="rt"),
+    "columns each column may occur once, got 'rt' twice": renamed(trial="rt"),
     "table needs at least one trial, got 0 rows": lambda good: good.head(0),
     "coherence must be a finite number, got 'strong' in row 1$": at("coherence", 1, "strong"),
     "coherence must be given for every trial, got nothing in row 1$": at("coherence", 1, np.nan),
@@ -259,7 +259,7 @@ def test_a_third_name_of_a_response_is_found():
     table = people()
     names = np.array(["left", "right"], dtype=object)[table["response"]]
     names[50] = "Left"
-    with refused("response must be one of two names, as .* got 'Left' in row 50"):
+    with refused("response must be one of two names, such as .* got 'Left' in row 50"):
         read_choices(table.assign(response=names), upper="left")
     with refused("upper"):
         read_choices(table.assign(response=np.where(table["response"], "left", "right")), upper="L")

@@ -216,11 +216,11 @@ BAD = {
     "truth got several in one trial, first 'b' in row 1": changed(
         truth=lambda good: np.where(good.index == 1, "b", "a")
     ),
-    "columns 'LL_a' is no hypothesis": renamed("ll_a", "LL_a"),
-    "columns 'll_a ' is no hypothesis": renamed("ll_a", "ll_a "),
-    "columns 'll_ b' is no hypothesis": renamed("ll_b", "ll_ b"),
+    "columns 'LL_a' is not a hypothesis": renamed("ll_a", "LL_a"),
+    "columns 'll_a ' is not a hypothesis": renamed("ll_a", "ll_a "),
+    "columns 'll_ b' is not a hypothesis": renamed("ll_b", "ll_ b"),
     **{
-        f"columns {name!r} is no hypothesis": changed(**{name: 0.0})
+        f"columns {name!r} is not a hypothesis": changed(**{name: 0.0})
         for name in ("ll_", " ll_c", "ll-c", "Ll c")
     },
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
@@ -279,7 +279,7 @@ def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
 def test_a_csv_that_is_no_utf8_gets_one_sentence(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_bytes("trial,step,ll_a,ll_b\nübung,0,1,2\n".encode("latin-1"))
-    with refused("path it is no text in UTF-8"):
+    with refused("path it is not text in UTF-8"):
         read_evidence_table(path)
 
 

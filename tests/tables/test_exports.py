@@ -95,7 +95,7 @@ def test_tables_that_cannot_be_told_are_refused(table):
         "conditions other columns than response": lambda: to_hssm(table, conditions=("response",)),
         "undecided must hold True and False": lambda: to_hssm(table.assign(undecided="no")),
         "upper must be one of two responses .*, got 'up'": lambda: to_pyddm(table, upper="up"),
-        "upper nobody knows what is correct": lambda: to_hssm(table.assign(correct=pd.NA)),
+        "upper it is unknown what is correct": lambda: to_hssm(table.assign(correct=pd.NA)),
         "upper of two responses .*, got 'left'": lambda: to_hssm(
             table.assign(stimulus="up"), upper="left"
         ),
@@ -157,7 +157,7 @@ def test_choices_of_one_participant_without_strength_have_no_such_columns(choice
 def test_conditions_of_choices_that_are_not_there_are_refused(choices):
     column = pd.DataFrame({"strength": choices.conditions["cue"]})
     bad = {
-        "upper choices say already which response is 1": lambda: to_hssm(choices, upper="right"),
+        "upper choices already define which response is 1": lambda: to_hssm(choices, upper="right"),
         "conditions must be among cue": lambda: to_pyddm(choices, conditions=["block"]),
         "conditions other columns than strength": lambda: to_hssm(
             replace(choices, conditions=column)

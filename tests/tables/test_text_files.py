@@ -41,7 +41,7 @@ def test_a_bad_file_gets_one_sentence_with_its_name(tmp_path, name, text, says):
 def test_what_is_no_text_no_table_or_no_file_is_said(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes("rt,response\nübung,1\n".encode("latin-1"))
-    with refused("path it is no text in UTF-8"):
+    with refused("path it is not text in UTF-8"):
         read_choices(path)
     path.rename(tmp_path / "a.parquet")
     with refused(r"path can't be read as \.parquet"):
