@@ -1,4 +1,4 @@
-"""What makes the shipped sets: signs and codes are held to the choices themselves."""
+"""Import of the built-in data sets: signs and codes are checked against the choices."""
 
 import numpy as np
 import pandas as pd
