@@ -54,7 +54,7 @@ def test_ez_inverts_the_exact_moments(drift, bound, other_s):
 
 
 def test_ez_recovers_a_simulated_diffusion():
-    """A walk in steps of 0.5 ms; its bounds are moved in by 0.5826 steps to correct for overshoot."""
+    """A walk in steps of 0.5 ms; bounds are moved in by 0.5826 steps for the overshoot."""
     drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
     rng = stream(8, "ez")
     sd = DIFFUSION_S * np.sqrt(dt)
