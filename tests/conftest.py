@@ -25,7 +25,7 @@ settings.load_profile("bgmodel")
 
 @pytest.fixture
 def refusal(capsys):
-    """Return what runs a command that must be refused, and returns what is said on stderr."""
+    """Return a function that runs a command that must fail, and returns its stderr."""
 
     def refused(*arguments):
         capsys.readouterr()

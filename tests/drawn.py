@@ -17,7 +17,7 @@ TRUTH = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 
 
 def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **values):
-    """Return so many trials at each strength, half of them of the other sign, drawn by a seed."""
+    """Return a number of trials at each strength, half of them of the other sign, from a seed."""
     strengths = np.asarray(strengths, float)
     grid = Grid(round((deadline_s or seconds) / BIN_S))
     every = {k: np.full(len(strengths), v) for k, v in {**TRUTH, **values}.items()}

@@ -92,7 +92,7 @@ def refused(wanted):
 
 @contextmanager
 def unwarned():
-    """Assert that nothing is warned of."""
+    """Assert that there are no warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield

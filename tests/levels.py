@@ -16,7 +16,7 @@ LEVELS = playable_levels(MODEL, 9)
 
 
 def synthetic(trials=4000, best=1.2):
-    """Return outcomes whose mean reward is -10 (level - best)^2 - 5, noise beside it."""
+    """Return outcomes with mean reward -10 (level - best)^2 - 5 and noise."""
     levels = np.linspace(*PLAYED, 26)
     noise = stream(SEED, "noise").normal(0, 1, (1, trials))
     steps = 10 * (levels[:, None] - best) ** 2 + 5 + noise

@@ -1,4 +1,4 @@
-"""What makes the shipped sets: signs and codes are held to the choices themselves."""
+"""Import of the built-in data sets: signs and codes are checked against the choices."""
 
 import numpy as np
 import pandas as pd
@@ -45,7 +45,7 @@ def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"signed_coherence": lambda t: -t["signed_coherence"]}, "a correct choice must be 1 wh"),
+        ({"signed_coherence": lambda t: -t["signed_coherence"]}, "a correct choice must be 1 if"),
         ({"correct": lambda t: t["correct"].fillna(1)}, "correct must be empty at a coherence"),
         (
             {"choice": lambda t: 1 - t["choice"], "correct": lambda t: 1 - t["correct"]},

@@ -1,4 +1,4 @@
-"""A circuit of one's own, wherever the name of a table is taken."""
+"""Users' circuit files, wherever the name of a circuit is accepted."""
 
 import json
 

@@ -80,7 +80,7 @@ def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
 
 
 def growing(trials, steps):
-    """Evidence that grows for a channel in turn, each trial at a pace of its own."""
+    """Evidence that grows for one channel in turn, at a different rate in each trial."""
     drive = np.zeros((trials, steps, 3))
     drive[np.arange(trials), :, np.arange(trials) % 3] = np.linspace(0, 4, steps)
     drive *= np.array([1, 0.3, 0.8, 0.2, 0.6, 0.4])[:trials, None, None]
@@ -145,7 +145,7 @@ def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
 
 
 ONE = TABLE.scale("ctx", "D1", 0.8, 1).scale("STN", "SNr", 1.2, 0).scale("D2", "GPe", 0, 2)
-"""Weights of one channel, and below lesions of one beside them."""
+"""Weights of one channel, followed by lesions of one channel."""
 LOST = ONE.lesion("GPe", 0.25, channel=0).lesion("D2", 1, channel=1).lesion("STN", 0.1)
 
 
@@ -162,7 +162,7 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
 def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_lesion(engine):
     whole = anatomy.bogacz_gurney(3)
     y = CENTRED + whole.reference_nats - np.log(3)
-    # D1 takes y from OUT of its own channel; Sigma is ln sum exp y over what is left of STN.
+    # D1 subtracts its channel's y from OUT; Sigma is ln sum exp y over the surviving STN.
     of_d1 = held(whole.lesion("D1", 0.1, channel=1), engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
     npt.assert_allclose(of_d1, exact, atol=CLOSE[engine], rtol=0)
@@ -207,7 +207,7 @@ def test_same_input_same_noise_same_spikes(engine, circuit):
     npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
 
 
-# ---- the two spiking engines, spike by spike: the circuits as they are shipped, eight trials each,
+# ---- the two spiking engines, spike by spike: the built-in circuits unedited, eight trials each,
 # because one spike in 1e5 falls within a rounding of its threshold.
 
 FULL = anatomy.spiking_msprt(2)

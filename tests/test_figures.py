@@ -148,7 +148,7 @@ def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
 
 
 def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
-    """Less dopamine, more power of 13-30 Hz: doubled at .5; nothing that was fitted."""
+    """Less dopamine, more power of 13-30 Hz: doubled at 0.5; nothing that was fitted."""
     monkeypatch.setattr(figD5, "LEVELS", (1.0, 0.7, 0.5))
     table, figure = computed_and_drawn(figD5, tmp_path)
     assert len(figure.axes) == 6
@@ -156,7 +156,7 @@ def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
     by = power.pivot(index=["nucleus", "drive", "level"], columns="by", values="value")
     assert by["spikes"].to_numpy() == pytest.approx(by["closed form"].to_numpy(), rel=0.2)
     for _, one in by["spikes"].groupby(level=["nucleus", "drive"]):
-        # Levels rise from .5 on.
+        # Levels rise from 0.5 on.
         assert one.is_monotonic_decreasing
         assert one.iloc[0] > 1.8 * one.xs(1.0, level="level").iloc[0]
     rates = table[table["measure"] == "rate"].pivot(

@@ -79,7 +79,7 @@ def heights(ax):
 
 
 def shows(ax, values):
-    """Whether a line or the marks of a panel stand at some values."""
+    """Whether a line or the markers of a panel are at given values."""
     return any(len(y) == len(values) and np.allclose(y, values) for y in heights(ax))
 
 
@@ -232,7 +232,7 @@ def test_figure_f4_shows_truth_ranks_and_coverage(tmp_path):
 
 
 def test_the_interval_of_a_share_holds_all_that_counts_allow():
-    """No success of n: up to 1 - .025 ** (1 / n) (Clopper & Pearson 1934)."""
+    """No success of n: up to 1 - 0.025 ** (1 / n) (Clopper & Pearson 1934)."""
     assert figF4.interval(0.0, 10) == pytest.approx([0, 1 - 0.025 ** (1 / 10)])
     assert figF4.interval(1.0, 10) == pytest.approx([0.025 ** (1 / 10), 1])
 

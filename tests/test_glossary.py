@@ -1,4 +1,4 @@
-"""The glossary speaks of the code as it is."""
+"""The glossary agrees with the code."""
 
 import importlib
 import re
@@ -28,7 +28,7 @@ def is_there(dotted):
 
 
 def options(commands):
-    """Yield the options of all commands, as they are typed."""
+    """Yield the options of all commands, as typed."""
     for command in commands.values():
         kind = command[1] if isinstance(command, tuple) else command
         if is_dataclass(kind):

@@ -1,4 +1,4 @@
-"""A few points beside PyDDM, ssm-simulators and psignifit; `make score` runs the whole grid."""
+"""Comparison with PyDDM, ssm-simulators and psignifit at a few points of the `make score` grid."""
 
 import numpy as np
 import pandas as pd
@@ -71,7 +71,7 @@ def test_a_verdict_fails_where_one_point_or_all_of_them_are_off():
 
 @pytest.mark.parametrize("point", [Accumulators(3, 0.3, 6.0), POINT], ids=["race", "LCA"])
 def test_moved_up_and_with_steps_of_a_reading_their_accumulators_are_ours(point):
-    """The same noise by hand: their sum over a time step, ours on the evidence as it is held."""
+    """The same noise by hand: theirs summed over a time step, ours with the evidence held."""
     evidence = point.evidence(3, stream(2, "accumulators"))
     integrator, threshold = point.ours()
     out = -integrator.run(evidence).out_nats

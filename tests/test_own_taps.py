@@ -30,7 +30,7 @@ def edges(tmp_path):
 
 @pytest.fixture
 def gratings(tmp_path):
-    """Write the shipped table as a file of one's own."""
+    """Write the built-in table as a user's file."""
     path = tmp_path / "gratings.parquet"
     held_out_taps().to_parquet(path)
     return path

@@ -16,7 +16,7 @@ from tests.helpers import ROOT
 DOCS = ROOT / "docs"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
 RUN = [ROOT / "README.md", DOCS / "index.md", DOCS / "concepts.md", *TUTORIALS]
-"""Pages whose blocks are run; `docs/extending.md` has a test of its own."""
+"""Pages whose blocks are run; `docs/extending.md` has a separate test."""
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *TUTORIALS]
 MADE = DOCS / "gallery.md"
 """A page that `make docs` writes."""
@@ -65,7 +65,7 @@ def blocks(language, pages=RUN):
 
 
 def lines(example):
-    """Yield the commands of a console block; what they print is left out."""
+    """Yield the commands of a console block, without their output."""
     for line in str(example.parsed).splitlines():
         if line.startswith("$ "):
             yield line[2:]

@@ -40,7 +40,7 @@ def counted(few):
 
 
 def tried(count, test, *strategies):
-    """Try a test with so many random inputs; to shrink what fails would take too long."""
+    """Run a test with a number of random inputs; shrinking failures would take too long."""
     alike = settings(
         max_examples=count, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
     )

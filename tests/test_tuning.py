@@ -15,7 +15,7 @@ SEED, GAIN = 7, 0.7
 
 
 def test_out_for_other_filters_is_that_of_a_run_with_them():
-    """D1 and STN fire alike in both runs; what differs is how SNr's own spikes fall."""
+    """D1 and STN fire identically in both runs; only the timing of SNr's spikes differs."""
     evidence = tuning_evidence(20, 2, 4.0, SEED)
     table = load_circuit("spiking_msprt")
     slow = table.with_projection("D1", "SNr", tau_ms=20, delay_ms=15).with_projection(

@@ -1,4 +1,4 @@
-"""The version stands in one place; whatever else names one agrees."""
+"""The version is defined in one place; all other mentions agree."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""A circuit whose unit is not nats: what needs nats is refused, in laws and commands."""
+"""Circuits whose unit is not nats: laws and commands that need nats are rejected."""
 
 import numpy as np
 import pandas as pd

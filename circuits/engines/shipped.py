@@ -105,11 +105,11 @@ class Rate(PopulationsEngine):
         Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
         300 ms.
     rates : bool
-        Whether to keep the rates of all populations; True.
+        Whether to record the rates of all populations; True.
     drop_below : float, optional
-        OUT, nats, below which a trial is over; what follows is NaN.
+        A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Threads, 1; the results do not depend on it.
+        Number of threads, 1; results do not depend on it.
     """
 
     id: ClassVar[str] = "rate"
@@ -142,11 +142,11 @@ class Population(PopulationsEngine):
         Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
         300 ms.
     rates : bool
-        Whether to keep the rates of all populations; True.
+        Whether to record the rates of all populations; True.
     drop_below : float, optional
-        OUT, nats, below which a trial is over; what follows is NaN.
+        A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Threads, 1; the results do not depend on it.
+        Number of threads, 1; results do not depend on it.
     """
 
     id: ClassVar[str] = "population"
@@ -188,11 +188,11 @@ class Ensemble(CompiledEngine, SpikingEngine):
         Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
         300 ms.
     rates : bool
-        Whether to keep the rates of all populations; True.
+        Whether to record the rates of all populations; True.
     drop_below : float, optional
-        OUT, nats, below which a trial is over; what follows is NaN.
+        A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Threads, 1; the results do not depend on it.
+        Number of threads, 1; results do not depend on it.
     progress : bool
         Whether to show the progress of a run; False.
     """

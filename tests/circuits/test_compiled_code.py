@@ -50,7 +50,7 @@ def test_the_hash_follows_an_edit_of_any_source(tmp_path):
 
 @pytest.fixture
 def installed(tmp_path):
-    """Copy the packages to a folder; return what runs code on them, with settings of its own."""
+    """Copy the packages to a folder; return a function that runs code there with settings."""
     place = tmp_path / "site-packages"
     for package in ("bgmodel", "circuits"):
         no_caches = shutil.ignore_patterns("__pycache__")

@@ -26,7 +26,7 @@ def test_the_drawing_shows_every_nucleus_and_pathway():
 
 
 def test_nuclei_stand_in_rows_and_columns_with_even_margins():
-    """Cortex above striatum, what pools beside it; nuclei that have no place in a row below all."""
+    """Cortex above striatum, pooled nuclei next to it; nuclei without a position in a row below."""
     rows = [replace(anatomy.spiking_msprt().population("STN"), name=name) for name in "AB"]
     circuit = anatomy.macaque().add(*rows)
     figure, ax = plt.subplots()
@@ -56,7 +56,7 @@ def test_a_new_figure_has_room_for_every_panel(count, given, inches):
 
 
 def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_passes():
-    """From .6 points at 0 to 3 at 4 nats, no further; a lesion of the whole source leaves dots."""
+    """From 0.6 points at 0 to 3 at 4 nats, no further; a lesion of the whole source leaves dots."""
     weights = {"D1": 1.0, "D2": 4.0, "STN": 9.0}
     circuit = anatomy.spiking_msprt()
     for name, weight in weights.items():

@@ -63,7 +63,7 @@ def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_10
 
 def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tmp_path):
     drawn = some_evidence(trials=400, hypotheses=2)
-    # Readings of mean 0.4 and sd 0.7 say so much: no more.
+    # The information in readings of mean 0.4 and SD 0.7.
     right = replace(drawn, log_likelihood=0.4 / 0.7**2 * drawn.log_likelihood)
     sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
     mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"

@@ -28,7 +28,7 @@ def test_it_prints_a_table_with_a_legend_and_json_holds_the_same(tmp_path, capsy
     behind = json.loads(provenance_path(out).read_text())["parameters"]
     assert behind["circuit"]["name"] == "bogacz_gurney"
     assert behind["command"]["thresholds"] == [0.3]
-    # This table has no gain of its own: in nats any serves, and 1 stands for it.
+    # This table has no default gain: in nats any gain works, and 1 is used.
     assert behind["command"]["gain"] == 1
 
 

@@ -41,7 +41,7 @@ def test_levels_are_those_of_the_circuit_that_is_named(tmp_path, refusal):
 
 
 def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
-    """Of a table every second trial is kept, else they are drawn anew; the noise is new in both."""
+    """Tables: every second trial is kept; otherwise trials are redrawn. The noise is always new."""
     from bgmodel.learning import dopamine_learner as level
 
     seen, real = [], level.level_outcomes

@@ -28,7 +28,7 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
     experiment_file.write_text(text)
     assert run("experiment", experiment_file, "--trials", 100) == 0
     page = capsys.readouterr().out
-    assert page.endswith("100 trials\n")  # nothing was written
+    assert page.endswith("100 trials\n")  # no file was written
     assert page.startswith("A longer delay from STN to GPe\n2 ms more, and a pathway")
     assert "published" not in page
 
@@ -199,7 +199,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
     assert set(trials["condition"]) == {"control", "manipulation"}
     assert set(trials["given_condition"]) == {"dim", "bright"}
     assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
-    # The file is looked for beside the one that names it, wherever the command is called.
+    # The path is relative to the file that names it, not to the working directory.
     experiment_file.write_text(experiment_file.read_text().replace(str(mine), "mine.csv"))
     assert Experiment.from_toml(experiment_file).given().evidence.trials == 120
     # Whatever is forced, what an experiment was made from is not written over.

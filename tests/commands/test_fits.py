@@ -24,7 +24,7 @@ QUICK = ["--free", "sensitivity", "threshold", "t0_s"]
 
 
 def table_of(choices):
-    """Return choices as a table of one's own, of two participants."""
+    """Return choices as a user's table, with two participants."""
     who = np.where(np.arange(choices.trials) % 4 < 2, "a", "b/c")
     return pd.DataFrame(
         {
@@ -42,7 +42,7 @@ GOOD = table_of(drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=
 
 @pytest.fixture(autouse=True)
 def mine(tmp_path, monkeypatch):
-    """Write a good table; return its path, in a folder of its own that is the working one."""
+    """Write a valid table in a new working folder; return its path."""
     monkeypatch.chdir(tmp_path)
     GOOD.to_csv("mine.csv", index=False)
     return tmp_path / "mine.csv"
@@ -239,7 +239,7 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
 
 
 def test_a_circuit_that_was_edited_is_another_question(tmp_path):
-    """Rows of both would stand under one name; another circuit beside it is welcome."""
+    """Rows of both would have the same name; a second circuit with another name is allowed."""
 
     def kept(**circuits):
         return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, print)

@@ -213,7 +213,7 @@ def test_a_sweep_that_is_killed_goes_on_to_the_same_bytes(tmp_path, kills):
         killed(command, folder / "shards", count, later_s)
         now = finished(folder / "shards")
         assert len(now) >= count
-        # A finished shard stays as it is.
+        # A finished shard is not changed.
         assert before.items() <= now.items()
         before = now
     assert run("sweep", path, folder, "--workers", 1) == 0

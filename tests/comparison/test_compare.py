@@ -1,4 +1,4 @@
-"""One call: the same table as that of its parts, for a circuit as it is or edited."""
+"""A single call gives the same table as its parts, for unedited and edited circuits."""
 
 import pandas as pd
 

@@ -130,7 +130,7 @@ def test_an_exact_circuit_is_the_msprt_to_far_less_than_a_reading(name):
 
 
 def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
-    """The sum of lines is a mean: the MSPRT and max-vs-next are told apart."""
+    """The sum of lines is a mean, which distinguishes the MSPRT from max-vs-next."""
     table = linear_stn(anatomy.spiking_msprt(4))
     found = designed_circuit(BasalGanglia(table, "algebra", 0.5), THRESHOLDS)
     assert outcomes(found) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
@@ -257,7 +257,7 @@ def test_only_what_has_noise_is_shown_with_an_interval():
     )
     others = (table["held"] != "").sum()
     assert body.count("[") == others
-    # With equal competitors it is 0 by how thresholds are put, and nothing is held.
+    # With equal competitors it is 0 by construction of the thresholds, and there is no test.
     assert [line.split()[3] for line in body.splitlines()[1:]].count("-") == len(OWN[MSPRT])
 
 

@@ -1,4 +1,4 @@
-"""A circuit beside the MSPRT: a small comparison that must succeed, and controls that must fail."""
+"""A circuit versus the MSPRT: a small comparison that must succeed, and controls that must fail."""
 
 from dataclasses import replace
 
@@ -161,7 +161,7 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
         for name in ("ctx", "STN", "GPe"):
             rate_hz = fixed[name].mean()
             assert found.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
-        # What the table says of its own cells.
+        # The table's own description of its cells.
         assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
         assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1
 
@@ -184,7 +184,7 @@ LONG = separated_evidence(
 
 
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
-    """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
+    """At 0.8 the MSPRT decides where OUT rests, at 0.999 where no OUT is read."""
     given = {"seed": SEED, "baselines": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
     with pytest.warns(RangeWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
         found = compare(QUICK, LONG, **given).table
@@ -275,7 +275,7 @@ def test_thresholds_of_a_circuit_lie_about_those_of_the_test_from_80_to_98_per_c
     ],
 )
 def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options, noisy):
-    """At rest 20 of 1000 trials reach .5, one more .6: the share that noise may cross is 2 %."""
+    """At rest 20 of 1000 trials reach 0.5, one more 0.6: the share that noise may cross is 2 %."""
     rest = np.full((1000, 3, 2), 0.8)
     rest[:20, 1, 0], rest[20, 2, 1] = 0.5, 0.6
     monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)

@@ -61,7 +61,7 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert value(table, "extra_ms", 0.95) == pytest.approx(40, abs=1e-6)
     assert value(table, "pearson_r", 0.95) == pytest.approx(1)
     assert equivalent(table).all()
-    # Unless it is said to be decision time.
+    # Unless it is declared to be decision time.
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
 
 
@@ -180,7 +180,7 @@ def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
     assert margin(0.9) == pytest.approx(0.01)
     assert margin(0.98) == pytest.approx(0.002)
     reached = curve(TEST, np.ones((1, 800)))[0][0]
-    # None of its thresholds gives more than .974: .98 is .006 away, and leaves .02 of errors.
+    # None of its thresholds gives more than 0.974: 0.98 is 0.006 away, and leaves 0.02 of errors.
     some = TEST.at(reached < 0.974)
     found = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
     assert found[0.9, "agreement"] == 1
@@ -265,7 +265,7 @@ def test_a_circuit_reads_nothing_if_most_responses_come_within_half_a_second_of_
 
 @pytest.mark.parametrize(("share", "most"), [(0.45, False), (0.5, False), (0.55, True)])
 def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share, most):
-    """If most are decided before the first reading or by the deadline, nothing is compared."""
+    """There is no comparison if most are decided before the first reading or by the deadline."""
     some = np.broadcast_to(np.arange(800) < 800 * share, TEST.forced.shape)
     early = replace(TEST, premature=some)
     assert (early.without_evidence == most).all()

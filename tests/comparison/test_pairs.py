@@ -65,7 +65,7 @@ def test_a_copy_agrees_beyond_chance_in_all():
 
 
 def test_a_shuffled_copy_agrees_beyond_chance_in_nothing():
-    """Twenty shuffles within each truth: 0 lies in the 95 % interval of nearly all of them."""
+    """With twenty shuffles within each truth, nearly all 95 % intervals contain 0."""
     test, truth = drawn(600)
     weights = resampled(600, 200, stream(2, "b"))
     inside = dict.fromkeys((*SHARES, "pearson_r"), 0)

@@ -129,7 +129,7 @@ def splitmix(state):
 
 
 def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
-    """What is drawn stands in tables that are compared byte by byte."""
+    """Draws appear in tables that are compared byte by byte."""
     assert splitmix(1234567) == 6457827717110365317
     numbers = np.array([*range(60), 10**9, 2**40 + 3])
     for hypotheses in (2, 5):
@@ -145,7 +145,7 @@ def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
 
 
 def test_a_trial_ends_at_its_own_last_reading():
-    """In a table of unequal lengths each trial is decided as it is alone."""
+    """In a table of unequal lengths each trial is decided as if it were alone."""
     whole = some_evidence(steps=12)
     lengths = stream(3, "lengths").integers(1, 13, whole.trials)
     values = whole.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]

@@ -34,7 +34,7 @@ def test_weights_stand_for_repeated_trials(seed, trials):
 
 
 def test_ez_is_that_of_its_paper():
-    """Wagenmakers, van der Maas & Grasman 2007: P .802, VRT .112, MRT .723."""
+    """Wagenmakers, van der Maas & Grasman 2007: P 0.802, VRT 0.112, MRT 0.723."""
     found = ez_diffusion(0.802, 0.723, 0.112, 1000)
     np.testing.assert_allclose(found, (0.0999, 0.1400, 0.3000), atol=5e-5)
 
@@ -54,7 +54,7 @@ def test_ez_inverts_the_exact_moments(drift, bound, other_s):
 
 
 def test_ez_recovers_a_simulated_diffusion():
-    """A walk in steps of .5 ms; its bounds, crossed between steps, lie .5826 steps further out."""
+    """A walk in steps of 0.5 ms; bounds are moved in by 0.5826 steps for the overshoot."""
     drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
     rng = stream(8, "ez")
     sd = DIFFUSION_S * np.sqrt(dt)
@@ -115,7 +115,7 @@ def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
 
 
 def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
-    """Times that vary as much as they are long: no unbiased diffusion has them."""
+    """RTs whose SD is as large as their mean, which no unbiased diffusion produces."""
     truth = np.arange(200) % 2
     choice = np.where(np.arange(200) % 5 == 0, 1 - truth, truth)
     scattered = np.where(np.arange(200) % 4 < 2, 50.0, 1500.0)

@@ -254,7 +254,7 @@ def test_what_is_shipped_names_its_source():
 
 
 def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
-    """The read-out of two alternatives ends at .054 nats, a posterior of .948."""
+    """The read-out of two alternatives ends at 0.054 nats, a posterior of 0.948."""
     experiment = replace(Experiment.from_toml("accuracy_threshold"), engine="algebra")
     experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))

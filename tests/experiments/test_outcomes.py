@@ -126,7 +126,7 @@ def test_either_share_of_responses_without_evidence_is_enough():
 
 
 def test_the_length_of_the_foreperiod_does_not_excuse_a_circuit_that_responds_at_rest():
-    """At a constant hazard .23 of 50 ms are .93 of half a second, and .6 of 3 s are .14."""
+    """At a constant hazard 0.23 of 50 ms are 0.93 of half a second, and 0.6 of 3 s are 0.14."""
     assert judged({"premature": 0.3, "anticipatory": 0.23}, 50.0) == WITHOUT
     assert judged({"premature": 0.3, "anticipatory": 0.6}, 3000.0) == AGREES
 
@@ -330,7 +330,7 @@ def test_the_edit_alone_makes_the_outcome(name):
 
 
 def held_to(effect, low, high, value=0.0, **shares):
-    """Return the verdict on a model's change of 0 with its interval, beside an effect."""
+    """Return the verdict on a model's change of 0 with its interval, compared with an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
     values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0}
     values |= {"accuracy": 0.8, "mean_posterior": 0.8, "missed": 0.0} | shares

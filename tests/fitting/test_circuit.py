@@ -113,7 +113,7 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
     monkeypatch.setattr(module, "simulated", watched)
     for other in (MACAQUE, load_circuit("spiking_msprt", 2)):
         model(circuit=other).stored(())
-    # Each of them at seven drifts, and so does the ideal integrator beside it.
+    # Each of them at seven drifts, as does the ideal integrator used for comparison.
     assert len(seen) == 4 * 7
     for place in range(4):
         some = seen[7 * place : 7 * place + 7]
@@ -146,7 +146,7 @@ def test_a_criterion_that_stands_in_place_of_the_threshold_holds_it(name):
 
 
 class Later(CircuitModel):
-    """Trials that all decide at once: so many bins as the values of the axes sum to."""
+    """All trials decide at the same time: in the bin given by the sum of the axes' values."""
 
     def stored(self, point):
         bins = np.full((module.LEVELS, 20), round(sum(point)))

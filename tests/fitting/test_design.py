@@ -25,7 +25,7 @@ SIGNED = st.lists(
 def test_a_trial_and_its_mirror_image_lie_in_one_cell_as_one(trials):
     strength, response = np.array(trials).T
     own = design_of(choices(strength, response))
-    # At strength 0 nothing says which response is which: those are as they were.
+    # At strength 0 responses have no correct side, so they are unchanged.
     image = np.where(strength == 0, response, 1 - response)
     other = design_of(choices(-strength, image))
     assert np.array_equal(own.observed.response, other.observed.response)

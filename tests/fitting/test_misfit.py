@@ -1,4 +1,4 @@
-"""Data that a model does not fit are said, and clean data are not."""
+"""Misfit is reported for data that the model cannot fit, and not for clean data."""
 
 import warnings
 from dataclasses import replace

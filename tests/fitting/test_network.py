@@ -93,7 +93,7 @@ def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
         for v, own in zip((1.0, 5.0), density, strict=True):
             said = [network.log_density(v, threshold, 0.3, grid.middles_s, r) for r in (-1, 1)]
             off = np.abs(said - np.log(np.maximum(own, 1e-6)))
-            # Of that a simulation of so few trials leaves about .03.
+            # Of that a simulation of so few trials leaves about 0.03.
             assert (own * off).sum() / own.sum() < 0.06
 
 

@@ -52,7 +52,7 @@ def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed)
     assert found.log_likelihood - likelihood(truth) < 12
     assert not found.at_bound.any()
     assert likelihood(found.vector) == pytest.approx(found.log_likelihood, abs=1e-9)
-    # They tell these from others: the errors are a small part of what stands there.
+    # They distinguish these from others: the errors are small relative to the values.
     assert (errors < 0.4 * truth).all()
 
 
@@ -158,7 +158,7 @@ class Hills:
 
 
 def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
-    """The range here is 16: .016 from either end."""
+    """The range here is 16: 0.016 from either end."""
     for vector, at in (([-7.985, 0], True), ([-7.983, 0], False), ([7.983, 0], False)):
         found = Optimum(Hills(), np.array(vector), 0.0, 1)
         assert found.at_bound.tolist() == [at, False]
@@ -166,7 +166,7 @@ def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
 
 
 def test_a_search_first_looks_as_far_away_as_about_a_sixth_of_its_start():
-    """By .15 of it, but by no less than a fiftieth and no more than a fifth of the range."""
+    """By 0.15 of it, but by no less than a fiftieth and no more than a fifth of the range."""
     first = np.array([4.0, -4.0])
     assert _scales(Hills(), first) == pytest.approx([0.6, 0.6])
     assert _scales(Hills(), np.array([0.0, 1.0])) == pytest.approx([0.32, 0.32])
@@ -198,7 +198,7 @@ def test_a_search_draws_no_number_of_others(small):
 
 
 def test_responses_after_the_end_of_simulated_trials_are_said():
-    """A circuit never decides then: at .5 s of 2, sensitivity and lapses would be wrong."""
+    """A circuit never decides then: at 0.5 s of 2, sensitivity and lapses would be wrong."""
     from bgmodel.fitting.circuit import CircuitModel
     from circuits.anatomy import load_circuit
 

@@ -117,7 +117,7 @@ def test_no_chain_is_worth_more_than_its_draws():
     assert _correlated(np.diff(noise, axis=0)) == 1
     slow = np.cumsum(noise, axis=0)
     assert _correlated(slow) > 10
-    # The slowest parameter counts; of one that stands still nothing is known.
+    # The slowest parameter counts; for one that does not move there is no estimate.
     both = np.stack([noise[1:, :, 0], slow[1:, :, 0]], axis=2)
     assert _correlated(both) == pytest.approx(_correlated(slow[1:, :, :1]))
     with np.errstate(invalid="ignore"):

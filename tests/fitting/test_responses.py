@@ -47,7 +47,7 @@ def test_time_that_is_not_decision_adds_its_mean_and_its_variance(seed, t0_s, t0
     before = mean_and_variance(decided / BIN_S)
     after = mean_and_variance(heard(decided, t0_s, t0_sd_s))
     assert after[0] - before[0] == pytest.approx(t0_s, abs=1e-6)
-    # A Gaussian in bins has the variance of a bin beside its own (Sheppard).
+    # A binned Gaussian has the variance of a bin in addition to its own (Sheppard).
     assert after[1] - before[1] == pytest.approx(t0_sd_s**2 + BIN_S**2 / 12, abs=2e-6)
 
 

@@ -15,7 +15,7 @@ from tests.helpers import refused
 
 
 def test_lean_is_the_responses_beyond_those_of_two_sides_that_are_alike():
-    """9 of 10 and 5 of 10 are right, .7 on both: 14 responses are 1, and 7 + 3 would be."""
+    """9 of 10 and 5 of 10 are right, 0.7 on both: 14 responses are 1, and 7 + 3 would be."""
     strength = np.repeat([0.2, -0.2, 0.0], [10, 10, 20])
     response = np.repeat([1, 0, 1, 0, 1, 0], [9, 1, 5, 5, 13, 7])
     share, z = lean(choices(strength, response))
@@ -25,7 +25,7 @@ def test_lean_is_the_responses_beyond_those_of_two_sides_that_are_alike():
 
 
 def test_z_has_variance_one_over_all_ways_to_divide_what_is_right():
-    """Exactly, given how many trials lie on each side and how many responses are right."""
+    """Exactly, given the number of trials on each side and of correct responses."""
     sides, right = (5, 4), 6
     ways = np.arange(right - sides[1], sides[0] + 1)
     found = []
@@ -91,7 +91,7 @@ def test_one_condition_whose_responses_are_on_the_other_side_is_refused_by_name(
 
 @pytest.mark.parametrize(("other", "hint"), [(0.8, True), (0.5, False)])
 def test_right_and_wrong_beside_strengths_with_a_sign_are_hinted_at(other, hint):
-    """The share of response 1 where the strength speaks for 0; it is .8 where it speaks for 1."""
+    """The share of response 1 where the strength speaks for 0; it is 0.8 where it speaks for 1."""
     ones = [80, 20, round(100 * other), round(100 * (1 - other))]
     some = choices(np.repeat([0.2, -0.2], 100), np.repeat([1, 0, 1, 0], ones))
     with pytest.warns(DataWarning) as caught:

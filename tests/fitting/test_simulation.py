@@ -165,7 +165,7 @@ class Hill:
 
 
 def test_no_step_ends_downhill_or_beyond_the_range():
-    """A Newton step from the flat top would lead to 500; the tops lie at (tilt / 4) ** (1 / 3)."""
+    """A Newton step from the flat top would reach 500; the maxima are at (tilt / 4) ** (1 / 3)."""
     top = np.zeros(1)
     moved = without_parts(Hill(Part(0.0), Range()), Directions(["x"], top, np.eye(1)))
     for part, at in moved:

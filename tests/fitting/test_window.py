@@ -115,7 +115,7 @@ def test_all_that_can_happen_in_a_window_has_probability_1(early_s, late_s, miss
 
 
 def test_times_cut_off_on_both_sides_give_the_parameters_back():
-    """Without the condition on the window the non-decision time would be above .3 s."""
+    """Without the condition on the window the non-decision time would be above 0.3 s."""
     some = drawn(MODEL, [0.0, 0.1, 0.4], 2000, SEED + 1, seconds=4.0, **VALUES)
     with pytest.warns(DataWarning):
         design = design_of(some, rt_window=(0.36, 0.9))

@@ -188,7 +188,7 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
     held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
-    # By what the engine is said to keep of 200 samples, one each ms, in units of 1e9 bytes.
+    # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
     kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
     assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
     coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
@@ -223,7 +223,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
 
 
 def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
-    """STN holds all channels back; without it each races to a bound of its own."""
+    """STN holds all channels back; without it they race independently."""
     drawn = separated_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
     intact = macaque(2)
     gain = gain_of(intact)
@@ -249,7 +249,7 @@ def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
 
 
 def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
-    """Gaussian evidence of so many standard deviations per reading."""
+    """Gaussian evidence with a separation in standard deviations per reading."""
     return separated_evidence(
         trials,
         steps,
@@ -335,7 +335,7 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
         BasalGanglia(edited, engine)
     with unwarned():
         BasalGanglia(edited, "population", seed=SEED)
-        # Nothing was edited, or what was edited acts.
+        # There were no edits, or only edits that have an effect.
         for table in (macaque(), macaque().lesion("STN", 0.5)):
             BasalGanglia(table, engine)
 

@@ -152,10 +152,10 @@ def test_bad_constants_are_refused():
 
 
 def test_decision_times_are_those_that_bogacz_and_gurney_print():
-    """N = 10, 1 % errors, 1 ms, (mu+ - mu-) = 1.41, sigma = .33.
+    """N = 10, 1 % errors, 1 ms, (mu+ - mu-) = 1.41, sigma = 0.33.
 
     Printed: 628 ms for the UM/LCA, 676 for the race. The MSPRT is plotted only, and was reproduced
-    at 515. Their tolerance of the error rate, .2 %, is worth 11 ms.
+    at 515. Their tolerance of the error rate, 0.2 %, is worth 11 ms.
     """
     separation = 1.41 / 0.33 * np.sqrt(0.001)
     rng = stream(10, "bogacz gurney")

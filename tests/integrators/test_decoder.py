@@ -13,7 +13,7 @@ GAIN = 0.5
 
 
 def test_the_decoder_of_a_steady_input_is_the_test():
-    """Its OUT is -ln softmax of what the cortex stands for, within the counting error."""
+    """Its OUT is -ln softmax of the decoded cortical activity, within the counting error."""
     steady = Evidence(np.zeros((40, 20, 4)), step_ms=50.0)
     steady.log_likelihood[:, 0, 0] = 3.0
     model = BasalGanglia(load_circuit("spiking_msprt", 4), Ensemble(workers=2), GAIN, 51)

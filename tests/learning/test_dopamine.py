@@ -61,7 +61,7 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
     assert np.all(np.diff(found) < 0)
     assert found[-1] < 0.75
     assert found[0] > 0.99
-    # The edges are where they are said to be.
+    # The edges are where they are documented to be.
     most = table.max_deficit_nats if table.centred else table.reference_nats
     lowest = decided_out(table, low, np.linspace(0, most, 500)).min()
     assert lowest == pytest.approx(threshold, abs=1e-3)

@@ -295,7 +295,7 @@ def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cos
 
 
 def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_range(monkeypatch):
-    """The share is .08: with .05, as for gaps, an optimum near an edge is reached late."""
+    """The share is 0.08: with 0.05, as for gaps, an optimum near an edge is reached late."""
     asked = []
     monkeypatch.setattr(level, "learn", lambda *a, policy, **k: asked.append(policy))
     short()

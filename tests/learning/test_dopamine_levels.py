@@ -1,4 +1,4 @@
-"""Levels of dopamine beside tests in equal time."""
+"""Levels of dopamine compared with tests at equal time."""
 
 import numpy as np
 import pandas as pd
@@ -50,7 +50,7 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
 
 
 def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeypatch):
-    """200 trials of populations, each channel with its own evidence: .75 to .98 and further."""
+    """200 trials of populations, each channel with its own evidence: 0.75 to 0.98 and further."""
     monkeypatch.setattr(levels, "ENGINES", (Population(),))
     table = levels.levels_against_msprt(SEED, 200)
     for channels, part in table[table["engine"] == "population"].groupby("channels"):

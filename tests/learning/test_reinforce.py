@@ -157,7 +157,7 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         learner=Learner(episodes=1202),
     )
     mean, sd = learned.mean_played, 0.02 * 16
-    # It watches for 100 trials: the baseline takes a share of .01 of each reward.
+    # It watches for 100 trials: the baseline takes a share of 0.01 of each reward.
     assert (mean[:, :101] == 2.0).all()
     assert (mean[:, 101] != 2.0).all()
     watched = learned.reward[:, :100].mean(axis=1)

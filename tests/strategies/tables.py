@@ -71,6 +71,6 @@ def write(table, path):
 
 
 def trials_of(table):
-    """Return id and rows by step of every trial, trials as they are first named."""
+    """Return id and rows by step of every trial, in order of first appearance."""
     groups = table.groupby([*table.columns.intersection(["participant_id"]), "trial"], sort=False)
     return [(rows["trial"].iloc[0], rows.sort_values("step")) for _, rows in groups]

@@ -1,4 +1,4 @@
-"""What is said of compiling: once, and only of what is compiled."""
+"""The notice about compiling: shown once, and only if something is compiled."""
 
 import numba
 
@@ -6,7 +6,7 @@ from bgmodel.support.compiling import on_compiling
 
 
 def compile_as(module):
-    """Compile a function as if it stood in a module."""
+    """Compile a function as if it were in a module."""
 
     def double(x):
         return 2 * x

@@ -1,4 +1,4 @@
-"""Files of results: whole or absent, with their provenance beside them."""
+"""Result files: complete or absent, with their provenance."""
 
 import json
 from dataclasses import dataclass

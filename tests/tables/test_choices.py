@@ -1,4 +1,4 @@
-"""Choices and times of a user: read as they are, or told what is wrong."""
+"""A user's choices and times: read unchanged, or rejected with an explanation."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A user's own table of evidence: read as it is, or told what is wrong."""
+"""A user's table of evidence: read unchanged, or rejected with an explanation."""
 
 from dataclasses import replace
 
@@ -324,7 +324,7 @@ def test_a_table_of_running_sums_is_doubted_once():
 
 
 def in_units(evidence, nats):
-    """Return evidence with log-likelihoods in units of so many nats."""
+    """Return evidence with log-likelihoods in a given unit, nats."""
     return replace(evidence, log_likelihood=evidence.log_likelihood / nats)
 
 

@@ -1,4 +1,4 @@
-"""Files of text: cells as they are written, or one sentence about the file."""
+"""Text files: cells are read unchanged, or one error message names the file."""
 
 import pytest
 

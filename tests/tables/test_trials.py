@@ -1,4 +1,4 @@
-"""Tables of decided trials: one row per trial, undecided ones named, a user's columns beside."""
+"""Tables of decided trials: one row per trial, undecided ones marked, a user's columns kept."""
 
 import numpy as np
 import pandas as pd

@@ -40,7 +40,7 @@ def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
 
 @pytest.mark.parametrize(("radius", "blur"), [(1.2, 0.5), (3.0, 0.6), (6.0, 1.2)])
 def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
-    """Beside the formula in every pixel: what lies outside the patch that is drawn is dark."""
+    """Compared with the formula in every pixel; pixels outside the drawn patch are dark."""
     places = np.array([[15.0, 14.0], [28.4, 29.3], [13.5, 32.0]])
     rows, columns = np.indices((48, 48))
     distance = np.hypot(columns - places[:, :1, None], rows - places[:, 1:, None])
@@ -81,7 +81,7 @@ def test_a_marker_is_bright_and_as_wide_as_its_diameter_on_a_dark_ground():
     ):
         middle, half = side // 2, round(0.6 * pixels)
         assert image[middle, middle] == 225
-        # The pins stand in squares: farthest from them, and least lit, are their middles.
+        # The pins form squares, whose centres are farthest from them and least lit.
         assert image[middle - half, middle - half] == 18
         near = image[middle - half : middle + half + 1, middle - half : middle + half + 1]
         area = np.count_nonzero(near > (18 + 225) / 2) / pixels**2
@@ -89,7 +89,7 @@ def test_a_marker_is_bright_and_as_wide_as_its_diameter_on_a_dark_ground():
 
 
 def test_light_falls_with_the_square_of_the_distance_and_ends_at_the_rim():
-    """About a third (.35) less at the rim; markers are large, so that their middles are full."""
+    """About a third (0.35) less at the rim; markers are large, so that their middles are full."""
     tip, side = Tip(), 480
     image = render(np.zeros((len(tip.rest_mm()), 2)), tip, shape=(side, side), marker_mm=1.0)
     x, y = marker_pixels(0, tip, (side, side)).T

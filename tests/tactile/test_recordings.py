@@ -1,4 +1,4 @@
-"""Recordings are read as they are, and the markers are tracked to a fraction of a pixel."""
+"""Recordings are read unchanged, and markers are tracked to a fraction of a pixel."""
 
 import re
 import sys
@@ -28,7 +28,7 @@ def truth():
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory, truth):
-    """Folder of taps with specks beside the pins, and the untouched sensor."""
+    """Folder of taps with specks next to the pins, and the untouched sensor."""
     specks = [(2, 2), (150, 8), (4, 150)]
     folder = write(
         tmp_path_factory.mktemp("recording"),

@@ -1,4 +1,4 @@
-"""Tables of real recordings are read as they are, in each of their forms."""
+"""Tables of real recordings are read unchanged, in each of their formats."""
 
 import numpy as np
 import pytest

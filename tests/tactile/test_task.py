@@ -241,7 +241,7 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
     own = drawn.sources[2].log_likelihood[1]
     second = evidence.log_likelihood[(groups == 2) & (evidence.truth == 1)]
     assert np.isin(second[:, :, 0], own[:, 0]).all()
-    # Correct after 20 readings: .77 to .88 of a fold, where 500 trials know it to +-.03.
+    # Correct after 20 readings: 0.77 to 0.88 of a fold, where 500 trials know it to +-0.03.
     right = (evidence.totals[:, -1].argmax(axis=1) == evidence.truth) / 3000
     widths = []
     for given_groups in (None, groups):

@@ -1,4 +1,4 @@
-"""Walks of a sample against those of the density it stands for."""
+"""Walks of a sample versus those of the underlying density."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_
 
 
 def test_few_atoms_need_no_cells():
-    """Steps of 1 from 0 between -3 and 3: five places, and no state beside them."""
+    """Steps of 1 from 0 between -3 and 3: five places, and no other states."""
     x = Empirical(np.array([-1.0, 1.0]), np.array([0.4, 0.6]))
     assert empirical_chain(x, -3.0, 3.0, 0.0, None, cells=64)[0].shape == (5, 5)
 

@@ -121,7 +121,7 @@ def run(clone: Path, cache: Path, tests: list[str], until: float) -> tuple[int |
 
 
 def tried(clone: Path, path: Path, fault: Fault, limits_s: list[float]) -> tuple[str, str]:
-    """Put a fault in and run tests; return what came of it, and by which test."""
+    """Insert a fault and run tests; return the outcome, and which test found it."""
     cache, clean = Path(tempfile.mkdtemp(dir=clone.parent)), clone.with_name("clean")
     (clean / "compiled").mkdir(parents=True, exist_ok=True)
     # Compiled circuits lie under a hash of their sources: faults elsewhere need not compile them.

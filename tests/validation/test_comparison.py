@@ -71,10 +71,10 @@ def test_the_rate_circuit_agrees_where_it_settles():
 def test_a_circuit_without_what_computes_agrees_less():
     """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
 
-    GPe held at rest: decisions within 50 ms of the MSPRT's fall by .2. A linear STN makes the
+    GPe held at rest: decisions within 50 ms of the MSPRT's fall by 0.2. A linear STN makes the
     circuit that of max-vs-average: it needs longer for the same accuracy, as that does against
-    the MSPRT, by 30 ms or more, and .1 fewer decisions lie within 50 ms. A shuffled STN-SNr
-    pathway: accuracy .95 is never reached.
+    the MSPRT, by 30 ms or more, and 0.1 fewer decisions lie within 50 ms. A shuffled STN-SNr
+    pathway: accuracy 0.95 is never reached.
     """
     table = load_circuit("spiking_msprt", 4)
     edited = {

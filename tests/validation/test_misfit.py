@@ -19,7 +19,7 @@ SEED, SETS = 91_001, 200
 
 
 def said(number, guesses):
-    """Return whether the fit of a set is said to be none, with some fast guesses in the set."""
+    """Return whether misfit is reported for a data set with some fast guesses."""
     rng = stream(SEED, "slow trials", number)
     values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
     key = int(rng.integers(2**31))

@@ -34,7 +34,7 @@ SECONDS, LAPSE_S = 12.0, 4.0
 
 
 class Judged(NamedTuple):
-    """How far a fit is off, in standard errors of sensitivity and bound, and what was said."""
+    """Errors of a fit, in standard errors of sensitivity and bound, and its messages."""
 
     off: np.ndarray
     warned: bool

@@ -16,7 +16,7 @@ XI, T_MAX = 50.0, 30
 
 
 def test_a_smooth_grating_is_told_at_chance():
-    """0 mm: 50 % lies in a simultaneous interval over gaps, bootstrapped over taps in each fold."""
+    """0 mm: a simultaneous interval over gaps, bootstrapped over taps per fold, contains 50 %."""
     deltas = np.linspace(0, 8, 9)
     taps = held_out_taps()
     for period in (0.0, 1.0):

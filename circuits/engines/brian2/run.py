@@ -1,19 +1,18 @@
 """The Brian2 engine: networks generated from the table.
 
-One network holds all trials of a batch. Its parts are those of ``circuits.dynamics.ticks``: a
-*delay line*
-of the blocks' rates, *units* that filter them, *blocks* that sum units, and *cells*, a group for
-each population. Where all cells of a block reach all of another with one weight, a unit serves the
-whole block (a shared input) in place of N^2 synapses; where connections are sparse, or
-``explicit``, every cell has a unit of its own (an own input) that hears spikes through Brian2's
+One network simulates all trials of a batch. Its parts are those of ``circuits.dynamics.ticks``: a
+*delay line* of the blocks' rates, *units* that filter them, *blocks* that sum units, and *cells*,
+one group per population. If all cells of a block project to all of another with one weight, a unit
+serves the whole block (a shared input) in place of N^2 synapses; if connections are sparse, or
+``explicit``, every cell has a separate unit (an own input) that receives spikes through Brian2's
 synapses and delays.
 
-``text`` holds what runs every tick; ``layout`` says where everything lies and what it starts from,
-``network`` builds it, ``noise`` is the noise.
+``text`` has the code that runs every tick, ``layout`` the array layout and initial values,
+``network`` builds the network, and ``noise`` draws the noise.
 
-Its spikes are those of the ensemble engine: cells are single precision in both, and sums over
-populations are taken in one order. What may differ by a rounding is the exponential of two
-libraries; a rate that it changes is rounded to single precision, nearly always to the same number.
+The spikes are those of the ensemble engine: cells are single precision in both, and sums over
+populations are taken in the same order. Only the exponentials of two libraries may round
+differently; the resulting rates are rounded to single precision, nearly always to the same number.
 """
 
 from __future__ import annotations

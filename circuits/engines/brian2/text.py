@@ -65,7 +65,7 @@ BLOCK_STATE = """
 rate_hz : 1                 # r of the last tick; then of this one, when its spikes are counted
 nats : 1                    # sum over the shared inputs
 x : 1                       # filtered input, nats; unfiltered for cells that filter for themselves
-hz : 1                      # the rate that x stands for
+hz : 1                      # rate at the input x
 window_hz : 1               # mean of r since the last sample
 out_hz : 1                  # low-pass of r
 bias : 1 (constant)

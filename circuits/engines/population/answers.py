@@ -17,17 +17,17 @@ from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
 from circuits.laws.mixture import mean_rate_hz, mean_response
 
 STATES, STEPS, POINTS = 28, 512, 8192
-"""Inputs at which filters are fitted, at which their coefficients are kept, and the law."""
+"""Numbers of inputs at which filters are fitted, coefficients are stored, and laws tabulated."""
 LEAST_HZ, MOST_HZ, TOP_HZ = 1e-3, 400.0, 1000.0
 """Lowest and highest rate between which filters follow the input, and highest of the law, Hz."""
 SLOWEST_HZ = 0.1
-"""Rate, Hz, below which filters go with the input no more: all cells are near Poisson there."""
+"""Rate, Hz, below which filters are constant, because all cells are nearly Poisson there."""
 FAR_NATS = 256.0
-"""No input is further from 0."""
+"""Largest magnitude of an input."""
 ROUGH, SEEN_HZ = 0.25, (1.0, 120.0)
 """Misfit of a filter above which a warning is issued, and the rates where it is checked."""
 LEAST_POWER = 1e-6
-"""Least power of noise at a frequency, over the rate."""
+"""Least power of noise at a frequency, relative to the rate."""
 OF_LIMIT = 0.95
 """Fraction of the highest rate up to which a law is tabulated; it is linear beyond."""
 SHARE = 1e-3
@@ -38,7 +38,7 @@ BENT = 2e-3
 
 @dataclass(frozen=True)
 class Straight:
-    """A population's line before its cells: the fields of its row that make it."""
+    """A population's line, without its cells: the fields of its row that define it."""
 
     transfer: str
     baseline_hz: float
@@ -89,7 +89,7 @@ class Mixture:
     line : Straight
         Its line.
     heterogeneity : float
-        0 for cells that are alike.
+        0 for identical cells.
     """
 
     cell: Cell
@@ -140,7 +140,7 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
                                            filters.sampled(sections[:, 4:], dt_ms)])  # fmt: skip
         rough = rough or _rough(mixture.cell, "its noise", hz, fit.misfit)
     else:
-        rough = f"{mixture.cell} fires as a clock: the population engine gives it no noise"
+        rough = f"{mixture.cell} fires like a clock: the population engine gives it no noise"
     return Answers(low, high, top, rate(np.linspace(low, top, POINTS)), rows, lags, rough)
 
 

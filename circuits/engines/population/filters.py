@@ -26,7 +26,7 @@ MIDDLING_HZ = 25.0
 SECTIONS = 2
 """Sections of the filter of noise: one misses the peak of a pacemaker by up to 30 %."""
 SIGNS = np.tile([1.0, -1.0], SECTIONS)
-"""Of what stands above and below in a section."""
+"""Signs of the numerators and denominators of the sections."""
 PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
 """i omega in units of 100 /s, in which coefficients are near 1."""
 
@@ -72,10 +72,10 @@ def following(gain: Complex) -> Fitted:
 
 
 def colour(power: Array, rate_hz: Array) -> Fitted:
-    """Fit the colour of noise: b1, b0, a1, a0 of each section ``(s^2 + b1 s + b0)/(... a1, a0)``.
+    """Fit the spectrum of noise: b1, b0, a1, a0 of sections ``(s^2 + b1 s + b0)/(... a1, a0)``.
 
-    A pacemaker's frequencies go with its rate, those of a cell that noise fires with its membrane:
-    both are tried, and what fits better is taken.
+    The frequencies scale with the rate in pacemakers, and with the membrane in noise-driven cells;
+    both are tried, and the better fit is used.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _colour(power: Array, unit: Array) -> Fitted:
     wanted = np.log(power)
 
     def polynomials(p: Array, state: int) -> Complex:
-        """Return the tops and bottoms of the sections in turn, (2 SECTIONS, F)."""
+        """Return numerators and denominators of the sections in turn, (2 SECTIONS, F)."""
         s, c = PER_RAD_S / unit[state], np.exp(p).reshape(-1, 2, 1)
         return np.asarray(s * s + c[:, 0] * s + c[:, 1])
 
@@ -123,7 +123,7 @@ Of = Callable[[Array, int], Array]
 
 
 def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
-    """Solve one least-squares problem per state, from the first to the last, each near the last."""
+    """Solve one least-squares problem per state in order, each starting from the previous one."""
     from scipy.optimize import least_squares
 
     found, first = np.empty((count, len(start))), start
@@ -145,7 +145,7 @@ def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
 def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
     """Return sections (S, 4) as filters of ticks, by Tustin's rule: g, c0, c1, a1, a2, (5, S).
 
-    A filter is ``g + (1 - 1/z) (c0 + c1/z) / (1 + a1/z + a2/z^2)``; g is its answer to a constant.
+    A filter is ``g + (1 - 1/z) (c0 + c1/z) / (1 + a1/z + a2/z^2)``; g is its gain for a constant.
     """
     b1, b0, a1, a0 = sections.T
     k = 20 / dt_ms  # 2 / tick, in 100 /s
@@ -158,11 +158,11 @@ def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
 
 
 def propagated(coefficients: Array, dt_ms: float) -> npt.NDArray[np.float64]:
-    """Return n1, n2, d1, d2 (S, 4) as what a tick does: p11, p12, p21, p22, c1, c2 (6, S).
+    """Return the update of a tick, p11, p12, p21, p22, c1, c2 (6, S), from n1, n2, d1, d2 (S, 4).
 
     With e the low-passed input less the input u, and v its slope, a tick is
-    ``e, v = p11 e + p12 v, p21 e + p22 v``, and cells answer ``u + c1 e + c2 v``. At rest both are
-    0 whatever the coefficients, so that these may follow the state.
+    ``e, v = p11 e + p12 v, p21 e + p22 v``, and cells respond to ``u + c1 e + c2 v``. At rest both
+    are 0 for any coefficients, so that these may follow the state.
     """
     n1, n2, d1, d2 = coefficients.T
     dt = dt_ms / 10

@@ -6,7 +6,7 @@ the next, whose clock starts then. Input within the next ticks, up to the shorte
 in advance, so each block in turn is advanced through a window of ticks.
 
 The compiler vectorises a loop over lanes if it sees that their number is a multiple of ``LANES``,
-that no index is negative (``_at``), and that rows of one array lie a fixed way apart.
+that no index is negative (``_at``), and that rows of one array are a fixed distance apart.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ WHOLE = -LANES
 WINDOW = 4
 """Most ticks that a block is advanced at a time: those of one key of noise."""
 REFRESH = 16
-"""Ticks after which the coefficients of a block's filters follow its state."""
+"""Ticks between updates of a block's filter coefficients to its state."""
 LOOKED_UP = 0
 _NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
 LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
 """Transfers with a dedicated loop; any other law is looked up."""
 HEARD, ACTIVE, NOISE = range(3)
-"""Rows of what a block works on: its input, what it makes of it, and the noise of its cells."""
+"""Rows of a block's working values: its input, the result, and the noise of its cells."""
 X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND = 0, 1, 2, 3, 4, 5, 8
 """Rows of a block's state: its filter and the filter's last input; the input that cells follow,
 slowly too, and its slope; three rows for each section of the noise."""
@@ -62,7 +62,7 @@ def _at(row, lane):
 
 @numba.njit(inline="always")
 def _within(at, last):
-    """Return a place from 0 to the last; what is no number is at 0, so that no index is wild."""
+    """Return a place from 0 to the last; NaN maps to 0, so that no index is out of range."""
     at = at if at > ZERO else ZERO
     return at if at < last else last
 
@@ -83,7 +83,7 @@ def _add(n, weight, values, row, source, place):
 
 @compiled
 def _low_pass(n, gain, before, values, row, state, new, last):
-    """Low-pass a row of values in place, taken for straight lines from tick to tick."""
+    """Low-pass a row of values in place, interpolated linearly between ticks."""
     for i in range(n & WHOLE):
         value, old = values[_at(row, i)], state[_at(new, i)]
         moved = fused(gain, value - old, fused(before, state[_at(last, i)] - value, old))
@@ -113,7 +113,7 @@ def _clip(n, values, row, into, most):
 
 @compiled
 def _apply(n, law, values, row, into, lowest, per, points):
-    """Put the law of a row of values into a row."""
+    """Apply a law to a row of values, and write the result to a row."""
     if law == LINEAR:
         for i in range(n & WHOLE):
             values[_at(into, i)] = values[_at(row, i)]
@@ -144,7 +144,7 @@ def _look_up(n, values, row, into, lowest, per, points):
 
 @compiled
 def _look_up_coefficients(n, table, state, lowest, per, indices, found):
-    """Take the coefficients at each lane's state, the nearest in a table."""
+    """Look up the coefficients nearest to each lane's state in a table."""
     last = np.float32(len(table) // COEFFICIENTS - 1)
     for i in range(n & WHOLE):
         at = (state[_at(MEAN, i)] - lowest) * per + HALF
@@ -156,7 +156,7 @@ def _look_up_coefficients(n, table, state, lowest, per, indices, found):
 
 @compiled
 def _drift(n, slowly, values, state):
-    """Follow the input slowly, so that coefficients do not go with its noise."""
+    """Follow the input slowly, so that coefficients do not follow its noise."""
     for i in range(n & WHOLE):
         old = state[_at(MEAN, i)]
         state[_at(MEAN, i)] = fused(slowly, values[_at(HEARD, i)] - old, old)
@@ -164,7 +164,7 @@ def _drift(n, slowly, values, state):
 
 @compiled
 def _follow(n, found, values, state):
-    """Turn the input into that which cells answer at once (``filters.propagated``), in place."""
+    """Filter the input by the cells' lags (``filters.propagated``), in place."""
     for i in range(n & WHOLE):
         u, v = values[_at(HEARD, i)], state[_at(SLOPE, i)]
         middle = HALF * (u + state[_at(LAST, i)])
@@ -187,10 +187,10 @@ def _draw(n, keys, index, values):
 
 @compiled
 def _section(n, found, c, values, state, s):
-    """Filter the noise in place by a section of second order (``filters.sampled``).
+    """Filter the noise in place by a second-order section (``filters.sampled``).
 
-    What is not its answer to a constant is a difference from tick to tick: it adds up to nothing in
-    the long run, however the coefficients follow the state.
+    Except for the response to a constant, the output is a difference between ticks, which sums to
+    zero in the long run even if the coefficients follow the state.
     """
     for i in range(n & WHOLE):
         e, last, before = values[_at(NOISE, i)], state[_at(s, i)], state[_at(s + 1, i)]
@@ -216,7 +216,7 @@ def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
 
 @numba.njit(inline="always")
 def _place(places, i, t, table):
-    """Return the place of a lane's tick in a table; what is beyond the end has the last."""
+    """Return the place of a lane's tick in a table; ticks beyond the end have the last."""
     return np.uint64(min(places[np.uint64(i)] + t, table.shape[1] - 1))
 
 
@@ -240,7 +240,7 @@ def _scale(n, factors, row, places, t, passed, jumps):
 
 @compiled
 def _jump(n, factors, p, jumps, b, t, state):
-    """Let a block's filter start from what it would have heard at the factors of this tick."""
+    """Start a block's filter from the input that it would have had at this tick's factors."""
     if factors is None:
         return
     for e in range(p.blocks[b].input, p.blocks[b].inputs):
@@ -250,7 +250,7 @@ def _jump(n, factors, p, jumps, b, t, state):
 
 @compiled
 def _push(n, nats, row, places, t, values, state):
-    """Add what a course gives a block in a tick; it holds for the tick."""
+    """Add the nats of a course to a block in a tick, constant within the tick."""
     if nats is None:
         return
     if row == 0:
@@ -272,7 +272,7 @@ def _find_places(factors, places, begun, first):
 
 @numba.njit(inline="always")
 def _arrive(p, work, q, first):
-    """Take a unit through a window: what its sources sent, filtered and transformed."""
+    """Advance a unit through a window: filter and transform the output of its sources."""
     n, mask = len(work.keys), work.ring.shape[1] // LANES - 1
     unit, passed = p.units[q], work.passed[q]
     for t in range(p.clock[0].window):
@@ -291,7 +291,7 @@ def _arrive(p, work, q, first):
 
 @numba.njit(inline="always")
 def _hear(p, work, b, t):
-    """Put what a block receives in a tick of the window into its row, nats."""
+    """Write the input of a block in a tick of the window to its row, nats."""
     n, block, values = len(work.keys), p.blocks[b], work.values
     _fill(n, values, HEARD, block.bias)
     for e in range(block.input, block.inputs):
@@ -315,7 +315,7 @@ def _noise(work, b, k):
 
 @compiled
 def _advance(p, work, b, first):
-    """Take a block through the ticks of a window."""
+    """Advance a block through the ticks of a window."""
     n, mask, block = len(work.keys), work.ring.shape[1] // LANES - 1, p.blocks[b]
     values, state, keys = work.values, work.states[b], work.keys
     if block.noise > ZERO:
@@ -382,7 +382,7 @@ def _load(p, work, lane, trial, first, streams):
 
 @numba.njit(inline="always")
 def _record(p, work, lane, sample, place, out, rates):
-    """Write a sample of a lane down; return its lowest OUT, or NaN if rates run away."""
+    """Record a sample of a lane; return its lowest OUT, or NaN if rates run away."""
     clock, trial, least = p.clock[0], work.trial[lane], np.inf
     for b in range(len(p.blocks)):
         if not abs(work.ring[b, place * LANES + lane]) < clock.runaway_hz:
@@ -468,7 +468,7 @@ def trials(p, work, drive, streams, level, out, rates):
     drive : array (trials, steps, channels), nats
     streams : array (trials, blocks) uint64, or (0, 0) without noise
     level : float
-        OUT below which a trial is over.
+        OUT below which a trial ends.
     out, rates : arrays (trials, samples, channels), (trials, samples, blocks or 0)
         Written here; NaN after a trial is over.
 

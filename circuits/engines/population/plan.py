@@ -43,7 +43,7 @@ FEW_CELLS = (
 NO_ANSWERS = {"table": -1.0} | dict.fromkeys(("lags", "state_lowest", "state_per", "noise"), 0.0)
 """Fields of the record of a block whose cells have no filters."""
 TICKS_MS = (0.5, 0.25, 0.2, 0.1)
-"""Ticks that are tried, ms, the longest first."""
+"""Candidate ticks, ms, the longest first."""
 
 
 def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Plan:
@@ -88,7 +88,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
 
 
 def _behind_rest(rows: Array, rest: float) -> npt.NDArray[np.float32]:
-    """Return rows of ticks with a tick of rest before them."""
+    """Return rows of ticks preceded by one tick of rest."""
     return np.pad(rows, ((0, 0), (1, 0)), constant_values=rest).astype(np.float32)
 
 
@@ -125,7 +125,7 @@ class _Tables:
         self.rough: dict[str, None] = {}
 
     def block(self, row: Population) -> dict[str, float]:
-        """Return the fields of a block's record that its law and its cells' answers set."""
+        """Return the fields of a block's record set by its law and its cells' responses."""
         found = NO_ANSWERS | self.transfer(row.transfer)
         found["baseline"], found["hz_per_nat"] = row.baseline_hz, row.gain_hz_per_nat
         found["floor"] = row.cell.lowest_hz
@@ -150,7 +150,7 @@ class _Tables:
         return found
 
     def transfer(self, name: str) -> dict[str, float]:
-        """Return the fields of a record that a transfer sets."""
+        """Return the fields of a record set by a transfer."""
         if name in kernel.TRANSFERS:
             return {"law": kernel.TRANSFERS[name], "column": 0, "lowest": 0, "per": 0}
         lowest, highest, values = looked_up(name)
@@ -168,15 +168,15 @@ def _per(ends: tuple[float, float], points: int) -> float:
 
 
 def _place(tables: dict[Any, Array], key: Any, values: Array) -> int:
-    """Return the number of a table, entered where it is not there yet."""
+    """Return the index of a table, adding it if it is new."""
     tables.setdefault(key, values)
     return list(tables).index(key)
 
 
 def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
-    """Return the factors of a low-pass of values that go straight from tick to tick.
+    """Return the factors of a low-pass of values interpolated linearly between ticks.
 
-    Exact for such values, so of second order in the tick: its mean lag is its time constant.
+    Exact for such values, hence second order in the tick: its mean lag is its time constant.
     """
     some = tau_ms > 0
     safe = np.where(some, tau_ms, 1.0)

@@ -1,18 +1,18 @@
 """The population engine: rates in place of cells, at a cost independent of the number of cells.
 
-Every population passes a rate on. It follows the row's line behind its membrane
-(``laws="lines"``), or the cells' own f-I law with their own lags (``laws="cells"``); with
-``noise=True`` it has the noise of a finite number of cells, of the colour that their spikes have,
-keyed as the noise of cells is. The scheme is that of ``circuits.dynamics.ticks``, but for filters
-that take rates for straight lines from tick to tick.
+Every population transmits a rate. It follows the row's line after the membrane filter
+(``laws="lines"``), or the cells' f-I curve with their lags (``laws="cells"``); with ``noise=True``
+it has the noise of a finite number of cells, with the spectrum of their spikes and keyed like the
+noise of cells. The scheme is that of ``circuits.dynamics.ticks``, except that filters interpolate
+rates linearly between ticks.
 
-What it assumes: cells of a population hear the same, each for itself (no synchrony but what the
-common input makes; where they differ, their mean answer counts), and their noise is Gaussian, so
-that a nearly silent population may pass a rate below zero for a moment. Lags go with a mean of the
-last 50 ms, so that a sudden large change arrives up to 10 ms late. Literature: Brunel & Hakim 1999
-(Neural Comput 11, 1621) for the noise of a finite number of cells; Ostojic & Brunel 2011 (PLoS
-Comput Biol 7, e1001056) for lags that go with the state; Schwalger, Deger & Gerstner 2017 (PLoS
-Comput Biol 13, e1005507) for what is exact.
+Assumptions: cells of a population have the same input and fire independently (no synchrony beyond
+that caused by the common input; heterogeneous cells contribute their mean response), and their
+noise is Gaussian, so that a nearly silent population may briefly transmit a negative rate. Lags
+follow a mean of the last 50 ms, so that a sudden large change arrives up to 10 ms late. Literature:
+Brunel & Hakim 1999 (Neural Comput 11, 1621) for finite-size noise; Ostojic & Brunel 2011 (PLoS
+Comput Biol 7, e1001056) for state-dependent lags; Schwalger, Deger & Gerstner 2017 (PLoS Comput
+Biol 13, e1005507) for the exact treatment.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def run(
     Raises
     ------
     ValueError
-        If the drive, a time or a law does not fit the circuit, there is noise and no seed, a cell
-        type lacks an answer, the circuit has no fixed point at rest, or rates run away.
+        If the drive, a time or a law does not fit the circuit, the seed of the noise is missing, a
+        cell type lacks a method, the circuit has no resting fixed point, or rates run away.
     """
     drive = checked_drive(circuit, drive)
     if not is_whole(first_trial) or first_trial < 0:
@@ -160,7 +160,7 @@ def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
 
 
 def _warn_of_ringing(circuit: Circuit) -> None:
-    """Warn near an oscillation: cells fire together there, so their noise is not independent."""
+    """Warn near an oscillation, where cells synchronise and their noise is not independent."""
     amplified, hz = _ringing(circuit.steady)
     if amplified > RINGING:
         warnings.warn(

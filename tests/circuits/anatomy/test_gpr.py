@@ -19,11 +19,11 @@ def two_channels(first, second, d1_gain, d2_gain):
 
     With ``c`` the salience and ``S`` the sum of STN, each linear where it is not silent::
 
-        STN_i = c_i - GPe_i + .25,  GPe_i = .9 S - D2_i + .2,
-        SNr_i = .9 S - .3 GPe_i - D1_i + .2
+        STN_i = c_i - GPe_i + 0.25,  GPe_i = 0.9 S - D2_i + 0.2,
+        SNr_i = 0.9 S - 0.3 GPe_i - D1_i + 0.2
 
-    Both STN speak: ``S = sum c + .5 - 1.8 S + sum D2 - .4``. The first alone:
-    ``S = c_1 + .25 - .9 S + D2_1 - .2``.
+    Both STN speak: ``S = sum c + 0.5 - 1.8 S + sum D2 - 0.4``. The first alone:
+    ``S = c_1 + 0.25 - 0.9 S + D2_1 - 0.2``.
     """
     c = np.array([first, second])
     d1, d2 = ramp(d1_gain * c - 0.2), ramp(d2_gain * c - 0.2)
@@ -69,7 +69,7 @@ def output(saliences, **options):
 
 
 def test_the_larger_salience_is_selected_and_the_other_is_not():
-    """Of six channels, as in the paper: selected below .05, the others above rest."""
+    """Of six channels, as in the paper: selected below 0.05, the others above rest."""
     rest = output([0.0] * 6)
     np.testing.assert_allclose(rest, 0.9 * 0.3 / 6.4 - 0.3 * (0.9 * 0.3 / 6.4 + 0.2) + 0.2)
     out = output([0.3, 0.7, 0, 0, 0, 0])

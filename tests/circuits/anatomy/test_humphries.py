@@ -76,7 +76,7 @@ def test_rates_without_noise_select_the_same_channel():
 
 @pytest.mark.parametrize("cell", FITTED_HZ, ids=["MSN", "STN", "GPe", "SNr"])
 def test_lines_and_noise_follow_from_the_cells(cell):
-    """Noise of the code: .3 mV in each step of .1 ms."""
+    """Noise of the code: 0.3 mV in each step of 0.1 ms."""
     assert cell.noise_mv == pytest.approx(0.3 / np.sqrt(-np.expm1(-0.2 / cell.tau_ms)), abs=1e-3)
     fitted = fit_current(cell, 0, 100, FITTED_HZ[cell])
     assert (cell.rest_mv, cell.mv_per_nat) == pytest.approx(fitted, abs=5e-3)

@@ -8,7 +8,7 @@ from circuits.engines import run
 
 
 def held(channels, lead):
-    """Return what a circuit does while one channel leads, the mean over channels taken off."""
+    """Return a circuit's activity while one channel leads, with zero mean over channels."""
     drive = np.zeros((1, 1, channels))
     drive[0, 0, 0] = lead
     return run(anatomy.spiking_msprt(channels), drive - drive.mean(), engine="algebra", step_ms=1.0)

@@ -1,8 +1,8 @@
 """Stewart, Choo & Eliasmith 2010: the closed form of GPR, and what nengo's tests print.
 
 nengo's test of its basal ganglia (networks/tests/test_actionselection.py, version 4.1): of inputs
-.8, .4, .4, .4, .4 the output times -3, its mean from 100 to 200 ms, is above -.1 for the first and
-below -.8 for the others.
+0.8, 0.4, 0.4, 0.4, 0.4 the output times -3, its mean from 100 to 200 ms, is above -0.1 for the
+first and below -0.8 for the others.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Cell types: what one lacks is said, and what cannot be one is refused."""
+"""Cell types: missing methods are reported, and invalid types are rejected."""
 
 from dataclasses import dataclass
 
@@ -94,7 +94,7 @@ ONE = np.float32(1)
 
 
 def fitting(**answers):
-    """Return a circuit whose GPe has a Phase-like type of its own with other answers."""
+    """Return a circuit whose GPe has a custom Phase-like cell type with other methods."""
     kind = dataclass(frozen=True)(type("Fitting", (Phase,), {"__module__": __name__, **answers}))
     return with_cell(BASE, "STN", register(kind)(0.3))
 

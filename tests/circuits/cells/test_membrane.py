@@ -82,7 +82,7 @@ def phase_step(cell, rate_hz, dt_ms, _):
 
 
 def measured_hz(cell, drive, neurons, *args, **times):
-    """Return the rate at each drive, with so many neurons each, and its standard error."""
+    """Return the rate at each drive, and its standard error, from a number of neurons each."""
     group = np.repeat(np.arange(len(drive)), neurons)
     spikes = counted(cell, np.repeat(np.asarray(drive, dtype=float), neurons), *args, **times)
     seconds = args[1] / 1000
@@ -186,7 +186,7 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
 
 
 def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
-    """From .5 to 400 Hz, 6.7 nats."""
+    """From 0.5 to 400 Hz, 6.7 nats."""
     cell = SPIKING.population("STN").cell
     nats = np.linspace(np.log(0.5), np.log(400), 9)
     found, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)

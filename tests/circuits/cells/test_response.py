@@ -115,7 +115,7 @@ def test_a_mean_more_than_nine_sd_below_threshold_counts_as_nine():
 
 
 def test_a_refractory_period_is_not_seen_where_it_is_a_whole_number_of_turns():
-    """After 2 ms a modulation of 500 Hz is where it was: but for the rate nothing is another."""
+    """2 ms is one period of a 500 Hz modulation, so only the rate changes."""
     cell = TABLE.population("GPe").cell
     mean = cell.threshold_mv + np.array([-1.0, 2.0])
     held, free = (

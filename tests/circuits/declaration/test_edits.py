@@ -36,7 +36,7 @@ ALL = (
     "compensate",
     "rebound SNr 0.2",
 )
-"""An edit of every kind but two, as they are made."""
+"""An edit of every kind except two, in the order in which they are applied."""
 
 
 @dataclass(frozen=True)

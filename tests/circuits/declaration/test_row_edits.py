@@ -201,7 +201,7 @@ def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
     assert set(back.populations) == set(forth.populations)
     assert set(back.projections) == set(forth.projections)
-    assert back.populations[-3:] == forth.populations[:-4:-1]  # as they were written
+    assert back.populations[-3:] == forth.populations[:-4:-1]  # in their original order
     with refused("add rows that are like each other"):
         TABLE.add("B like=C", "C like=B", nucleus)
     with refused("add 'Arky like=STN'"):

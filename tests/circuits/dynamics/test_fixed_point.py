@@ -43,7 +43,7 @@ def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
     drive = np.zeros((1, 60, 2))
     exact = run(circuit, drive, engine="algebra", step_ms=10).output_nats[0, -1]
     alone = run(anatomy.bogacz_gurney(), drive, engine="algebra", step_ms=10).output_nats[0, -1]
-    # x = OUT - .2 x.
+    # x = OUT - 0.2 x.
     np.testing.assert_allclose(exact, alone / 1.2, rtol=1e-9)
     settled = run(circuit, drive, engine="rate", step_ms=10).output_nats[0, -1]
     np.testing.assert_allclose(settled, exact, atol=1e-6)
@@ -53,7 +53,7 @@ def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
     "channels", [2, 6, 100, 150, pytest.param(300, marks=pytest.mark.validate)]
 )
 def test_gpr_rests_where_its_equations_do_by_hand_for_any_number_of_channels(channels):
-    # STN s = .25 - GPe g, g = .9 N s + .2, output .9 N s - .3 g + .2; striatum is silent.
+    # STN s = 0.25 - GPe g, g = 0.9 N s + 0.2, output 0.9 N s - 0.3 g + 0.2; striatum is silent.
     s = 0.05 / (1 + 0.9 * channels)
     g = 0.9 * channels * s + 0.2
     wiring = fixed_point.wired(anatomy.gpr(channels))

@@ -117,7 +117,7 @@ PULSES = [
 @pytest.mark.parametrize("engine", ["plain", "rate"])
 @pytest.mark.parametrize(("what", "adds"), [("SNr", 1.0), ("dopamine", 1.2)])
 def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course, what, adds):
-    """The source is at 1.5 nats, its weight .8, so that a level of 1 + a adds 1.2 a."""
+    """The source is at 1.5 nats, its weight 0.8, so that a level of 1 + a adds 1.2 a."""
     given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
     given |= {"seed": 1} if engine == "plain" else {}
     circuit = relay().add(replace(course, what=what))

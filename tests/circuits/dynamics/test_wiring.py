@@ -24,7 +24,7 @@ def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
     assert np.array_equal(wires, fan_in(circuit.lesion("GPe"), p, 0, 0))
     assert not np.array_equal(wires, fan_in(circuit, p, 1, 1))
     assert not np.array_equal(wires, fan_in(replace(circuit, wiring_seed=1), p, 0, 0))
-    # Every source is chosen about equally often: 40 * .25 expected of each.
+    # Every source is chosen about equally often: 40 * 0.25 expected of each.
     uses = np.bincount(wires.ravel(), minlength=40)
     assert ((uses - 10) ** 2 / (40 * 0.25 * 0.75)).sum() < 80
 

@@ -21,7 +21,7 @@ def output(circuit, drive):
 
 
 def surprise(drive):
-    """-ln P of the posterior that the drive stands for."""
+    """-ln P of the posterior given by the drive."""
     return logsumexp(drive, axis=-1, keepdims=True) - drive
 
 

@@ -54,7 +54,7 @@ def test_shared_noise_has_its_size_in_closed_form(given, cells, tau_ms):
 
 @pytest.mark.parametrize("channels", [2, 3, 8])
 def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
-    """A tangent at rest: all but SNr, which gets .6 nats more, rests as it did, to rounding.
+    """A tangent at rest: all but SNr, which gets 0.6 nats more, rests as it did, to rounding.
 
     STN's pathway to GPe bends, so a slope put into its weight would move GPe. Away from rest what
     is left is the leak of the inhibition that cancels what channels share.

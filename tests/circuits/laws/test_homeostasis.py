@@ -76,7 +76,7 @@ def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost
 
     The loop gives ``ln s + w (s - ln s) = S + constant``: at every S, whatever was lost. Where
     losers' D1 or cortex is silent something of the common mode, which moves otherwise, is left:
-    up to .0031 nats of the winner's OUT in these drives.
+    up to 0.0031 nats of the winner's OUT in these drives.
     """
     circuit = anatomy.macaque(channels)
     recovered = circuit.lesion("STN", lost).compensate()

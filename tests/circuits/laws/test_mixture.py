@@ -1,4 +1,4 @@
-"""Cells that differ: the mean over those that stand for all."""
+"""Heterogeneous cells: the mean over representative cells."""
 
 import numpy as np
 import pytest

@@ -31,7 +31,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
 
 @pytest.mark.parametrize("level", [1.0, 0.5])
 def test_beta_of_cells_that_differ_is_what_spikes_show(level):
-    """The macaque's, of which each cell has a rate of its own, from 13 to 30 Hz."""
+    """The macaque's, in which every cell has a different rate, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").heterogeneity
     found = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)

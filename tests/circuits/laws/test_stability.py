@@ -90,7 +90,7 @@ def test_stated_ranges_lie_within_the_computed_limit(name):
 def fluctuation(circuit, totals):
     """How STN's sum departs from the fixed point at each S, after a kick: (trials, 1 ms samples).
 
-    Drives rise together in a ramp of .6 s; what is left of the ramp and the kick grows or decays.
+    Drives rise together in a ramp of 0.6 s; what is left of the ramp and the kick grows or decays.
     """
     lowest, readings, step_ms = 1.5, 60, 20
     circuit = replace(circuit, reference_nats=lowest)
@@ -106,7 +106,7 @@ def fluctuation(circuit, totals):
 
 @pytest.mark.parametrize("circuit", OSCILLATING.values(), ids=list(OSCILLATING))
 def test_the_measured_onset_is_the_computed_one(circuit):
-    """Within 5 %; a tick of .1 ms shortens the loop by as much and stabilises it by some 2 %."""
+    """Within 5 %; a tick of 0.1 ms shortens the loop by as much and stabilises it by some 2 %."""
     limit = stability.onset(circuit)
     totals = limit.total_nats * np.linspace(0.9, 1.1, 9)
     departs = fluctuation(circuit, totals)
@@ -198,7 +198,7 @@ def test_an_onset_is_looked_for_up_to_the_first_step_beyond_forty_nats(total, fo
 
 @pytest.mark.parametrize("total", [1.5, 2.5, 3.5])
 def test_one_loop_amplifies_as_its_closed_form(total):
-    """L = -(S - 1) exp(-s D) / ((1 + s a)(1 + s b)), at the frequency that is told."""
+    """L = -(S - 1) exp(-s D) / ((1 + s a)(1 + s b)), at the given frequency."""
     amplified, hertz = stability.ringing(replace(loop(6, 14, (5, 5)), reference_nats=total))
     s = 2j * np.pi * hertz * 1e-3
     around = -(total - 1) * np.exp(-10 * s) / ((1 + 6 * s) * (1 + 14 * s))

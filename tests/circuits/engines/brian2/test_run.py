@@ -55,7 +55,7 @@ def assert_same(a, b):
     assert set(a.spikes) == set(b.spikes)
     order = ["trial", "channel", "time_ms", "neuron"]
     for name, table in b.spikes.items():
-        assert len(table), f"{name} is silent: nothing is tested"
+        assert len(table), f"{name} is silent, so the test is empty"
         rows = [t.spikes[name].sort_values(order)[order].to_numpy().round(6) for t in (a, b)]
         npt.assert_array_equal(*rows, err_msg=name)
     for name, rates in b.rates_hz.items():
@@ -106,7 +106,7 @@ def test_shared_inputs_give_the_spikes_of_a_synapse_per_pair_of_cells():
 
 
 def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
-    """Settling that is no multiple of a sample, another tick, three channels."""
+    """A settling time that is not a multiple of a sample, another tick, three channels."""
     drive = np.array([[[0.5, 0.0, -0.5], [1.0, 0.2, -1.2]]])
     options = {"dt_ms": 0.25, "step_ms": 37.5, "settle_ms": 10.75, "sample_ms": 1.5}
     assert_same(*both(WHOLE.with_channels(3), drive, **options))

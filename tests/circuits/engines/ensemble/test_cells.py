@@ -1,4 +1,4 @@
-"""Cell types of one's own in the compiled engine."""
+"""Custom cell types in the compiled engine."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""The compiled engine: the spikes of the plain scheme, whatever runs beside them."""
+"""The compiled engine has the spikes of the plain engine, independent of other trials."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def test_another_seed_or_trial_has_other_spikes():
 
 @pytest.mark.parametrize("wiring_seed", [0, 1])
 def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
-    """Without the mean of 1 the favoured channel's OUT lay .024 and .027 nats off the other's."""
+    """Without the mean of 1 the favoured channel's OUT lay 0.024 and 0.027 nats off the other's."""
     table = replace(anatomy.spiking_msprt(2).with_heterogeneity(0.1), wiring_seed=wiring_seed)
     for name in NAMES:
         factors = cell_factors(table, name, 1)

@@ -24,7 +24,7 @@ LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat)
     [(Mixture(Phase(0.3), Straight("linear", 40.0, 10.0)), 1000.0), (LIF, 0.95 * 500)],
 )
 def test_filters_follow_rates_of_1_mhz_to_400_hz_and_the_law_up_to_its_limit(mixture, top_hz):
-    """A cell with a refractory period of 2 ms stays below 500 Hz: its law is known to .95 of it."""
+    """A cell with a refractory period of 2 ms stays below 500 Hz; its law is tabulated to 95 %."""
     found = answers(mixture, 0.1)
     ends = mixture.rate_hz(np.array([found.lowest, found.highest, found.top]))
     np.testing.assert_allclose(ends, [1e-3, 400, top_hz], rtol=0.02)

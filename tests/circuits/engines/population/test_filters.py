@@ -1,4 +1,4 @@
-"""Filters of second order: what they are fitted to they give, tick by tick."""
+"""Second-order filters reproduce their fitted responses, tick by tick."""
 
 import numpy as np
 import pytest

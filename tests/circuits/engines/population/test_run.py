@@ -262,7 +262,7 @@ def test_the_colour_of_noise_follows_the_state():
 
 
 def test_a_cell_that_saturates_has_its_colour_up_to_there():
-    """A ramp goes from 0 to 34 Hz within a nat: the states of the table lie there."""
+    """A ramp goes from 0 to 34 Hz within a nat, which contains the states of the table."""
     circuit = source(Phase(0.3), 0.0).with_population("ctx", transfer="ramp", gain_hz_per_nat=34.0)
     circuit = replace(circuit, reference_nats=np.log(2) + 0.7)
     activity = populations(circuit, np.zeros((300, 4, 2)))
@@ -379,7 +379,7 @@ def test_no_warning_comes_for_many_cells_or_without_noise():
 
 
 def test_coefficients_that_are_never_looked_up_anew_are_those_of_a_state_that_stays(monkeypatch):
-    """Cells that lag, driven to other rates: what follows their state is looked up now and then."""
+    """Cells with lags, driven to other rates: their coefficients are looked up periodically."""
     drive = np.tile([0.8, -0.8], (1, 1, 1))
     given = {"step_ms": 200, "settle_ms": 0, "noise": False}
     moved = populations(FULL, drive, **given).output_nats
