@@ -99,7 +99,7 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--fix", "mood=1"], "fix must name a parameter, one of "),
         (["--vary", "mood=drug"], "vary must name a parameter, one of "),
         (["--fix", "lapse"], "fix is a name, =, and a value"),
-        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got 'lapse='"),
+        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got"),
         (
             ["--vary", "bound="],
             "vary is a name, =, and a value, such as threshold=instruction, got",
