@@ -51,8 +51,8 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
         if abs(z) > STANDARD_ERRORS:
             DataWarning.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
-                f"than expected from equal sides ({abs(z):.1f} standard errors). Models have no "
-                f"such bias: it will distort the other parameters{_coded(some, share)}"
+                f"than if both sides were alike ({abs(z):.1f} standard errors). Models have no "
+                f"such bias: it affects the other parameters{_coded(some, share)}"
             )
 
 

@@ -169,7 +169,7 @@ class Session:
         return first_crossing(self.trace, self.threshold, forced=forced, checked=False)
 
     def finish(self) -> Decision:
-        """End the trial: return its decision, forced by the deadline if there is none yet.
+        """End the trial: return its decision, or that made at the deadline.
 
         Raises
         ------

@@ -37,7 +37,7 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
     (tmp_path / "taps").mkdir()
     for path, says in (
         (dangling, "already exists"),
-        (foreign, "holds something else"),
+        (foreign, "is not a file of parameters"),
         (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
     ):
         assert says in refusal("decide", path)
@@ -68,7 +68,7 @@ def test_a_result_is_written_over_only_by_force(tmp_path, refusal, capsys):
     (tmp_path / "b.csv.json").write_text('{"rows": 3}')
     (tmp_path / "b.json").write_text("mine")
     capsys.readouterr()
-    assert "holds something else" in refusal("decide", other, *short, "--force")
+    assert "is not a file of parameters" in refusal("decide", other, *short, "--force")
     assert (tmp_path / "b.csv.json").read_text() == '{"rows": 3}'
     assert (tmp_path / "b.json").read_text() == "mine"
     assert not other.exists()

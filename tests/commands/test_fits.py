@@ -99,8 +99,11 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--fix", "mood=1"], "fix must name a parameter, one of "),
         (["--vary", "mood=drug"], "vary must name a parameter, one of "),
         (["--fix", "lapse"], "fix is a name, =, and a value"),
-        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got 'lapse='"),
-        (["--vary", "bound="], "vary is a name, =, and a value, as threshold=instruction, got"),
+        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got"),
+        (
+            ["--vary", "bound="],
+            "vary is a name, =, and a value, such as threshold=instruction, got",
+        ),
         (["--fix", "lapse=much"], "fix must give a number, such as lapse=0.02, got 'much'"),
         (["--fix", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
         (["--fix", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
@@ -314,7 +317,7 @@ def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
     free = ["--free", "sensitivity", "fall_per_s", "threshold"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--pooled") == 0
     said = capsys.readouterr().err
-    assert "constant_gap has no fall_per_s, so that what --free leaves out is held in it" in said
+    assert "constant_gap has no fall_per_s, so all its parameters outside --free are fixed" in said
     assert "falling_gap has no" not in said
 
 
@@ -372,7 +375,7 @@ def test_an_optimum_at_a_bound_is_said_and_again_where_the_fit_is_there_already(
     changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
     said = capsys.readouterr().err
-    assert "sensitivity ends at a bound of its range, 0.05: its standard error means" in said
+    assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in said
     # Times are those of evidence that is heard.
     assert "the model does not fit" in said
     assert len(said.strip().splitlines()) == 2

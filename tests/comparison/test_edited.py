@@ -232,7 +232,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
         (CIRCUIT, MSPRT),
     }
     text = page(noisy)
-    assert "circuit with other noise: the circuit beside itself" in text
+    assert "circuit with other noise: the circuit compared with itself" in text
     assert "by chance (agreement_chance)" in text
     without = compare(replace(QUICK, engine="algebra"), LONG, **given).table
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):

@@ -105,7 +105,7 @@ def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
 
 @pytest.mark.parametrize("case", [{"rt_window": (0.45, 0.8)}, {"rt_window": (0.0, 9.0)}, {}])
 @pytest.mark.parametrize("deadline_s", [None, 0.7])
-@pytest.mark.filterwarnings("ignore:all. .* response times are left out")
+@pytest.mark.filterwarnings("ignore:all. .* response times are excluded")
 def test_at_the_truth_p_values_are_those_of_chance(case, deadline_s):
     """Within a window and by a deadline too: mean p of 0.5, within 4 standard errors of 20 sets."""
     found = [

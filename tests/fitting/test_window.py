@@ -59,7 +59,7 @@ def test_nothing_is_left_out_of_the_published_sets():
 def test_a_window_that_is_asked_for_leaves_out_what_lies_outside_and_says_how_many():
     rt = CLEAN.rt_s
     outside = int(((rt < 0.4) | (rt > 0.9)).sum())
-    with pytest.warns(DataWarning, match=f"{outside} of 300 response times are left out"):
+    with pytest.warns(DataWarning, match=f"{outside} of 300 response times are excluded"):
         design = design_of(CLEAN, rt_window=(0.4, 0.9))
     assert design.left_out == outside > 10
     assert design.observed.window_s == (0.4, 0.9)

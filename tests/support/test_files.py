@@ -108,7 +108,7 @@ def test_provenance_never_goes_over_a_file_that_is_none(tmp_path, decided_trials
     own = tmp_path / "t.csv.json"
     for text in ('{"mine": 1}', "no JSON", "[]"):
         own.write_text(text)
-        with refused("path holds something else"):
+        with refused("path is not a file of parameters"):
             write_table(decided_trials, tmp_path / "t.csv")
         assert own.read_text() == text
         assert not (tmp_path / "t.csv").exists()

@@ -161,11 +161,11 @@ def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_rea
         many = shuffled(rows, seed)
         if step_s is not None:
             many["rt"] = (many["rt"] / step_s).round() * step_s
-        assert not any("copies" in text for text in said(many, **NAMED))
+        assert not any("duplicates" in text for text in said(many, **NAMED))
         numbered = many.assign(trial=np.arange(rows))
         for some in (many, numbered):
             copied = pd.concat([some, some.sample(frac=0.3, random_state=seed)])
-            (text,) = (text for text in said(copied, **NAMED) if "copies" in text)
+            (text,) = (text for text in said(copied, **NAMED) if "duplicates" in text)
             assert f"of {len(copied)} rows" in text
 
 
@@ -174,7 +174,7 @@ def test_times_in_coarse_steps_are_no_copies(step_s):
     for seed in range(5):
         many = shuffled(2000, seed)
         rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
-        assert not any("copies" in text for text in said(many.assign(rt=rounded), **NAMED))
+        assert not any("duplicates" in text for text in said(many.assign(rt=rounded), **NAMED))
 
 
 def test_trials_without_a_response_are_no_copies():

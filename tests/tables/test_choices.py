@@ -214,7 +214,7 @@ BAD = {
     "coherence there is no column coherence; there are": without("coherence"),
     "cue there is no column cue; there are": renamed(cue="Cue"),
     "rt column 'RT' is not 'rt'": renamed(rt="RT"),
-    "participant 'subj_idx' seems to hold participants: call": renamed(participant_id="subj_idx"),
+    "participant 'subj_idx' seems to hold participants: rename": renamed(participant_id="subj_idx"),
     "columns each column may occur once, got 'rt' twice": renamed(trial="rt"),
     "table needs at least one trial, got 0 rows": lambda good: good.head(0),
     "coherence must be a finite number, got 'strong' in row 1$": at("coherence", 1, "strong"),

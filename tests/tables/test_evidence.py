@@ -226,11 +226,11 @@ BAD = {
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
     "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
     "columns 'll_a' twice": renamed("ll_b", "ll_a"),
-    "columns the column row is the result's own": changed(row=1),
+    "columns the column row is reserved for results": changed(row=1),
     "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
     "ll_a must hold numbers, got bool": changed(ll_a=True),
     "step must hold numbers, got datetime64": changed(step=pd.Timestamp("2026-01-01")),
-    "columns the column rt is the result's own": changed(rt=1, given_rt=2),
+    "columns the column rt is reserved for results": changed(rt=1, given_rt=2),
     "truth must be one of .* got .'1.0', 'nan'": changed(
         truth=lambda good: np.where(good["trial"] == 0, np.nan, 1.0)
     ),
