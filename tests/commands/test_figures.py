@@ -57,7 +57,7 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     assert command[command.index("--") + 1 :] == asked
     assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
     said = capsys.readouterr().out
-    assert f": {count}, there already: 0" in said
+    assert f": {count}, already there: 0" in said
     # The time for all figures; the time for a part of them is unknown.
     assert ("about 18 minutes of CPU" in said) == (not arguments)
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
