@@ -28,7 +28,10 @@ from figures.common import FULL, Settings, run, say_if_older, where
 
 AGREE, NOT = "C2", "C1"
 COLOUR = {AGREES: AGREE, COMPATIBLE: AGREE, DISAGREES: NOT, DIFFERS: NOT, WITHOUT: "C3"}
-SHORT = {"mean_ms": "time", "anticipatory": "anticipation"}
+SHORT = {
+    "mean_ms": "time", "anticipatory": "anticipation", "boundary_separation": "boundary",
+    "mean_posterior": "posterior",
+}  # fmt: skip
 ARROWS = {"up": "↑", "down": "↓", "none": "="}
 PANELS = {
     ("mean_ms", PERCENT): ("change of time, %", (-140.0, 420.0)),
