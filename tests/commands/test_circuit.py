@@ -26,7 +26,7 @@ def test_show_says_whose_noise_it_is(capsys):
         assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *edits) == 0
         line = capsys.readouterr().out.splitlines()[-1]
         said.append(float(line.split("noise of OUT is ")[1].split(" nats")[0]))
-        shares = [int(part.split("%")[0]) for part in line.split("variance ")[1].split(" ")[1::2]]
+        shares = [int(part.split("%")[0]) for part in line.split("variance: ")[1].split(" ")[1::2]]
         assert 97 <= sum(shares) <= 103
     assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
     bent = [

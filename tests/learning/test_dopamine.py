@@ -119,8 +119,8 @@ CIRCUIT = MODEL.circuit
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: working_range(CIRCUIT, 3.0), "threshold_nats OUT, 0.0539 to 0.65 nats"),
-        (lambda: working_range(CIRCUIT, 0.0), "threshold_nats must lie where .* got 0"),
+        (lambda: working_range(CIRCUIT, 3.0), "threshold_nats spiking_msprt, 0.0539 to 0.65 nats"),
+        (lambda: working_range(CIRCUIT, 0.0), "threshold_nats must be within .* got 0"),
         (lambda: stopping_posterior(CIRCUIT, 1.9, 0.3, 0.5), r"level 0\.8. to 1\.7., got 1\.9"),
         (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels one or more numbers"),
         (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "levels each once"),
