@@ -30,13 +30,13 @@ from bgmodel.comparison.thresholds import (
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
-from bgmodel.integrators.baselines import BASELINES
+from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
-from circuits.errors import InputError
+from circuits.errors import DataWarning, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -185,11 +185,22 @@ def compare(
         a baseline model do not reach one. If posteriors at the decision are not calibrated.
     """
     check_trials(check_evidence(evidence).trials)
+    copies = evidence.trials - len(np.unique(evidence.trial_numbers))
+    if copies:
+        DataWarning.warn(
+            f"{copies} of {evidence.trials} trials are copies of others: intervals count each as "
+            "an independent trial"
+        )
     baselines = [baselines] if isinstance(baselines, str) else baselines
     if not isinstance(baselines, (list, tuple)) or not all(
         name in list(BASELINES) for name in baselines
     ):
         raise InputError.of("baselines", f"must be among {', '.join(BASELINES)}", baselines)
+    for name in baselines:
+        if evidence.baseline and name not in baselines_on(zero_is_nothing=False):
+            needs = "needs evidence in which zero means that nothing was seen"
+            said = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
+            raise InputError(said, "baselines")
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
         model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)

@@ -83,6 +83,8 @@ class Effect:
         low, high = self.interval
         if not (np.isfinite(self.value) and (np.isnan(low) or low <= self.value <= high)):
             raise InputError.of("value", "must lie between low and high", self.value)
+        if self.unit == PERCENT and 0 < abs(self.value) < 1:
+            DataWarning.warn(f"a change of {self.value:g} percent is tiny: give -15 for -15 %")
         if self.unit == "own":
             check_size("value", self.measure, abs(self.value), below=np.nextafter(1, 2))
 

@@ -14,7 +14,7 @@ from bgmodel.deciding.decision import UNDECIDED, Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
-from circuits.errors import DeadlineWarning, InputError, user_level
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning, user_level
 
 Reader = Callable[[Evidence], Trace]
 """Maps all readings of a trial so far to OUT, up to a step after the last one."""
@@ -78,7 +78,7 @@ class Session:
         self._empty = Evidence(
             self._nothing[None, None], prior=prior, step_ms=step_ms, baseline=baseline,  # type: ignore[arg-type]
         )  # fmt: skip
-        self._begin = begin
+        self._begin, self._premature = begin, False
         self.next()
 
     def next(self) -> None:
@@ -153,6 +153,11 @@ class Session:
         found = self._crossed(forced=False)
         if found.choice[0] != UNDECIDED:
             self.decision = found
+            if found.premature[0] and not self._premature:
+                self._premature = True
+                NoiseWarning.warn(
+                    "a trial was decided before its first reading could act: by noise or the prior"
+                )
         elif len(self.readings) == self.t_max:
             self.decision = self.finish()
         return self.decision

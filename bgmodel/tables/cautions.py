@@ -31,6 +31,8 @@ CORRELATED, ERRORS_OF_R = 0.15, 5.0
 PILE, PILE_SHARE = 5, 0.01
 """Number and share of times exactly equal to the longest, above which trials were probably cut off
 there; the number is also compared with the average number of trials per distinct time."""
+MIXED = 100.0
+"""Ratio of the median times of two participants above which their units may differ."""
 FAR = 10.0
 """Ratio of strengths above which the larger one is doubtful if few trials have it."""
 COPIED, NEAR_S = 0.01, 0.1
@@ -135,6 +137,16 @@ def warn_of_units(strength: Array) -> None:
             f"{pairs} of {len(sizes)} strengths also occur a hundred times as large, such as "
             f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
             "trials, are in per cent, divide them by 100"
+        )
+
+
+def warn_of_mixed_units(rt_s: Array, participant: npt.NDArray[np.str_]) -> None:
+    """Warn if median times of participants differ as ms and s do."""
+    medians = pd.Series(rt_s).groupby(participant).median().dropna()
+    if len(medians) > 1 and medians.max() > MIXED * medians.min():
+        DataWarning.warn(
+            f"median times of participants run from {medians.min():.3g} s ({medians.idxmin()}) to "
+            f"{medians.max():.3g} s ({medians.idxmax()}): are all of them in seconds?"
         )
 
 

@@ -21,6 +21,7 @@ from bgmodel.tables.cautions import (
     check_times,
     warn_of_copies,
     warn_of_far,
+    warn_of_mixed_units,
     warn_of_units,
     warn_without_strength,
     without_rounding,
@@ -218,6 +219,7 @@ def read_choices(
         warn_of_copies(table)
         rt_s, response = answers(table, deadline_s, upper)
         check_times(rt_s)
+        warn_of_mixed_units(rt_s, participants(table))
         if deadline_s is not None:
             check_deadline(rt_s, deadline_s)
         signed = None if strength is None else without_rounding(strengths(table[strength]))

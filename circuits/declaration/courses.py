@@ -10,12 +10,14 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.checks import check_finite, check_range, check_types
-from circuits.errors import InputError, require
+from circuits.errors import EditWarning, InputError, require
 
 DOPAMINE = "dopamine"
 """Name used in place of a population's for a course of the dopamine level."""
 POINTS, TAILS = 400, 20.0
 """Where sums of courses are evaluated: number of points, and range in time constants."""
+SHORTEST_MS = 1.0
+"""A course below this duration is doubted: it may have been given in seconds."""
 NEAR = 1e-9
 """Distance, ticks, within which an edge counts as being on a tick."""
 
@@ -58,6 +60,8 @@ class Course:
         require(begin >= 0, "from_ms", "must be >= 0, when the drive begins", begin, owner=name)
         after = f"must lie after from_ms, {begin:g}"
         require(begin < self.to_ms, "to_ms", after, self.to_ms, owner=name)
+        if self.to_ms - begin < SHORTEST_MS:
+            EditWarning.warn(f"{name} lasts less than {SHORTEST_MS:g} ms: times are in ms")
         check_range(0, math.inf, owner=name, rise_ms=self.rise_ms, decay_ms=self.decay_ms)
         if self.decay_ms and math.isinf(self.to_ms):
             raise InputError(f"{name}: without an end, to_ms, there is no decay_ms", "decay_ms")

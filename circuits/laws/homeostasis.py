@@ -305,6 +305,9 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
         if circuit == circuit.unlesioned:
             needs = "compensate needs a reference, the circuit before the edits"
             raise InputError(f"{circuit.name} has no lesion: {needs}", "reference")
+        if circuit.chronic:
+            again = "biases were compensated before and would be compensated twice: give compensate"
+            raise InputError(f"{again} a reference, the circuit before all edits", "reference")
         return circuit.unlesioned
     if not isinstance(reference, CircuitTable):
         raise InputError.of("reference", "must be a Circuit", reference)
