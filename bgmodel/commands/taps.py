@@ -53,7 +53,7 @@ class Simulate(Writes):
     periods_mm: tuple[float, ...] = PERIODS_MM
     """Periods of the gratings, mm."""
     yaw_deg: tuple[float, ...] | None = None
-    """Yaws, used in turn, degrees; by default those of the task, else uniform in -90..90."""
+    """Yaws, used in turn, degrees; by default those of the task or uniform in -90..90."""
     task: Literal["same-different", "orientation"] | None = None
     """Task for which to simulate held-out taps."""
     channels: int = 2

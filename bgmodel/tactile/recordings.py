@@ -93,7 +93,9 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     track = _tracker(rest_mm / scale + centre)
     moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
     if (few := min(found)) < len(rest_mm) / 2:
-        raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
+        raise ValueError(
+            f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins were detected"
+        )
     labels["markers_found"] = found
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
@@ -132,7 +134,7 @@ class Tracker:
             self._track = _tracker(self.rest_mm / self.scale + centre)
         moved, found = self._track(_detect(path, self.shape))
         if found < len(self.rest_mm) / 2:
-            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins are seen")
+            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins were detected")
         labels = pd.DataFrame({"image": [path], "markers_found": [found]})
         still = (moved[None] * self.scale).astype(np.float32)
         return Taps(still, self.rest_mm, labels, self.stimulus)

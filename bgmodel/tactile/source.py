@@ -196,7 +196,7 @@ def read_decoded(path: Path | None = None) -> pd.DataFrame:
 
 
 def decoder_of(path: Path) -> dict[str, Any]:
-    """Return the decoder's provenance recorded in a table; empty if there is none."""
+    """Return the decoder's provenance from a table; empty if the table does not record it."""
     try:
         return dict(read_provenance(path)["parameters"]["decoder"])
     except (OSError, KeyError, TypeError, ValueError):

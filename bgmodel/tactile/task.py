@@ -59,7 +59,7 @@ class Task(Protocol):
 
 @dataclass(frozen=True)
 class SameDifferent:
-    """Are two gratings the same, AA, or different, AB? (Burguete et al. 2023).
+    """Are two gratings the same (AA) or different (AB)? Burguete et al. (2023).
 
     The reading is ``Psi = psi_2 - psi_1``, the difference of two decoded angles.
     """
@@ -193,9 +193,10 @@ class _Edge:
 
 
 class EdgeTurn(_Edge):
-    """By how much was an edge rotated between two taps: 0, D, 2 D, ...?
+    """Rotation of an edge between two taps: 0, D, 2 D and so on.
 
-    With two hypotheses: was it rotated at all? The reading is the difference of two decoded yaws.
+    With two hypotheses the question is whether it was rotated at all. The reading is the difference
+    of two decoded yaws.
     """
 
     taps: ClassVar[int] = 2
@@ -224,7 +225,7 @@ class EdgeTurn(_Edge):
 
 
 class EdgeDirection(_Edge):
-    """Which of N directions, D degrees apart, does an edge have?
+    """Direction of an edge, one of N that are D degrees apart.
 
     The reading is the decoded yaw relative to the first direction. Every tap is used for every
     hypothesis, by rotating the reference frame so that its true yaw is that of the hypothesis.
