@@ -1,4 +1,4 @@
-"""The story of one sensor: information in its taps, and decisions of test, learner and circuit."""
+"""Report on one sensor: information per tap, and decisions of test, learner and circuit."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POSTERIOR = 0.9
-"""Stopping posterior of the test in the table, and of the decision shown."""
+"""Posterior at which the test in the table and the example decision stop."""
 ACCURACIES = (0.8, 0.85, 0.9, 0.95)
 """Accuracies at which circuit and test are compared, as far as the taps allow."""
 XI, START_DELTA, RUNS = 50.0, 0.5, 5
-"""Cost of an error in readings, initial gap in nats, and number of runs of the learner."""
+"""Cost of an error (readings), initial gap (nats) and number of runs of the learner."""
 T_MAX = 40
 STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
-"""Steps of the psychometric curve of an edge."""
+"""Angular steps of the psychometric curve of an edge, degrees."""
 PARTS = ("psychometric", "curves", "table", "learning", "courses", "decided")
 """Tables of a story."""
 LETTERS = ("a  ", "b  ", "c  ", "d  ")
@@ -57,10 +57,11 @@ class Story:
     axis : str
         Quantity that varies between stimuli, with its unit.
     psychometric : DataFrame
-        By stimulus: accuracy of one reading (mean, low and high over folds of taps); claimed, the
-        mean posterior of the likeliest hypothesis, which is the accuracy if likelihoods are
-        calibrated; spread_deg, the standard deviation of readings of one hypothesis; shrink, the
-        factor on log-likelihoods that predicts other taps best, 0 for uninformative readings.
+        One row per stimulus: accuracy of a single reading (mean, low and high over folds of taps);
+        claimed, the mean posterior of the likeliest hypothesis, equal to the accuracy if
+        likelihoods are calibrated; spread_deg, the standard deviation of readings within a
+        hypothesis; shrink, the factor on log-likelihoods that best predicts held-out taps, 0 for
+        uninformative readings.
     curves : DataFrame
         Speed-accuracy tradeoff of test and circuit: model, accuracy, mean_ms.
     table : DataFrame
@@ -68,7 +69,7 @@ class Story:
     learning : DataFrame
         Course of the learned gap: run, episode, mean_delta.
     numbers : dict
-        Measures by name.
+        Summary measures by name.
     courses : DataFrame
         OUT of "test" and "circuit in spikes" on one trial: who, channel, time_ms, out_nats.
     decided : DataFrame
@@ -76,7 +77,7 @@ class Story:
     step_ms : float
         Time between readings, ms.
     remarks : tuple of str
-        All warnings.
+        Warnings issued during the analysis.
     """
 
     axis: str
@@ -148,24 +149,24 @@ def story(
     task_of : function
         Maps the value of a stimulus to the task.
     values : sequence of float
-        Stimuli of the psychometric curve.
+        Stimulus values of the psychometric curve.
     value : float
-        The stimulus of all other results.
+        Stimulus value used for all other results.
     axis : str
         Quantity that varies between stimuli.
     trials : int
-        Number of decisions of test and circuit.
+        Number of trials on which test and circuit decide.
     step_ms : float
         Time between readings, ms.
     learner : Learner, optional
-        Learner of the gap.
+        Learner of the gap; by default ``Learner()``.
     seed, workers : int
         Seed of evidence and noise, and number of threads.
 
     Raises
     ------
     ValueError
-        If a task lacks taps.
+        If there are too few taps for a task.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -208,13 +209,13 @@ def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float) -> dict[str, f
 
 
 def _over_hypotheses(source: Source, measure: Callable[[Array, int], float]) -> float:
-    """Return the mean of a measure of readings over the hypotheses that are true."""
+    """Return a measure of the readings, averaged over true hypotheses."""
     each = [measure(readings, truth) for truth, readings in enumerate(source.log_likelihood)]
     return float(np.mean(each))
 
 
 def _right(log_likelihood: Array, truth: int) -> float:
-    """Return the share of readings for which the truth is likeliest; ties count fractionally."""
+    """Return the fraction of readings whose likeliest hypothesis is true; ties are split."""
     best = log_likelihood == log_likelihood.max(axis=1, keepdims=True)
     return float((best[:, truth] / best.sum(axis=1)).mean())
 
@@ -242,7 +243,7 @@ def _compared(
 
 
 def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
-    """Return agreement, r of times and extra time at the highest accuracy with values."""
+    """Return agreement, RT correlation and extra time at the highest accuracy available."""
     rows = table[(table["model"] == CIRCUIT) & (table["reference"] == MSPRT_AT_GAIN)]
     known = rows[rows["value"].notna() & rows["accuracy"].notna()]
     wide = known.pivot(index="accuracy", columns="measure", values="value")
@@ -255,7 +256,7 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 
 
 def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return the course of the gap learned on the first fold; empty without two choices."""
+    """Return the learning curve of the gap on the first fold; empty without two choices."""
     first = readings.sources[0]
     if len(first.names) != 2 or first.silent:
         return pd.DataFrame(columns=["run", "episode", "mean_delta"]), {}
@@ -272,7 +273,7 @@ def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame
 
 
 def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return OUT and decision of test and spiking circuit on the first trial of the second fold."""
+    """Return OUT and decision of test and spiking circuit on one trial (first of second fold)."""
     table = load_circuit(DEFAULT, evidence.hypotheses)
     one, gain = evidence[1:2], gain_of(table)
     model = BasalGanglia(table, "ensemble", gain, seed)
@@ -293,12 +294,12 @@ def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataF
 
 
 def _readable(model: BasalGanglia) -> float:
-    """Return the posterior of the decision shown, within the range of the circuit's read-out."""
+    """Return the posterior of the example decision, clipped to the range the circuit can read."""
     low, high = (float(np.exp(-nats)) for nats in model.circuit.readable_nats[::-1])
     return min(max(POSTERIOR, low), high)
 
 
-# ---- pictures and the page
+# ---- figure and page
 
 
 def _psychometric(ax: Axes, of: Story) -> None:
@@ -307,9 +308,9 @@ def _psychometric(ax: Axes, of: Story) -> None:
     rows = of.psychometric
     ends = [rows["accuracy"] - rows["low"], rows["high"] - rows["accuracy"]]
     ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o", label="right")
-    ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="claimed")
+    ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="claimed (posterior)")
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
-    ax.set(xlabel=of.axis, title="one reading")
+    ax.set(xlabel=of.axis, title="single reading")
     ax.legend(frameon=False, fontsize=8, loc="lower right")
 
 
@@ -323,21 +324,21 @@ def _speed(ax: Axes, of: Story) -> None:
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
     ax.set(xlim=(0, 1.3 * longest), xlabel="mean decision time (readings)",
-           title="speed and accuracy")  # fmt: skip
+           title="speed-accuracy tradeoff")  # fmt: skip
     ax.legend(frameon=False, fontsize=8)
 
 
 def _learning(ax: Axes, of: Story) -> None:
     if not len(of.learning):
         ax.set(xticks=[], yticks=[], title="learning")
-        why = "a gap is learned if there are two\nhypotheses and taps tell them apart"
+        why = "a gap is learned only for two\nhypotheses that taps distinguish"
         ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
 
     every = of.learning[of.learning["episode"] % 50 == 0]
     acquisition(ax, every.pivot(index="run", columns="episode", values="mean_delta"))
-    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="best gap")
+    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="optimal gap")
     ax.set_title("learned from reward")
     ax.legend(frameon=False, fontsize=8)
 
@@ -354,7 +355,7 @@ def _decision(ax: Axes, of: Story) -> None:
             ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
     ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="time (readings)",
-           ylabel="OUT (nats)", title="one decision")  # fmt: skip
+           ylabel="OUT (nats)", title="example decision")  # fmt: skip
     ax.legend(frameon=False, fontsize=8)
 
 
@@ -362,7 +363,7 @@ PANELS = (_psychometric, _speed, _learning, _decision)
 
 
 def page(of: Story, title: str, made: str) -> str:
-    """Return a story as one HTML page: picture, numbers and warnings.
+    """Return a story as a single HTML page: figure, numbers and warnings.
 
     Parameters
     ----------
@@ -371,7 +372,7 @@ def page(of: Story, title: str, made: str) -> str:
     title : str
         Sensor and task.
     made : str
-        How it was made: command and version.
+        Provenance: command and version.
     """
     picture = io.BytesIO()
     of.plot().savefig(picture, format="png", dpi=150)
@@ -390,17 +391,17 @@ img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
 <h1>{html.escape(title)}</h1>
 <p><img alt="One reading, speed and accuracy, the learned gap, and one decision"
 src="data:image/png;base64,{encoded}"></p>
-<p><b>a</b>, how often the likeliest hypothesis of one reading is true, with the range over six
-folds of taps, and the probability claimed by its posterior. <b>b</b>, accuracy against mean
-decision time. <b>c</b>, the gap between two hypotheses learned from reward if an error costs
-{XI:g} readings, five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines show
-when test and circuit decide.</p>
+<p><b>a</b>, accuracy of a single reading (mean and range over six folds of taps) and mean
+posterior of the likeliest hypothesis (dotted). <b>b</b>, accuracy against mean decision time.
+<b>c</b>, gap between two hypotheses learned from reward when an error costs {XI:g} readings,
+five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines mark the decisions of
+test and circuit.</p>
 {numbers}
 <h2>One reading</h2>
-<p>By {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range over six
-folds of taps. claimed is the mean posterior of that hypothesis, which is the accuracy if
-likelihoods are calibrated. spread_deg is the standard deviation of readings of one hypothesis.
-Log-likelihoods are multiplied by shrink, which predicts other taps best; 0 means that a reading
+<p>For each {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range
+over six folds of taps. claimed is the mean posterior of that hypothesis, equal to the accuracy if
+likelihoods are calibrated. spread_deg is the standard deviation of readings within a hypothesis.
+shrink is the factor on log-likelihoods that best predicts held-out taps; 0 means that a reading
 is uninformative.</p>
 {curve}
 <h2>Warnings</h2><ul>{remarks or "<li>none</li>"}</ul>

@@ -1,4 +1,4 @@
-"""Commands on taps: simulate them, train a decoder on them, decode them."""
+"""Commands that simulate taps, train a decoder on taps, and decode taps."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Asks:
-    """Numbers of a question about taps, for commands that name its task."""
+    """Options of a tactile task, shared by commands that take one."""
 
     channels: int = 2
-    """Alternatives, 2..8."""
+    """Number of alternatives, 2..8."""
     period_mm: float = 2.0
     """Period of the grating, mm."""
     step_deg: float = 5.0
-    """Degrees between alternatives of a question on edges."""
+    """Angle between neighbouring alternatives of an edge task, degrees."""
 
 
 @dataclass(frozen=True)
@@ -47,22 +47,22 @@ class Simulate(Writes):
     """
 
     output: Positional[Path]
-    """Where the taps go, .npz."""
+    """File for the taps, .npz."""
     taps: int = 1000
-    """Taps of each grating."""
+    """Number of taps per grating."""
     periods_mm: tuple[float, ...] = PERIODS_MM
     """Periods of the gratings, mm."""
     yaw_deg: tuple[float, ...] | None = None
-    """Yaws that taps take in turn, degrees; the task's, or uniform in -90..90."""
+    """Yaws, used in turn, degrees; by default those of the task or uniform in -90..90."""
     task: Literal["same-different", "orientation"] | None = None
-    """Make the held-out taps that this task needs."""
+    """Task for which to simulate held-out taps."""
     channels: int = 2
-    """N of the orientation task, 2..8."""
+    """Number of orientations in the orientation task, 2..8."""
     tip: Tip = field(default_factory=Tip)
     skin: Skin = field(default_factory=Skin)
     nuisance: Nuisance = field(default_factory=Nuisance)
     workers: int = 1
-    """Processes for the contact library; the results do not depend on it."""
+    """Number of processes for the contact library; does not affect the results."""
     seed: int = 0
 
     def __call__(self) -> None:
@@ -76,7 +76,7 @@ class Simulate(Writes):
         numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
         check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
         yaws = self._yaws_deg()
-        # Taps at given yaws are held-out ones: their noise is not that of training taps.
+        # Taps at given yaws are held-out taps: their noise must differ from that of training taps.
         rng = stream(self.seed, "simulate", *yaws)
         periods = np.repeat(self.periods_mm, self.taps)
         count = len(periods)
@@ -93,11 +93,11 @@ class Simulate(Writes):
         print(f"{len(taps)} taps of {len(self.periods_mm)} gratings -> {self.output}")
 
     def _yaws_deg(self) -> tuple[float, ...]:
-        """Return the yaws that taps take in turn; none if they are drawn."""
+        """Return the yaws to use in turn; empty if yaws are drawn at random."""
         if self.task is None:
             return self.yaw_deg or ()
         if self.yaw_deg is not None:
-            raise InputError("task and yaw_deg both say which yaws: give one of them", "yaw_deg")
+            raise InputError("task and yaw_deg both set the yaws: give only one of them", "yaw_deg")
         if self.task == "orientation":
             return Orientations(self.channels).yaws_deg
         return SameDifferent().yaws_deg
@@ -114,17 +114,17 @@ class Train(Writes):
     taps: Positional[Path]
     """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
-    """Where the decoder goes, .safetensors or .onnx; decoding from .onnx does not need PyTorch."""
+    """File for the decoder, .safetensors or .onnx; an .onnx file is read without PyTorch."""
     edge: bool = False
-    """The taps are of an edge: read its direction (-180..180) instead of a grating's orientation,
-    with the settings found for edges in place of the training options."""
+    """The taps are of an edge: decode its direction (-180..180) instead of a grating's orientation.
+    Uses the settings tuned for edges instead of the training options."""
     mm_per_px: float | None = None
-    """Scale of recordings, mm."""
+    """Scale of recordings, mm per pixel."""
     pins: int | None = None
-    """Pins of the sensor of recordings; said beside those that were found."""
+    """Number of pins of the recorded sensor; printed with the number detected."""
     training: Training = field(default_factory=Training)
     device: Literal["cpu", "cuda", "mps"] = "cpu"
-    """Where the network is trained; only on the cpu does a seed give the same weights again."""
+    """Device for training; a seed reproduces the weights only on the CPU."""
     seed: int = 0
 
     def __call__(self) -> None:
@@ -138,7 +138,7 @@ class Train(Writes):
             import_onnx()
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins)
-        say(f"training on {len(taps)} taps, {training.epochs} epochs at most")
+        say(f"training on {len(taps)} taps for at most {training.epochs} epochs")
         idle = ["device"] if self.device == "cpu" else []
         options = options_of(self, idle=idle, training=training)
         behind: dict[str, Any] = {"taps": about, "command": options}
@@ -150,7 +150,7 @@ class Train(Writes):
 
 @dataclass(frozen=True)
 class Decode(Writes):
-    """Read the angle of every tap: of simulated taps, or of a folder of recordings.
+    """Decode the angle of every tap, simulated or from a folder of recordings.
 
     Example: bgmodel decode decoder.safetensors taps.npz decoded.parquet
     """
@@ -160,13 +160,13 @@ class Decode(Writes):
     taps: Positional[Path]
     """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
-    """Where the table goes, .parquet or .csv."""
+    """File for the table, .parquet or .csv."""
     edge: bool = False
-    """The taps are of an edge; those of a folder are taken for gratings unless you say so."""
+    """The taps are of an edge; without it, recordings are assumed to be of gratings."""
     mm_per_px: float | None = None
-    """Scale of recordings, mm."""
+    """Scale of recordings, mm per pixel."""
     pins: int | None = None
-    """Pins of the sensor of recordings; said beside those that were found."""
+    """Number of pins of the recorded sensor; printed with the number detected."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -178,7 +178,7 @@ class Decode(Writes):
         table = taps.labels.assign(**decoder.decode(taps))
         known = decoder.knows(taps)
         if known.any():
-            say(f"the decoder was trained on {known.sum()} of these taps: no task takes them")
+            say(f"the decoder was trained on {known.sum()} of these taps: tasks refuse the table")
             table["trained_on"] = known
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)

@@ -1,4 +1,4 @@
-"""The command that runs the whole chain for one sensor."""
+"""Command that runs all tactile steps for one sensor, from taps to decisions."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ from circuits.errors import InputError
 
 @dataclass(frozen=True)
 class Touch(Asks, Shows):
-    """From a sensor's taps to decisions: simulate or read, train, decode, decide, one page.
+    """Go from a sensor's taps to decisions, summarised on a single page.
 
-    The sensor is the simulated one on gratings, or the one of your recordings. Finished steps are
-    kept in the folder, and the same command resumes where it stopped.
+    Taps are simulated on gratings or read from your recordings; a decoder is trained and read out,
+    and its readings drive the decisions. Finished steps are kept in the folder, and the same
+    command resumes where it stopped.
 
     Examples: bgmodel touch;
     bgmodel touch mine --training my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
@@ -40,7 +41,7 @@ class Touch(Asks, Shows):
     held_out: Path | None = None
     """Folder of other recorded taps, used as evidence."""
     mm_per_px: float | None = None
-    """Scale of recordings, mm."""
+    """Scale of recordings, mm per pixel."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] | None = None
     """The task; by default same-different for gratings, edge-turn for an edge."""
     taps: int = 1000
@@ -48,13 +49,13 @@ class Touch(Asks, Shows):
     held_out_taps: int = 1200
     """Simulated taps of each grating and yaw, used as evidence."""
     epochs: int = 8
-    """Largest number of passes of the training over simulated taps."""
+    """Maximum number of training epochs on simulated taps."""
     trials: int = 1200
-    """Number of decisions of the test and of the circuit."""
+    """Number of trials on which the test and the circuit decide."""
     step_ms: float = 50.0
     """Time between readings, ms."""
     workers: int = 2
-    """Number of processes and threads; the results do not depend on it."""
+    """Number of processes and threads; does not affect the results."""
     seed: int = 0
     tip: Tip = field(default_factory=Tip)
     skin: Skin = field(default_factory=Skin)
@@ -133,7 +134,7 @@ class Touch(Asks, Shows):
                     "recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px"
                 )
             if self._simulated != Touch()._simulated:
-                raise InputError("tip, skin and nuisance are of simulated taps", "tip", self.tip)
+                raise InputError("tip, skin and nuisance are for simulated taps", "tip", self.tip)
         elif self.period_mm not in PERIODS_MM:
             raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
         TASKS[self._task](self.channels, self.period_mm, self.step_deg)
@@ -160,7 +161,7 @@ class Touch(Asks, Shows):
 
 
 class _Steps:
-    """Record of the finished files of a folder and the commands that made them."""
+    """Record of the finished files in a folder and the commands that made them."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "steps.json"
@@ -169,7 +170,7 @@ class _Steps:
             self.known = json.loads(self.path.read_text(encoding="utf-8"))
 
     def make(self, path: Path, command: Simulate | Train | Decode) -> None:
-        """Make a file, unless the same command made it from the same files."""
+        """Make a file, unless the same command has already made it from the same inputs."""
         folders = [str(v.resolve()) for v in vars(command).values() if _is_folder(v)]
         seed = getattr(command, "seed", None)
         step = [__version__, type(command).__name__, options_of(command), folders, seed]

@@ -1,4 +1,4 @@
-"""Online decisions: a folder of images is watched, and each image is a reading."""
+"""Online decisions: monitor a folder of images and treat each image as a reading."""
 
 from __future__ import annotations
 
@@ -31,42 +31,42 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 @dataclass(frozen=True)
 class Watch(Asks, Writes):
-    """Decide on images of taps as they arrive in a folder, by the circuit or by the test.
+    """Decide on images of taps as they arrive in a folder, with the circuit or the test.
 
-    Each image is decoded and adds its log-likelihoods to the trial; as soon as OUT crosses the
-    threshold the decision is printed, and the next trial begins. In a task with two taps, each
-    pair of images is one reading. It ends when no image has arrived for some time.
+    Each image is decoded and its log-likelihoods are added to the trial. As soon as OUT crosses the
+    threshold, the decision is printed and the next trial begins. In a task with two taps, each
+    pair of images is one reading. The command ends when no image has arrived for some time.
 
     Example: bgmodel watch camera decisions.csv --decoder edge.safetensors --taps decoded.parquet
     --task edge-direction --mm-per-px 0.33
     """
 
     folder: Positional[Path]
-    """Folder that the sensor writes its images to; existing images come first."""
+    """Folder to which the sensor writes its images; existing images are read first."""
     output: Positional[Path]
     """File for the table of decisions, .csv or .parquet."""
     decoder: Path
     """A decoder from `bgmodel train`."""
     taps: Path
-    """Taps of the same sensor, decoded by it, from which likelihoods of readings are estimated."""
+    """Taps of the same sensor, decoded with it, used to estimate the likelihoods."""
     mm_per_px: float
-    """Scale of the images, mm."""
+    """Scale of the images, mm per pixel."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "edge-direction"
     """The tactile task."""
     first_deg: float = 0.0
     """Direction of the first alternative of edge-direction, degrees."""
     by: Literal["circuit", "test"] = "circuit"
-    """What decides: the circuit or the test."""
+    """Decision maker: the circuit or the test."""
     circuit: CircuitName = MACAQUE
-    """Name of the table, or the path of a .toml file."""
+    """Name of a circuit table, or path of a .toml file."""
     engine: EngineName = SPIKES
     """Engine of the circuit: ensemble (spikes), population or rate."""
     posterior: float = 0.82
-    """Posterior at which it decides."""
+    """Posterior at which to decide."""
     step_ms: float = 100.0
-    """Time between readings, ms; a warning reports readings that come later."""
+    """Time between readings, ms; late readings raise a warning."""
     t_max: int = 60
-    """Largest number of steps in a trial; then the deadline forces a response."""
+    """Maximum number of steps per trial; at this deadline a response is forced."""
     idle_s: float = 10.0
     """Stop when no image has arrived for this time, s."""
     seed: int = 0
@@ -79,7 +79,7 @@ class Watch(Asks, Writes):
         if not self.folder.is_dir():
             raise InputError(f"there is no folder {str(self.folder)!r}", "folder", self.folder)
         read, names, session = self._begin()
-        say(f"watching {self.folder}; it ends {self.idle_s:g} s after the last image")
+        say(f"watching {self.folder}; stops {self.idle_s:g} s after the last image")
         rows: list[dict[str, Any]] = []
         latency: list[float] = []
         try:
@@ -91,7 +91,7 @@ class Watch(Asks, Writes):
                     f"{row['time_ms']:.0f} ms{forced}",
                     flush=True,
                 )
-        finally:  # decisions are written, however it ends
+        finally:  # write the decisions even if interrupted
             table = pd.DataFrame(rows, columns=COLUMNS)
             files.write_table(table, self.output, seed=self.seed, command=options_of(self))
         if session.readings:
@@ -183,16 +183,17 @@ class Watch(Asks, Writes):
 
 
 def images(folder: Path, idle_s: float) -> Iterator[Path]:
-    """Yield the images of a folder in order of their time, and wait for more.
+    """Yield the images of a folder in order of modification time, and wait for more.
 
-    An image is used once its size is unchanged between two looks: it may still be being written.
+    An image is yielded once its size is unchanged between two polls, so that images still being
+    written are not read.
 
     Parameters
     ----------
     folder : Path
-        Where images are written.
+        Folder to which images are written.
     idle_s : float
-        Stop when there was none for this time, s.
+        Stop when no image has arrived for this time, s.
     """
     seen: set[str] = set()
     sizes: dict[str, int] = {}
@@ -205,21 +206,21 @@ def images(folder: Path, idle_s: float) -> Iterator[Path]:
         whole = True
         for _, name, size in new:
             looked[name] = size
-            # Those after one that may not be finished wait too: they come in order.
+            # Images after an unfinished one wait too, to keep them in order.
             whole = whole and size > 0 and sizes.get(name) == size
             if whole:
                 seen.add(name)
                 yield folder / name
                 last = time.monotonic()
         sizes = looked
-        # A folder of many thousand images takes a while to list.
+        # Listing a folder of many thousands of images takes a while.
         time.sleep(max(POLL_S, looked_s))
 
 
 def _new_images(folder: Path, seen: set[str]) -> Iterator[tuple[int, str, int]]:
-    """Go through the images that are not seen yet: time of the last change, name, size."""
+    """Yield modification time, name and size of the images not yet seen."""
     for name in set(os.listdir(folder)) - seen:
-        with suppress(FileNotFoundError):  # it may be gone again
+        with suppress(FileNotFoundError):  # it may have been deleted
             found = os.stat(folder / name)
             if name.lower().endswith(IMAGES):
                 yield found.st_mtime_ns, name, found.st_size

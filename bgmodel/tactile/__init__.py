@@ -1,1 +1,1 @@
-"""The tactile front end: skin, contact, sensor, decoder; it ends in Evidence."""
+"""Tactile front end: from skin and contact, via sensor and decoder, to Evidence."""

@@ -1,4 +1,4 @@
-"""Pictures of the pins, as the sensor's camera takes them: to look at, and to track."""
+"""Rendered camera images of the pins, for display and for tests of marker tracking."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,13 +11,14 @@ _DARK, _BRIGHT = 18.0, 225.0
 
 
 def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
-    """Scale of a picture: the round aperture, a pitch beyond the pins, fills its height.
+    """Return the scale of an image whose height is the aperture (one pitch beyond the pins).
 
     Parameters
     ----------
     tip : Tip
+        Tip of the sensor.
     shape : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     """
     aperture_mm = float(np.linalg.norm(tip.rest_mm(), axis=1).max()) + tip.pitch_mm
     return min(shape) / 2 / aperture_mm
@@ -26,25 +27,26 @@ def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
 def marker_pixels(
     displacement_mm: ArrayLike, tip: Tip, shape: tuple[int, int] = (480, 640)
 ) -> Array:
-    """Places of the markers in a picture.
+    """Return the positions of the markers in an image.
 
     Parameters
     ----------
     displacement_mm : array_like, (pins, 2)
         From rest, x right and y up, mm; 0 for the untouched sensor.
     tip : Tip
+        Tip of the sensor.
     shape : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
 
     Returns
     -------
     ndarray, (pins, 2)
-        x right and y down, pixels; 0 is the middle of the first pixel.
+        x right and y down, pixels; 0 is the centre of the first pixel.
 
     Raises
     ------
     ValueError
-        There is not one displacement for each pin.
+        The number of displacements differs from the number of pins.
     """
     rest = tip.rest_mm()
     moved = np.asarray(displacement_mm, dtype=float)
@@ -61,15 +63,16 @@ def render(
     shape: tuple[int, int] = (480, 640),
     marker_mm: float = 0.6,
 ) -> Image:
-    """Picture of the pins: bright round markers on dark, within a round aperture.
+    """Render an image of the pins: bright round markers on dark, within a round aperture.
 
     Parameters
     ----------
     displacement_mm : array_like, (pins, 2)
         From rest, x right and y up, mm; 0 for the untouched sensor.
     tip : Tip, optional
+        Tip of the sensor; by default ``Tip()``.
     shape : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     marker_mm : float
         Diameter of a marker, mm; assumed.
 
@@ -81,24 +84,25 @@ def render(
     Raises
     ------
     ValueError
-        There is not one displacement for each pin, or the picture or markers have no size.
+        The number of displacements differs from the number of pins, the image is smaller than 16
+        pixels, or markers are not between 0 and the pin pitch in diameter.
     """
     tip = tip or Tip()
-    require(min(shape) >= 16, "shape", "must be 16 pixels or more each way", shape)
+    require(min(shape) >= 16, "shape", "must be at least 16 by 16 pixels", shape)
     if not 0 < marker_mm <= tip.pitch_mm:
         raise InputError.of("marker_mm", f"must be in (0, {tip.pitch_mm:g}]", marker_mm)
     radius = marker_mm / 2 * pixels_per_mm(tip, shape)
     light = _discs(marker_pixels(displacement_mm, tip, shape), radius, shape)
     rows, columns = np.indices(shape)
     distance = np.hypot(rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2) / (min(shape) / 2)
-    # Less light towards the rim, none outside.
+    # Illumination decreases towards the rim and is 0 outside.
     lit = (1 - 0.35 * distance**2) * np.clip((1 - distance) * min(shape) / 4, 0, 1)
     grey = np.round((_DARK + (_BRIGHT - _DARK) * light) * lit.clip(0))
     return np.asarray(grey, dtype=np.uint8)
 
 
 def _discs(middles: Array, radius: float, shape: tuple[int, int]) -> Array:
-    """Blurred discs of brightness 1, true to a fraction of a pixel in their places."""
+    """Return an image of blurred discs of brightness 1, with subpixel positions."""
     blur = max(0.5, 0.2 * radius)
     reach = int(np.ceil(radius + 4 * blur))
     offset = np.arange(-reach, reach + 1)
@@ -106,7 +110,7 @@ def _discs(middles: Array, radius: float, shape: tuple[int, int]) -> Array:
     columns = (nearest[:, :1] + offset)[:, None, :]
     rows = (nearest[:, 1:] + offset)[:, :, None]
     distance = np.hypot(columns - middles[:, :1, None], rows - middles[:, 1:, None])
-    # A logistic edge: about an even disc seen out of focus.
+    # A logistic edge approximates a uniform disc out of focus.
     patches = 1 / (1 + np.exp(np.clip(3 * (distance - radius) / blur, -50, 50)))
     rows, columns = np.broadcast_arrays(rows, columns)
     inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])

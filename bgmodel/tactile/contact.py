@@ -15,21 +15,21 @@ Convolution = Callable[[Array, Array], Array]
 
 
 def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False) -> Array:
-    """Wavenumber of each Fourier coefficient that `polonsky_keer` works with.
+    """Return the wavenumber of each Fourier coefficient used by `polonsky_keer`.
 
     Parameters
     ----------
     shape : (int, int)
-        Cells of the gap along x and y. If `mirrored`, only the cells at y > 0.
+        Number of cells along x and y. If `mirrored`, only the cells at y > 0.
     dx_mm : float
-        Side of a cell, mm.
+        Cell size, mm.
     mirrored : bool
-        The surface is symmetric in y and given for y > 0 only.
+        Whether the surface is symmetric in y and given for y > 0 only.
 
     Returns
     -------
     ndarray, (nx // 2 + 1, ny)
-        1/mm; the spectrum is halved along x.
+        Wavenumbers, 1/mm; half the spectrum along x.
     """
     along_x = 2 * np.pi * fft.rfftfreq(shape[0], dx_mm)
     if mirrored:
@@ -40,7 +40,7 @@ def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False)
 
 
 def unfold(half: Array) -> Array:
-    """Whole field (nx, 2 ny) of a mirrored one (nx, ny), y increasing."""
+    """Return the full field (nx, 2 * ny), y increasing, of a mirrored one (nx, ny)."""
     return np.concatenate([half[:, ::-1], half], axis=1)
 
 
@@ -55,38 +55,39 @@ def polonsky_keer(
     start_mpa: ArrayLike | None = None,
     mirrored: bool = False,
 ) -> Array:
-    """Pressure between an elastic surface and a rigid one pressed together by a load.
+    """Solve for the pressure between an elastic and a rigid surface under a given load.
 
-    Conjugate gradients on the cells in contact (Polonsky & Keer 1999, Wear 231:206), with the
-    elastic surface as a periodic convolution. The search is preconditioned by the wavenumber,
-    the stiffness of a half-space up to a factor: with a stiff skin on a soft gel this saves half
-    the convolutions or more. A mirrored surface needs half the cells (a cosine transform in y).
+    Uses conjugate gradients on the cells in contact (Polonsky & Keer 1999, Wear 231:206), with the
+    elastic response as a periodic convolution. The search is preconditioned by the wavenumber,
+    which is proportional to the stiffness of a half-space: for a stiff skin on a soft gel this
+    saves at least half the convolutions. A mirrored surface needs half the cells (a cosine
+    transform in y).
 
     Parameters
     ----------
     gap_mm : array_like, (nx, ny)
-        Height of the rigid surface over the undeformed skin, mm; a constant does not matter.
+        Height of the rigid surface above the undeformed skin, mm, up to a constant.
     compliance : array_like, (nx // 2 + 1, ny)
-        Surface displacement for a unit pressure wave at each of `wavenumbers`, mm/MPa.
+        Surface displacement per unit pressure wave at each of `wavenumbers`, mm/MPa.
     load_n : float
-        Load on the whole surface, N, both halves of it if `mirrored`.
+        Load on the whole surface (both halves if `mirrored`), N.
     dx_mm : float
-        Side of a cell, mm.
+        Cell size, mm.
     tol : float
-        Largest misfit accepted (pressure-weighted gap in contact, and overlap outside), as a
-        fraction of the range of displacements.
+        Tolerance on the misfit (pressure-weighted gap inside the contact, overlap outside it),
+        as a fraction of the range of displacements.
     max_iterations : int
-        Iterations before giving up.
+        Maximum number of iterations.
     start_mpa : array_like, (nx, ny), optional
-        Pressure to start from; cells without pressure are let in again where surfaces overlap,
-        so a contact that is too large is the better guess. Scaled to the load.
+        Initial pressure, rescaled to the load. Cells without pressure are added only where the
+        surfaces overlap, so it is better to start from too large a contact area than too small.
     mirrored : bool
-        The surface is symmetric in y and given for y > 0 only.
+        Whether the surface is symmetric in y and given for y > 0 only.
 
     Returns
     -------
     ndarray, (nx, ny)
-        Pressure, MPa, zero or more; its sum times dx_mm**2 is the load (half of it if `mirrored`).
+        Non-negative pressure, MPa; sum times dx_mm**2 is the load (half of it if `mirrored`).
 
     Raises
     ------
@@ -107,7 +108,7 @@ def polonsky_keer(
 def _checked(
     gap_mm: ArrayLike, compliance: ArrayLike, start_mpa: ArrayLike | None
 ) -> tuple[Array, Array, Array]:
-    """Check that the three arrays are finite and of matching shapes."""
+    """Return the three arrays after checking that they are finite and match in shape."""
     gap, kernel = np.asarray(gap_mm, dtype=float), np.asarray(compliance, dtype=float)
     if gap.ndim != 2 or gap.size == 0 or not np.all(np.isfinite(gap)):
         raise InputError.of("gap_mm", "must be (nx, ny) and finite throughout", gap.shape)
@@ -123,7 +124,7 @@ def _checked(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What stays the same from one iteration to the next."""
+    """Contact problem: quantities that are constant over iterations."""
 
     gap: Array
     kernel: Array
@@ -132,16 +133,16 @@ class _Problem:
     convolve: Convolution
 
     def displace(self, pressure: Array) -> Array:
-        """Displace the surface by a pressure."""
+        """Return the displacement of the surface under a pressure."""
         return self.convolve(self.kernel, pressure)
 
     def descent(self, misfit: Array, touching: Truths) -> Array:
-        """Precondition a misfit; the load is kept by what sums to zero over the contact."""
+        """Precondition a misfit; a zero sum over the contact conserves the load."""
         change = self.convolve(self.stiffness, misfit)
         return np.where(touching, change - change[touching].mean(), 0.0)
 
     def advance(self, pressure: Array, change: Array, overlap: Array, step: float) -> Array:
-        """Take a step: no cell pulls, and cells that overlap are let in."""
+        """Take a step; pressures stay non-negative, and overlapping cells enter the contact."""
         moved = np.maximum(pressure - step * change, 0.0)
         if overlap.any():
             entering = -step * self.convolve(self.stiffness, overlap)
@@ -149,7 +150,7 @@ class _Problem:
         return moved
 
     def solve(self, pressure: Array, tol: float, max_iterations: int) -> Array:
-        """Iterate from a pressure until the misfit is below `tol`."""
+        """Iterate from an initial pressure until the misfit is below `tol`."""
         pressure = pressure * (self.total / pressure.sum())
         displacement = self.displace(pressure)
         direction, before = np.zeros_like(self.gap), None
@@ -164,7 +165,7 @@ class _Problem:
             misfit = np.where(touching, clearance, 0.0)
             descent = self.descent(misfit, touching)
             momentum = 0.0
-            if before is not None:  # Polak-Ribiere: it forgets by itself where the contact changed
+            if before is not None:  # Polak-Ribiere: resets itself when the contact changes
                 momentum = max(0.0, np.vdot(descent, misfit - before) / slope)
             direction = np.where(touching, descent + momentum * direction, 0.0)
             response = self.displace(direction)
@@ -188,14 +189,14 @@ class _Problem:
 
 
 def _misfit(clearance: Array, pressure: Array, touching: Truths) -> float:
-    """Departure from contact: pressure-weighted rms gap, or overlap per touching cell, mm."""
+    """Return the larger of pressure-weighted rms gap and overlap per touching cell, mm."""
     inside = np.sqrt(np.vdot(pressure, clearance**2) / pressure.sum())
     outside = -np.minimum(clearance[~touching], 0.0).sum() / np.count_nonzero(touching)
     return float(max(inside, outside))
 
 
 def _periodic_convolution(kernel: Array, values: Array) -> Array:
-    # Axes are named in this order because the last one named is the one that is halved.
+    # The order of axes matters: rfft2 halves the last one.
     spectrum = fft.rfft2(values, axes=(1, 0))
     spectrum *= kernel
     moved = fft.irfft2(spectrum, s=values.shape[::-1], axes=(1, 0), overwrite_x=True)

@@ -1,4 +1,4 @@
-"""The decoder: a trained network that reads the angle of a tap, and its file."""
+"""Decoder: a trained network that estimates the angle of a tap; training and file formats."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ if TYPE_CHECKING:
 
 BATCH = 4096
 ENDINGS = (".safetensors", ".onnx")
-"""Endings of a decoder's file; an .onnx file is read without PyTorch."""
+"""File name endings of decoders; an .onnx file is read without PyTorch."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """How a decoder is built and trained."""
+    """Architecture and training options of a decoder."""
 
     network: Literal["grating", "edge"] = "grating"
     """CNN on 19 x 19 maps for gratings (Pestell et al. 2022), or perceptron for edges (ours)."""
     width: float = 0.25
-    """Filters or units as a share of the full network; 1 is Pestell et al. 2022, .25 our choice
-    for speed."""
+    """Filters or units as a fraction of the full network; 1 in Pestell et al. 2022, 0.25 our
+    choice for speed."""
     epochs: int = 8
-    """Most passes over the taps and their mirror images; assumed."""
+    """Maximum number of passes over the taps and their mirror images; assumed."""
     patience: int = 20
-    """Epochs without a better validation error before stopping; Pestell et al. 2022."""
+    """Epochs without improvement in validation error before stopping; Pestell et al. 2022."""
     batch: int = 64
-    """Taps a step; 32 in Pestell et al. 2022, our choice for speed."""
+    """Taps per step; 32 in Pestell et al. 2022, 64 our choice for speed."""
     learning_rate: float = 3e-3
-    """Highest step size of AdamW, which rises and falls once (Smith & Topin 2018); the source has
-    RMSprop at a constant 1e-4 over hundreds of epochs; assumed."""
+    """Peak step size of AdamW, which rises and falls once (Smith & Topin 2018); the source uses
+    RMSprop at a constant 1e-4 for hundreds of epochs; assumed."""
     dropout: float = 0.0
-    """Dropout as a share of the full network's; 1 is Pestell et al. 2022, 0 our choice for the
-    narrow network, which has less to drop."""
+    """Dropout as a fraction of the full network's; 1 in Pestell et al. 2022, 0 our choice for the
+    narrow network, which has fewer units to drop."""
     l2: float = 0.005
     """Weight decay of the two hidden dense layers; Pestell et al. 2022."""
     validation: float = 0.25
-    """Share of taps kept for validation, whole taps; 2 016 of 8 000 in Pestell et al. 2022."""
+    """Fraction of taps held out for validation; 2 016 of 8 000 in Pestell et al. 2022."""
 
     def __post_init__(self) -> None:
         if self.network not in NETWORKS:
@@ -63,7 +63,7 @@ class Training:
         require(0 <= self.dropout <= 2, "dropout", "must lie in 0..2", self.dropout)
 
 
-# Found by the error of held-out parts of the training taps.
+# Tuned on the error for held-out parts of the training taps.
 EDGE = Training(
     "edge",
     width=1.0,
@@ -78,22 +78,22 @@ EDGE = Training(
 
 @dataclass
 class Decoder:
-    """A trained network and all that is needed to use it again.
+    """A trained network and everything needed to reuse it.
 
     Parameters
     ----------
     network : torch.nn.Module or OnnxNetwork
         Made by ``NETWORKS[training.network]``, or read from an .onnx file.
     training : Training
-        How it was trained.
+        Training options.
     rest_mm : array (pins, 2)
-        Places of the pins it was trained on, mm.
+        Rest positions of the pins it was trained on, mm.
     history : list of dict
         Per epoch: training loss and validation errors, degrees.
     about : dict
-        Provenance: of the taps and of the training.
+        Provenance of the taps and of the training.
     trained_on : int array (taps,)
-        A number per tap that it was trained on, as from ``Taps.numbers``.
+        Identifiers of the taps it was trained on, as from ``Taps.numbers``.
     """
 
     network: Any
@@ -104,48 +104,48 @@ class Decoder:
     trained_on: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def knows(self, taps: Taps) -> Truths:
-        """Return which taps it was trained on, or validated with."""
+        """Return which taps were used in training or validation, (taps,)."""
         return np.isin(taps.numbers(), self.trained_on)
 
     def decode(self, taps: Taps) -> dict[str, Reals]:
-        """Read the angle of each tap.
+        """Decode the angle of each tap.
 
         Returns
         -------
         dict of arrays (taps,)
-            As ``read`` of the network says: ``psi_deg`` and ``orientation_deg`` of gratings, or
-            ``edge_deg``; and ``strength``, the length of the decoded vector.
+            As returned by the network's ``read``: ``psi_deg`` and ``orientation_deg`` for gratings,
+            or ``edge_deg`` for edges; and ``strength``, the length of the decoded vector.
 
         Raises
         ------
         ValueError
-            If the taps are of another stimulus or have other pins than the decoder was trained on.
+            If the stimulus or the pins differ from those the decoder was trained on.
         """
         _check_stimulus(taps, self.training)
         if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
             taps.rest_mm, self.rest_mm, atol=1e-3
         ):
             raise InputError(
-                f"the decoder was trained on {len(self.rest_mm)} pins at given places, "
-                f"got taps of {len(taps.rest_mm)} pins or at other places",
+                f"the decoder needs taps with its {len(self.rest_mm)} pins at the same positions, "
+                f"got taps of {len(taps.rest_mm)} pins or at other positions",
                 "taps",
             )
         kind = NETWORKS[self.training.network]
         return kind.read(_outputs(self.network, _checked_inputs(kind.inputs(taps))))
 
     def save(self, path: str | Path) -> Path:
-        """Store the network and all that is needed to use it again, whole or not at all.
+        """Save the network and everything needed to reuse it; never leaves a partial file.
 
         Parameters
         ----------
         path : path
-            Its ending chooses the format, .safetensors or .onnx.
+            Path; its ending sets the format, .safetensors or .onnx.
 
         Raises
         ------
         ValueError
-            If the ending is another, the folder can't be written, or the decoder was read from an
-            .onnx file.
+            If the ending is neither of these, the folder is not writable, or the decoder was read
+            from an .onnx file.
         """
         path = Path(path)
         _check_ending(path)
@@ -175,13 +175,13 @@ class Decoder:
 
     @classmethod
     def load(cls, path: str | Path) -> Decoder:
-        """Read a stored decoder; neither format holds code.
+        """Load a decoder from a file; neither format contains executable code.
 
         Raises
         ------
         ValueError
-            If the file is absent, not a decoder, cut short, or of other parameters, or its ending
-            is neither .safetensors nor .onnx.
+            If the file is missing, truncated, not a decoder, or has other parameters, or if its
+            ending is neither .safetensors nor .onnx.
         """
         path = Path(path)
         if not path.is_file():
@@ -205,26 +205,26 @@ def train(
     about: dict[str, Any] | None = None,
     device: str = "cpu",
 ) -> Decoder:
-    """Train a decoder on one thread, so that a seed gives the same weights again.
+    """Train a decoder, on a single thread so that a seed reproduces the weights.
 
     Parameters
     ----------
     taps : Taps
-        With ``yaw_deg`` among their labels: -90..90 for gratings, -180..180 for edges.
+        Taps labelled with ``yaw_deg``: -90..90 for gratings, -180..180 for edges.
     seed : int
-        Of the split, the weights, the dropout and the order.
+        Seed of the validation split, initial weights, dropout and order of taps.
     training : Training
-        Options.
+        Training options.
     about : dict
-        Provenance of the taps, stored with the weights.
+        Provenance of the taps, saved with the weights.
     device : str
-        cpu, cuda or mps; only on the CPU does a seed give the same weights again.
+        cpu, cuda or mps; a seed reproduces the weights only on the CPU.
 
     Raises
     ------
     ValueError
-        If the network is for another stimulus, yaws are out of range, inputs not finite, taps too
-        few to split, or PyTorch does not find the device.
+        If the network is for another stimulus, yaws are out of range, inputs are not finite, there
+        are too few taps to split, or PyTorch does not find the device.
     """
     check_device(device)
     training = training or Training()
@@ -239,7 +239,7 @@ def train(
     held = round(training.validation * len(taps))
     if held < 1 or len(taps) - held < 2 * training.batch:
         raise InputError(
-            f"training needs at least {2 * training.batch} taps beside those for validation, "
+            f"training needs at least {2 * training.batch} taps plus those for validation, "
             f"got {len(taps)} in all",
             "taps",
         )
@@ -262,7 +262,7 @@ def train(
 
 
 def check_device(device: str) -> None:
-    """Raise ValueError if PyTorch can't train on a device here."""
+    """Raise ValueError if PyTorch cannot train on this device."""
     if device == "cpu":
         return
     torch = import_torch()
@@ -277,7 +277,7 @@ def _check_ending(path: Path) -> None:
 
 
 def _from_safetensors(path: Path) -> tuple[Any, ...]:
-    """Read the fields of a decoder."""
+    """Return the fields of a decoder."""
     import_torch()
     from safetensors import SafetensorError, safe_open
 
@@ -296,7 +296,7 @@ def _from_safetensors(path: Path) -> tuple[Any, ...]:
 
 
 def _from_onnx(path: Path) -> tuple[Any, ...]:
-    """Read the fields of a decoder without PyTorch."""
+    """Return the fields of a decoder, without using PyTorch."""
     network = OnnxNetwork(path.read_bytes())
     header = network.header
     training = Training(**header["training"])
@@ -312,7 +312,7 @@ def _from_onnx(path: Path) -> tuple[Any, ...]:
 def _check_stimulus(taps: Taps, training: Training) -> None:
     if taps.stimulus != training.network:
         raise InputError(
-            f"this decoder reads taps of one stimulus, {training.network}: got {taps.stimulus}",
+            f"this decoder reads taps of one stimulus, {training.network}, got {taps.stimulus}",
             "taps",
         )
 
@@ -329,7 +329,7 @@ def _checked_inputs(inputs: Reals) -> Reals:
 
 
 def _outputs(network: Any, inputs: Reals) -> Reals:
-    """Return the outputs (taps, outputs) of a network of PyTorch or of an ONNX file."""
+    """Return the outputs (taps, outputs) of a PyTorch or ONNX network."""
     compute = OnnxNetwork.outputs if isinstance(network, OnnxNetwork) else _torch_outputs
     parts = [compute(network, inputs[i : i + BATCH]) for i in range(0, len(inputs), BATCH)]
     return np.concatenate(parts)
@@ -342,7 +342,7 @@ def _torch_outputs(network: Any, inputs: Reals) -> Reals:
 
 
 def _tensor(network: Any, values: Reals) -> torch.Tensor:
-    """Return values in single precision on the device of a network."""
+    """Return values as a single-precision tensor on the network's device."""
     single = np.ascontiguousarray(values, dtype=np.float32)
     return import_torch().from_numpy(single).to(next(network.parameters()).device)
 
@@ -350,7 +350,7 @@ def _tensor(network: Any, values: Reals) -> torch.Tensor:
 def _fit(
     network: Any, training: Training, inputs: Reals, yaw: Reals, held_inputs: Reals, held_yaw: Reals
 ) -> list[dict[str, float]]:
-    """Train in place, keeping the epoch of least validation error; return the history."""
+    """Train in place, keep the weights with the lowest validation error; return the history."""
     from tqdm import tqdm
 
     torch = import_torch()
@@ -389,14 +389,14 @@ def _epoch(
     optimiser: torch.optim.Optimizer,
     schedule: torch.optim.lr_scheduler.OneCycleLR,
 ) -> float:
-    """Pass once over the taps; return the mean loss."""
+    """Train for one pass over the taps; return the mean loss."""
     torch = import_torch()
     weights = torch.tensor(kind.weights, device=y.device)
     dense = [m for m in network if isinstance(m, torch.nn.Linear)][:-1]
     network.train()
     total = 0.0
     for index in torch.randperm(len(x)).split(training.batch):
-        if len(index) < 2:  # batch normalisation needs two
+        if len(index) < 2:  # batch normalisation needs at least two
             continue
         loss = (weights * (network(x[index]) - y[index]) ** 2).mean()
         if training.l2:

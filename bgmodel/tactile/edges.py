@@ -1,4 +1,4 @@
-"""Real taps of an edge: a decoder trained on one part of a recording reads the other part."""
+"""Real taps of an edge: train a decoder on one part of a recording, test it on another."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ MM_PER_PX = 0.33
 
 
 def decoded_edges(seed: int, recordings: Path) -> pd.DataFrame:
-    """Train the decoder; return true and decoded yaw of other real taps: yaw_deg, edge_deg.
+    """Train the decoder; return true and decoded yaw (yaw_deg, edge_deg) of held-out taps.
 
     Parameters
     ----------
     seed : int
-        Of the training.
+        Seed of the training.
     recordings : Path
         Folder with ``csv_train`` and ``csv_val``.
     """

@@ -1,4 +1,4 @@
-"""The stimulus: a rigid square-wave grating with grooves as wide as its bars."""
+"""Stimulus: a rigid square-wave grating with grooves as wide as its bars."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 
 @dataclass(frozen=True)
 class Grating:
-    """Bars along y, a period apart along x, groove and bar of equal width."""
+    """Grating with bars along y, one period apart along x; grooves and bars of equal width."""
 
     period_mm: float
-    """Groove and bar together, mm; 0 is a smooth plate (Pestell, Griffith & Lepora 2022)."""
+    """Width of groove plus bar, mm; 0 is a smooth plate (Pestell, Griffith & Lepora 2022)."""
     depth_mm: float = 1.0
-    """Depth of the grooves, mm; assumed (no matter above 0.1: the skin bulges in by less)."""
+    """Depth of the grooves, mm; assumed (no effect above 0.1: the skin bulges in by less)."""
     phase: float = 0.0
-    """Distance of a bar's middle from the tip's apex, in periods; 0 presses on a bar."""
+    """Distance of a bar's centre from the tip's apex, in periods; at 0 the apex meets a bar."""
 
     def __post_init__(self) -> None:
         sizes = {"period_mm": self.period_mm, "depth_mm": self.depth_mm}
@@ -29,41 +29,41 @@ class Grating:
         check_finite(owner="Grating", phase=self.phase)
 
     def half_period_cells(self, dx_mm: float) -> int:
-        """Cells of side `dx_mm` in a bar.
+        """Return the number of cells of size `dx_mm` per bar.
 
         Raises
         ------
         ValueError
-            Not a whole number: bars would differ in width, which adds a false subharmonic.
+            If not a whole number: bars would differ in width, a spurious subharmonic.
         """
         cells = self.period_mm / 2 / dx_mm
         if abs(cells - round(cells)) > 1e-6 or (self.period_mm > 0 and round(cells) < 1):
             raise InputError(
-                f"period_mm: got {self.period_mm:g}, half of which is {cells:g} cells of "
-                f"{dx_mm:g} mm; must be a whole number of cells",
+                f"half of period_mm must be a whole number of cells of {dx_mm:g} mm, got "
+                f"period_mm = {self.period_mm:g}, half of which is {cells:g} cells",
                 "period_mm",
             )
         return round(cells)
 
     def on_grid(self, cells: int, dx_mm: float) -> tuple[NDArray[np.float64], float]:
-        """Depth below the bars at the middles of a row of cells, and where the apex must be.
+        """Return depth below the bars at the centres of a row of cells, and position of the apex.
 
-        The grating moves by whole cells only, so that every bar keeps its width; the remainder
-        of the phase is left to the tip.
+        The grating is shifted by whole cells only, so that every bar keeps its width; the remainder
+        of the phase is realised by shifting the tip.
 
         Parameters
         ----------
         cells : int
-            Length of the row, centred on x = 0.
+            Number of cells in the row, which is centred on x = 0.
         dx_mm : float
-            Side of a cell, mm.
+            Cell size, mm.
 
         Returns
         -------
         depth_mm : ndarray, (cells,)
             0 on a bar, `depth_mm` in a groove.
         apex_mm : float
-            x of the tip's apex for the phase to be exact, at most half a cell from 0.
+            x of the tip's apex that makes the phase exact, at most half a cell from 0.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class Grating:
         half = self.half_period_cells(dx_mm)
         if half == 0:
             return np.zeros(cells), 0.0
-        # The bar nearest the wanted place begins at a cell's edge.
+        # The bar nearest the desired position begins at a cell's edge.
         wanted = self.phase * 2 * half
         begin = round(wanted - half / 2 + cells / 2)
         groove = (np.arange(cells) - begin) % (2 * half) >= half

@@ -1,7 +1,7 @@
-"""The contact library: every grating pressed on the skin once, and kept on disk.
+"""Contact library: contacts of the skin with every grating, solved once and cached on disk.
 
-The tip is rotationally symmetric, so a grating's orientation enters only through the places of the
-pins: one contact for each period, phase and force serves every yaw.
+The tip is rotationally symmetric, so a grating's orientation matters only through the positions of
+the pins: one contact per period, phase and force suffices for all yaws.
 """
 
 import os
@@ -30,9 +30,9 @@ from circuits.errors import InputError, require
 class Library:
     """Displacements of the skin/gel interface for each period, phase and force.
 
-    `fields` maps a period to (solved phases, forces, n, n, 5) single floats: lateral x,
-    lateral y, depth (into the body), mm, and the slopes of depth along x and y, with x across the
-    bars and the apex at the middle.
+    `fields` maps a period to a float32 array (solved phases, forces, n, n, 5): lateral x, lateral y
+    and depth (into the body), mm, and the slopes of depth along x and y, with x across the bars and
+    the apex at the centre.
     """
 
     plan: LibraryPlan
@@ -42,28 +42,29 @@ class Library:
     def sample(
         self, period_mm: float, phase: Array, force_n: Array, points_mm: Array, pin_mm: float
     ) -> Singles:
-        """Displacements of pin tips, in the frame of the grating.
+        """Return displacements of pin tips, in the frame of the grating.
 
         Parameters
         ----------
         period_mm : float
+            Period of the grating, mm.
         phase, force_n : array_like, (taps,)
-            Phase in periods and force in N.
+            Phase, periods, and force, N.
         points_mm : ndarray, (taps, pins, 2)
-            Places of the pins from the apex, x across the bars, mm.
+            Positions of the pins relative to the apex, x across the bars, mm.
         pin_mm : float
-            Length of a pin, mm: it turns the slope of the interface into a lateral displacement.
+            Length of a pin, mm; it converts the slope of the interface to lateral displacement.
 
         Returns
         -------
         ndarray, (taps, pins, 3)
-            Lateral x and y of the pin's tip, and depth of its root, mm.
+            Lateral x and y of pin tips, and depth of pin roots, mm.
 
         Raises
         ------
         ValueError
-            The period is not in the library, a force is outside its range, or a point outside
-            the field that is kept.
+            The period is not in the library, a force is outside its range, or a point is outside
+            the stored field.
         """
         known = f"must be in the library: {sorted(self.fields)}"
         require(period_mm in self.fields, "period_mm", known, period_mm)
@@ -85,7 +86,7 @@ class Library:
         return out
 
     def _pin_splines(self, period_mm: float, pin_mm: float) -> Singles:
-        """Spline coefficients (n, n, 3 * phases * forces) of the displacements of pin tips."""
+        """Return spline coefficients (n, n, 3 * phases * forces) of pin tip displacements."""
         key = (period_mm, pin_mm)
         if key not in self._splines:
             half = np.moveaxis(self.fields[period_mm], -1, 0).astype(float)
@@ -101,9 +102,9 @@ class Library:
 
 
 def with_mirror_images(half: Array, phases: int) -> Array:
-    """All phases (5, phases, ...) from those up to half a period (5, phases // 2 + 1, ...).
+    """Return all phases (5, phases, ...) from the first half period (5, phases // 2 + 1, ...).
 
-    A grating at phase -f is the one at phase f seen in a mirror, x to -x.
+    A grating at phase -f is the mirror image (x to -x) of the one at phase f.
     """
     image = half[:, 1 : (phases + 1) // 2][:, ::-1, :, ::-1]
     return np.concatenate([half, image * np.reshape([-1, 1, 1, -1, 1], (5, 1, 1, 1, 1))], axis=1)
@@ -115,16 +116,17 @@ def contact_library(
     cache_dir: str | Path | None = None,
     workers: int = 1,
 ) -> Library:
-    """Load the contact library of a plan, or solve it first and keep it.
+    """Load the contact library of a plan; solve and store it if it does not exist.
 
     Parameters
     ----------
     plan : LibraryPlan, optional
+        Contents of the library; by default ``LibraryPlan()``.
     cache_dir : path, optional
-        Folder of the file; by default the environment variable BGMODEL_CACHE, or else the
+        Folder of the file; by default that of the environment variable BGMODEL_CACHE, or the
         user's cache folder.
     workers : int
-        Processes to solve with; the result does not depend on it.
+        Number of processes; does not affect the result.
 
     Returns
     -------
@@ -140,14 +142,14 @@ def contact_library(
     path = _place(plan, cache_dir)
     fields = _load(path, plan)
     if fields is None:
-        path.parent.mkdir(parents=True, exist_ok=True)  # a bad folder fails before the work
+        path.parent.mkdir(parents=True, exist_ok=True)  # fail before the long computation
         fields = _solve_all(plan, workers)
         _save(path, plan, fields)
     return Library(plan, fields)
 
 
 def to_solve(plan: LibraryPlan, cache_dir: str | Path | None = None) -> int:
-    """Return the number of contacts that a library must solve; 0 if its file is there."""
+    """Return the number of contacts still to be solved; 0 if the library's file exists."""
     there = _place(plan, cache_dir).is_file()
     return 0 if there else sum(plan.solved_phases(period) for period in plan.periods_mm)
 
@@ -159,12 +161,12 @@ def _place(plan: LibraryPlan, cache_dir: str | Path | None) -> Path:
 
 
 def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
-    """Press every grating at every phase that is no mirror image of another."""
+    """Press every grating at every phase, except those that are mirror images of others."""
     tasks = [(p, j / plan.phases) for p in plan.periods_mm for j in range(plan.solved_phases(p))]
     periods, phases = zip(*tasks, strict=True)
     with _mapper(workers) as mapper:
         solved = mapper(partial(press, plan), periods, phases)
-        # No bar where the error stream is not a terminal.
+        # disable=None: no progress bar if stderr is not a terminal.
         bar = tqdm(solved, total=len(tasks), desc="contact library", unit="grating", disable=None)
         results = list(bar)
     return {
@@ -175,7 +177,7 @@ def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
 
 @contextmanager
 def _mapper(workers: int) -> Iterator[Callable[..., Iterable[Singles]]]:
-    """Give a `map` over processes, or the plain one for a single worker."""
+    """Yield a parallel `map`, or the built-in one for a single worker."""
     if workers == 1:
         yield map
     else:
@@ -184,7 +186,7 @@ def _mapper(workers: int) -> Iterator[Callable[..., Iterable[Singles]]]:
 
 
 def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
-    """Write the fields with the plan that they belong to, whole or not at all."""
+    """Write the fields and their plan; never leaves a partial file."""
     arrays: dict[str, Any] = {f"period_{period:g}": values for period, values in fields.items()}
     arrays["parameters"] = np.array(plan.parameters())
     with replacing(path) as partial, partial.open("wb") as file:
@@ -192,7 +194,7 @@ def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
 
 
 def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
-    """Read the fields, or None where the file is missing, damaged or of another plan."""
+    """Return the fields, or None if the file is missing, damaged or of another plan."""
     n = plan.stored_cells
     try:
         with np.load(path, allow_pickle=False) as stored:

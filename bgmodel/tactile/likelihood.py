@@ -1,4 +1,4 @@
-"""What a decoded angle says about each hypothesis: fitted densities, shrunk and capped."""
+"""Likelihood of decoded angles under each hypothesis: fitted densities, shrunk and capped."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Kind = Literal["kde", "t"]
-# So many readings a hypothesis are enough for one shrinkage, three parameters, a density.
+# Readings per hypothesis, enough to fit the shrinkage, the three parameters of a t, and a density.
 SHRINK_SAMPLES = 4000
 FISHRINK_SAMPLES = 1500
 KDE_SAMPLES = 100_000
@@ -31,11 +31,11 @@ class Likelihood:
     grid_deg : array (points,)
         Evenly spaced readings, degrees.
     log_density : array (hypotheses, points), nats
-        ``log p(reading | hypothesis)``, up to a constant a reading.
+        ``log p(reading | hypothesis)``, up to a constant per reading.
     period_deg : float, optional
-        For circular readings, after how much they repeat.
+        Period of circular readings.
     shrink : float
-        Factor in [0, 1] that was applied to every log-likelihood ratio.
+        Factor in [0, 1] applied to all log-likelihood ratios.
     cap_nats : float
         Largest log-likelihood ratio between two hypotheses.
     """
@@ -74,20 +74,20 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Density:
-    """How densities are estimated from decoded angles."""
+    """Options for estimating densities from decoded angles."""
 
     kind: Kind = "kde"
-    """Form: kernel density, or a Student t whose tails are fitted; our choice."""
+    """Kernel density ("kde") or Student t with fitted tails ("t"); our choice."""
     bandwidth_deg: float | None = None
-    """Kernel sd, degrees; by Silverman's rule (1986) on a robust spread if left out."""
+    """Kernel sd, degrees; by default Silverman's rule (1986) with a robust spread."""
     cap_nats: float | None = None
-    """Largest log-likelihood ratio, nats; log of the number of taps fitted if left out (odds are
-    never longer than the taps that could have contradicted them); our choice."""
+    """Largest log-likelihood ratio, nats; by default the log of the number of fitted taps (odds
+    cannot exceed the number of taps that could have contradicted them); our choice."""
     shrink: float | None = None
-    """Factor in [0, 1] on log-likelihood ratios; by cross-validated log score if left out; our
-    choice."""
+    """Factor in [0, 1] on log-likelihood ratios; by default chosen by cross-validated log
+    score; our choice."""
     inner_folds: int = 10
-    """Folds of the fitted taps that choose the shrinkage; our choice."""
+    """Number of folds of the fitted taps used to choose the shrinkage; our choice."""
 
     def __post_init__(self) -> None:
         require(self.kind in ("kde", "t"), "kind", "must be 'kde' or 't'", self.kind)
@@ -111,30 +111,29 @@ def fit_likelihood(
     circular: bool = False,
     density: Density | None = None,
 ) -> Likelihood:
-    """Fit the density of a reading under every hypothesis.
+    """Fit the density of readings under each hypothesis.
 
-    The densities give log-likelihood ratios; these are multiplied by a factor in [0, 1] that
-    maximises the log score of held-out taps (a ratio that is noise is shrunk to nothing), and
-    capped.
+    The resulting log-likelihood ratios are multiplied by a factor in [0, 1] that maximises the log
+    score on held-out taps (so that pure noise is shrunk to 0), and capped.
 
     Parameters
     ----------
     pool : sequence of arrays (taps,), degrees
-        Decoded angles, one array a kind of stimulus.
+        Decoded angles, one array per kind of stimulus.
     readings : callable
-        Turns a pool into one array of readings a hypothesis (for same/different: differences of
-        angles).  It is also called on parts of the pool, which share no tap.
+        Turns a pool into one array of readings per hypothesis (for same/different: differences of
+        angles). Also called on disjoint parts of the pool.
     range_deg : (low, high)
         Range of a reading; for circular readings, high - low is the period.
     circular : bool
-        Whether readings wrap around.
+        Whether readings are circular.
     density : Density
-        How to estimate.
+        Options of the estimate.
 
     Raises
     ------
     ValueError
-        If a pool is too small for the inner folds, or holds values that are not finite.
+        If the pool is too small for the inner folds, or contains values that are not finite.
     """
     density = density or Density()
     taps = min(len(part) for part in pool)
@@ -171,16 +170,16 @@ def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.Da
     Parameters
     ----------
     log_likelihood : array (readings, hypotheses), nats
-        Of held-out readings.
+        Log-likelihoods of held-out readings.
     truth : int array (readings,)
         True hypotheses.
     bins : int
-        Equal-width bins of posterior probability.
+        Number of equal-width bins of posterior probability.
 
     Returns
     -------
     DataFrame
-        One row a non-empty bin: stated (mean posterior), observed (frequency), count.
+        One row per non-empty bin: stated (mean posterior), observed (frequency), count.
     """
     import pandas as pd
 
@@ -204,10 +203,10 @@ def _cross_validated_shrink(
     log_densities: Callable[[Pool], Array],
     density: Density,
 ) -> float:
-    """Return the factor on log-likelihood ratios that surely predicts held-out taps best.
+    """Return a conservative estimate of the factor that best predicts held-out taps.
 
-    It maximises the gain in log score over saying nothing less its standard error over the inner
-    folds; where no factor gains more than its error, it is 0: no evidence at all.
+    It maximises the gain in log score, relative to factor 0 (no evidence), minus the standard error
+    of this gain over the inner folds. It is 0 if no gain exceeds its standard error.
     """
     from scipy.optimize import minimize_scalar
 
@@ -224,12 +223,12 @@ def _cross_validated_shrink(
     if len(held) < 2:
         raise InputError(
             f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} "
-            "inner folds hold a reading of every hypothesis",
+            "inner folds have readings of every hypothesis",
             "pool",
         )
 
     def losses(factor: float) -> Array:
-        """Mean negative log score of each inner fold, nats a reading."""
+        """Return the mean negative log score of each inner fold, nats per reading."""
         scores = [[np.log(np.exp(factor * y).sum(axis=1)).mean() for y in fold] for fold in held]
         return np.asarray(np.mean(scores, axis=1))
 
@@ -244,7 +243,7 @@ def _cross_validated_shrink(
 
 
 def _against_truth(x: Array, truth: int, grid: Array, logs: Array, period: float | None) -> Array:
-    """Return every hypothesis's log-likelihood relative to the true one's, (readings, N)."""
+    """Return log-likelihoods relative to the true hypothesis, (readings, hypotheses)."""
     y = np.stack([np.interp(x, grid, row, period=period) for row in logs], axis=-1)
     return np.asarray(y - y[:, [truth]])
 
@@ -254,7 +253,7 @@ def _log_density(x: Array, grid: Array, period: float | None, taps: int, density
         return _log_t(x, grid, period)
     from scipy.ndimage import gaussian_filter1d
 
-    # All pairs of a thousand taps are a million readings that hold no more than these.
+    # A thousand taps give a million pairs, no more informative than this subset.
     x = _thinned(x, KDE_SAMPLES)
     step = grid[1] - grid[0]
     width = density.bandwidth_deg or max(1.0, _silverman(x, period, taps))
@@ -263,18 +262,18 @@ def _log_density(x: Array, grid: Array, period: float | None, taps: int, density
     edges = np.append(grid, grid[-1] + step) - step / 2
     counts = np.histogram(np.clip(x, grid[0], grid[-1]), edges)[0].astype(float)
     if period is not None:
-        # The first and the last point of a circular grid are one.
+        # The first and last points of a circular grid coincide.
         counts[0] += counts[-1]
         smooth = gaussian_filter1d(counts[:-1], width / step, mode="wrap", truncate=6)
         smooth = np.append(smooth, smooth[0])
     else:
         smooth = gaussian_filter1d(counts, width / step, mode="reflect", truncate=6)
-    # A floor far below one tap keeps logarithms finite; the cap decides how much it matters.
+    # A floor far below one tap keeps logarithms finite; the cap limits its effect.
     return np.asarray(np.log(smooth / len(x) + 1e-9))
 
 
 def _silverman(x: Array, period: float | None, taps: int) -> float:
-    """Return Silverman's bandwidth with a robust spread; ``taps``, not pairs, are independent."""
+    """Return Silverman's bandwidth with a robust spread; n is ``taps``, as pairs are dependent."""
     if period is not None:
         x = np.mod(x - _circular_mean(x, period) + period / 2, period)
     quartiles = np.percentile(x, [25, 75])
@@ -298,10 +297,10 @@ def _log_t(x: Array, grid: Array, period: float | None) -> Array:
 
 
 def _fit_t(x: Array) -> Array:
-    """Return degrees of freedom, place and scale of Student's t, by maximum likelihood.
+    """Return degrees of freedom, location and scale of Student's t, by maximum likelihood.
 
-    What ``scipy.stats.t.fit`` returns, bit by bit, without its checks at each of 400 steps, which
-    take four fifths of its time.
+    Results are bit-identical to ``scipy.stats.t.fit``, but skipping its checks at each of 400 steps
+    saves four fifths of the time.
     """
     from scipy.optimize import fmin
     from scipy.special import poch
@@ -319,7 +318,7 @@ def _fit_t(x: Array) -> Array:
 
 
 def _thinned(x: Array, most: int = SHRINK_SAMPLES) -> Array:
-    # A prime stride, since readings that are pairs of taps come in rows of equal length.
+    # A prime stride, because pairs of taps are ordered in rows of equal length.
     return x if len(x) <= most else x[(np.arange(most) * 7919) % len(x)]
 
 

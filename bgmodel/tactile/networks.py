@@ -1,4 +1,4 @@
-"""The networks that read an angle from a tap: what they see, what they say, how that is read."""
+"""Networks that estimate the angle of a tap: their inputs, layers, targets and read-out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def import_torch() -> Any:
-    """Return torch, or raise the ImportError that says how to get it."""
+    """Return torch; ImportError with installation instructions if it is missing."""
     try:
         import torch
     except ImportError as error:
@@ -23,13 +23,13 @@ def import_torch() -> Any:
 
 
 class GratingNetwork:
-    """The convolutional network of Pestell et al. (2022) on z-scored 19 x 19 maps.
+    """Convolutional network of Pestell et al. (2022) on z-scored 19 x 19 maps.
 
-    Three outputs: the source's label (yaw + 90)/180, and cos and sin of twice the yaw, in which
-    -90 and 90 degrees are one orientation.
+    Three outputs: the source's label (yaw + 90)/180, and cos and sin of twice the yaw, for which
+    -90 and 90 degrees are the same orientation.
     """
 
-    # The label has a tenth of the others' variance; equal shares of the loss.
+    # The label has a tenth of the variance of the others: equalise their shares of the loss.
     weights: ClassVar = (10.0, 1.0, 1.0)
     range_deg: ClassVar = (-90.0, 90.0)
 
@@ -40,12 +40,12 @@ class GratingNetwork:
 
     @staticmethod
     def shape(pins: int) -> tuple[int, ...]:
-        """Return the shape of the input for one tap, which any number of pins gives."""
+        """Return the input shape for one tap; it does not depend on the number of pins."""
         return (1, 19, 19)
 
     @staticmethod
     def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:
-        """Return the source's layers scaled by ``width``; ``dropout`` scales its .4, .2, .2."""
+        """Return the source's layers; ``width`` scales them, ``dropout`` its 0.4, 0.2, 0.2."""
         nn = import_torch().nn
         c1, c2 = max(1, round(64 * width)), max(1, round(128 * width))
 
@@ -68,14 +68,14 @@ class GratingNetwork:
 
     @staticmethod
     def augmented(maps: Reals, yaw_deg: Reals) -> tuple[Reals, Reals]:
-        """Add the mirror images of maps: a square array seen in a mirror is a square array."""
+        """Add the mirror images of maps; a square array is symmetric under reflection."""
         turned, left, up = maps[..., ::-1, ::-1], maps[..., ::-1], maps[..., ::-1, :]
         yaws = [yaw_deg, yaw_deg, -yaw_deg, -yaw_deg]
         return np.concatenate([maps, turned, left, up]), np.concatenate(yaws)
 
     @staticmethod
     def targets(yaw_deg: Reals) -> Reals:
-        """Return what the outputs should be, (taps, 3)."""
+        """Return target outputs, (taps, 3)."""
         double = np.radians(2 * np.asarray(yaw_deg))
         columns = [(np.asarray(yaw_deg) + 90) / 180, np.cos(double), np.sin(double)]
         return np.stack(columns, axis=1)
@@ -92,14 +92,14 @@ class GratingNetwork:
 
     @staticmethod
     def errors(read: dict[str, Reals], yaw_deg: Reals) -> dict[str, float]:
-        """Return mean absolute errors, degrees; the first judges the training."""
+        """Return mean absolute errors, degrees; the first is used for early stopping."""
         linear = np.abs(read["psi_deg"] - yaw_deg)
         double = np.abs(wrapped(read["orientation_deg"] - yaw_deg, 180))
         return {"mae_deg": float(linear.mean()), "orientation_mae_deg": float(double.mean())}
 
 
 class EdgeNetwork:
-    """A perceptron on standardised pin displacements that reads the direction of an edge.
+    """Multilayer perceptron on standardised pin displacements for the direction of an edge.
 
     Two outputs: cos and sin of the yaw, in -180..180 degrees.
     """
@@ -109,17 +109,17 @@ class EdgeNetwork:
 
     @staticmethod
     def inputs(taps: Taps) -> Reals:
-        """Return displacements (taps, 2 pins), mm."""
+        """Return displacements (taps, 2 * pins), mm."""
         return taps.displacement_mm.reshape(len(taps), -1)
 
     @staticmethod
     def shape(pins: int) -> tuple[int, ...]:
-        """Return the shape of the input for one tap."""
+        """Return the input shape for one tap."""
         return (2 * pins,)
 
     @staticmethod
     def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:
-        """Return two hidden layers of ``256 width`` units; ``dropout`` scales .1 after each."""
+        """Return two hidden layers of ``256 * width`` units with dropout ``0.1 * dropout``."""
         nn = import_torch().nn
         hidden = max(1, round(256 * width))
         return nn.Sequential(
@@ -131,12 +131,12 @@ class EdgeNetwork:
 
     @staticmethod
     def augmented(inputs: Reals, yaw_deg: Reals) -> tuple[Reals, Reals]:
-        """Return the taps as they are: real pins are not in a symmetric array."""
+        """Return the taps unchanged: real pin arrays are not symmetric."""
         return inputs, yaw_deg
 
     @staticmethod
     def targets(yaw_deg: Reals) -> Reals:
-        """Return what the outputs should be, (taps, 2)."""
+        """Return target outputs, (taps, 2)."""
         yaw = np.radians(yaw_deg)
         return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
 
@@ -151,13 +151,13 @@ class EdgeNetwork:
 
     @staticmethod
     def errors(read: dict[str, Reals], yaw_deg: Reals) -> dict[str, float]:
-        """Return the mean absolute and the sd of the error, degrees; the first judges."""
+        """Return mean absolute error (used for early stopping) and sd of errors, degrees."""
         error = wrapped(read["edge_deg"] - yaw_deg, 360)
         return {"mae_deg": float(np.abs(error).mean()), "sd_deg": float(error.std())}
 
 
 def _standardise(features: int) -> Any:
-    """Return a layer that subtracts a mean and divides by an sd, set once by ``set_scale``."""
+    """Return a layer that subtracts a mean and divides by an sd, both set by ``set_scale``."""
     torch = import_torch()
 
     class Standardise(torch.nn.Module):  # type: ignore[name-defined]
@@ -173,7 +173,7 @@ def _standardise(features: int) -> Any:
 
 
 def set_scale(network: Any, inputs: Reals) -> None:
-    """Give a network's standardising layer, if it has one, the scale of its training taps."""
+    """Set mean and sd of a network's standardising layer, if any, from its training taps."""
     first = network[0]
     if hasattr(first, "sd"):
         torch = import_torch()
@@ -182,7 +182,7 @@ def set_scale(network: Any, inputs: Reals) -> None:
 
 
 def wrapped(angle_deg: Reals, period_deg: float) -> Reals:
-    """Return angles in -period/2..period/2."""
+    """Wrap angles to -period/2..period/2."""
     return (angle_deg + period_deg / 2) % period_deg - period_deg / 2
 
 

@@ -1,4 +1,4 @@
-"""A decoder's network in an ONNX file, which onnxruntime computes without PyTorch."""
+"""Decoder networks in ONNX files, which onnxruntime evaluates without PyTorch."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bgmodel.support.arrays import Singles
 from bgmodel.tactile.networks import import_torch
 
 KEY = "bgmodel"
-"""Name, in the file, of the JSON text that describes the network."""
+"""Metadata key of the JSON description of the network."""
 INPUTS, OUTPUTS = "inputs", "outputs"
 OPSET = 17
 
 
 def import_onnx(package: str = "onnx", extra: str = "tactile") -> Any:
-    """Return a package that ONNX files need, or raise the ImportError that says how to get it."""
+    """Return a package needed for ONNX files; ImportError with instructions if missing."""
     try:
         return importlib.import_module(package)
     except ImportError as error:
@@ -34,9 +34,9 @@ def onnx_bytes(network: Any, shape: tuple[int, ...], header: dict[str, Any]) -> 
     Parameters
     ----------
     network : torch.nn.Module
-        On the CPU.
+        Network, on the CPU.
     shape : tuple of int
-        Shape of its input for one tap.
+        Input shape for one tap.
     header : dict
         Description of the network, stored as JSON.
     """
@@ -61,7 +61,7 @@ def onnx_bytes(network: Any, shape: tuple[int, ...], header: dict[str, Any]) -> 
 
 
 class OnnxNetwork:
-    """A network computed by onnxruntime on one thread.
+    """Network evaluated by onnxruntime on one thread.
 
     Parameters
     ----------
@@ -87,13 +87,13 @@ class OnnxNetwork:
         options.intra_op_num_threads = 1
         try:
             self._session = runtime.InferenceSession(content, options, providers=providers)
-        except Exception as error:  # the only class that onnxruntime's errors share
+        except Exception as error:  # onnxruntime errors have no other common base class
             raise ValueError(str(error)) from error
         self.header = json.loads(self._session.get_modelmeta().custom_metadata_map[KEY])
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         self.shapes = [end.shape[1:] for end in ends]
 
     def outputs(self, inputs: Singles) -> Singles:
-        """Return the outputs (taps, outputs) of inputs (taps, ...)."""
+        """Return the outputs (taps, outputs) for inputs (taps, ...)."""
         (found,) = self._session.run([OUTPUTS], {INPUTS: inputs})
         return np.asarray(found)

@@ -1,4 +1,4 @@
-"""Gratings pressed on the skin: what is solved, and the field it leaves where the pins stand."""
+"""Gratings pressed on the skin: contacts to solve and displacement fields at the pins."""
 
 import hashlib
 import json
@@ -17,41 +17,41 @@ from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
 from circuits.errors import InputError, require
 
-_FORMAT = 2  # raise it when the numbers or their layout change: older files are then left alone
+_FORMAT = 2  # increment if values or layout change, so that older files are not used
 
 
 @dataclass(frozen=True)
 class LibraryPlan:
-    """What a contact library holds; two equal plans share a file."""
+    """Contents of a contact library; equal plans share a file."""
 
     skin: Skin = field(default_factory=Skin)
-    """The layers of the skin."""
+    """Layers of the skin."""
     radius_mm: float = 20.0
     """Radius of the dome, mm; tip diameter 40 mm (Pestell, Griffith & Lepora 2022)."""
     depth_mm: float = 1.0
-    """Depth of the grooves, mm; assumed (no matter above 0.1)."""
+    """Depth of the grooves, mm; assumed (no effect above 0.1)."""
     periods_mm: tuple[float, ...] = PERIODS_MM
     """Grating periods, mm; the eight stimuli of Pestell, Griffith & Lepora (2022)."""
     phases: int = 8
-    """Phases a period, interpolated trigonometrically; assumed, error below the marker noise."""
+    """Phases per period, interpolated trigonometrically; assumed, error below marker noise."""
     forces_n: tuple[float, ...] = (1.2, 1.5, 1.8)
-    """Forces, N, interpolated by a polynomial; assumed, error below the marker noise."""
+    """Forces, N, interpolated by a polynomial; assumed, error below marker noise."""
     side_mm: float = 32.0
     """Side of the periodic square in which the contact is solved, mm; assumed."""
     field_side_mm: float = 96.0
-    """Side of the periodic square in which the contact's field is found, mm; assumed: the images
-    of a nearer square would tell its orientation to the outer pins."""
+    """Side of the periodic square in which the displacement field is computed, mm; assumed. In a
+    smaller square, periodic images would reveal the square's orientation to the outer pins."""
     kept_mm: float = 36.0
-    """Side of the square of the field that is kept, mm: where pins can stand; assumed."""
+    """Side of the square of the field that is stored, mm; must contain all pins; assumed."""
     dx_mm: float = 0.125
-    """Side of a cell in the contact solve, mm; assumed."""
+    """Cell size in the contact solver, mm; assumed."""
     stored_dx_mm: float = 0.25
-    """Side of a stored cell, mm; enough behind the skin, which passes no finer detail."""
+    """Size of a stored cell, mm; sufficient because the skin transmits no finer detail."""
     tol: float = 1e-6
-    """Tolerance of the contact solver, a fraction of the displacement."""
+    """Tolerance of the contact solver, as a fraction of the displacement."""
 
     def __post_init__(self) -> None:
-        for name in ("periods_mm", "forces_n"):  # lists are welcome, but a plan is a key
+        for name in ("periods_mm", "forces_n"):  # lists are accepted, but a plan must be hashable
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
         sides = ("side_mm", "field_side_mm", "kept_mm")
         positive = ("radius_mm", "depth_mm", *sides, "dx_mm", "stored_dx_mm", "tol")
@@ -77,8 +77,8 @@ class LibraryPlan:
             if abs(cells - round(cells)) > 1e-9 or self.stored_dx_mm < self.dx_mm:
                 raise InputError(
                     f"LibraryPlan.{name}: got dx_mm = {self.dx_mm!r} and stored_dx_mm = "
-                    f"{self.stored_dx_mm!r}, must both divide half of a side of "
-                    f"{side} = {side_mm:g}, the stored one not the smaller",
+                    f"{self.stored_dx_mm!r}, must both divide half of "
+                    f"{side} = {side_mm:g}, and stored_dx_mm must not be smaller than dx_mm",
                     name,
                 )
         for period in self.periods_mm:
@@ -86,40 +86,42 @@ class LibraryPlan:
 
     @property
     def name(self) -> str:
-        """File name of the library, the same for equal plans only."""
+        """File name of the library, unique to equal plans."""
         return f"contact-{hashlib.sha256(self.parameters().encode()).hexdigest()[:16]}.npz"
 
     def parameters(self) -> str:
-        """Every parameter and the version of the format, as JSON."""
-        # Read back with every number a float: 20 and 20.0 are equal, and so are their plans.
+        """Return all parameters and the format version as JSON."""
+        # Convert every number to float: plans with 20 and 20.0 are equal and must share a file.
         numbers = json.loads(json.dumps(asdict(self)), parse_int=float)
         return json.dumps({"format": _FORMAT, **numbers}, sort_keys=True)
 
     @property
     def stored_cells(self) -> int:
-        """Number of stored cells along a side."""
+        """Number of stored cells per side."""
         return round(self.kept_mm / self.stored_dx_mm)
 
     def solved_phases(self, period_mm: float) -> int:
-        """Count of phases that are solved: the others are mirror images."""
+        """Return the number of phases to solve; the others are mirror images."""
         return self.phases // 2 + 1 if period_mm > 0 else 1
 
 
 def press(plan: LibraryPlan, period_mm: float, phase: float) -> Singles:
-    """Displacements of the skin/gel interface under one grating, for each force of the plan.
+    """Solve for displacements of the skin/gel interface under one grating, for each force.
 
     Parameters
     ----------
     plan : LibraryPlan
+        Parameters of skin, grating and solver.
     period_mm : float
+        Period of the grating, mm.
     phase : float
-        Distance of a bar's middle from the apex, in periods.
+        Distance of a bar's centre from the apex, in periods.
 
     Returns
     -------
     ndarray, (forces, n, n, 5)
         Lateral x (across the bars) and y, and depth (into the body), mm, and the slopes of depth
-        along x and y, on cells of ``stored_dx_mm`` with the apex at the middle.
+        along x and y, on cells of ``stored_dx_mm`` with the apex at the centre.
     """
     cells, dx = round(plan.side_mm / plan.dx_mm), plan.dx_mm
     groove, apex = Grating(period_mm, plan.depth_mm, phase).on_grid(cells, dx)
@@ -127,7 +129,7 @@ def press(plan: LibraryPlan, period_mm: float, phase: float) -> Singles:
     dome = ((place[:, None] - apex) ** 2 + place[cells // 2 :] ** 2) / (2 * plan.radius_mm)
     compliance = _compliance(plan)
     fields, pressure = [], None
-    # From the largest force down: a contact that is too large is the better start for the next.
+    # In decreasing order of force: too large a contact is a better start than too small.
     for force in reversed(plan.forces_n):
         pressure = polonsky_keer(
             dome + groove[:, None],
@@ -144,7 +146,7 @@ def press(plan: LibraryPlan, period_mm: float, phase: float) -> Singles:
 
 @lru_cache(maxsize=4)
 def _compliance(plan: LibraryPlan) -> Array:
-    """Compliance of the surface on the half grid of the contact solve."""
+    """Return the surface compliance on the half grid of the contact solver."""
     cells = round(plan.side_mm / plan.dx_mm)
     k = wavenumbers((cells, cells // 2), plan.dx_mm, mirrored=True)
     return response(plan.skin, k).compliance
@@ -152,7 +154,7 @@ def _compliance(plan: LibraryPlan) -> Array:
 
 @lru_cache(maxsize=4)
 def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
-    """Lateral x, y, depth and its slopes for a unit pressure wave, (5, n, n // 2 + 1), per MPa."""
+    """Return lateral x, y, depth and its slopes, (5, n, n // 2 + 1), per MPa of pressure wave."""
     n = round(plan.field_side_mm / plan.stored_dx_mm)
     x, y = _frequencies(n, plan.stored_dx_mm)
     k = np.hypot(x, y)
@@ -160,24 +162,24 @@ def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
     lateral = 1j * waves.interface_lateral / np.where(k > 0, k, 1)
     depth = waves.interface_depth
     transfers = np.stack([x * lateral, y * lateral, depth + 0j, 1j * x * depth, 1j * y * depth])
-    # The highest frequency has no sign; the skin leaves nothing of it.
+    # The sign of the highest frequency is undefined; the skin filters it out anyway.
     transfers[:, n // 2], transfers[:, :, n // 2] = 0.0, 0.0
     return transfers
 
 
 def _frequencies(n: int, dx_mm: float) -> tuple[Array, Array]:
-    """Angular frequencies along x (n, 1) and y (n // 2 + 1,) of a real transform, per mm."""
+    """Return angular frequencies along x (n, 1) and y (n // 2 + 1,) of a real FFT, per mm."""
     return 2 * np.pi * fft.fftfreq(n, dx_mm)[:, None], 2 * np.pi * fft.rfftfreq(n, dx_mm)
 
 
 def _interface(plan: LibraryPlan, pressure_mpa: Array, apex_mm: float) -> Array:
-    """Fields (n, n, 5) under a pressure, on the stored cells centred on the apex."""
+    """Return fields (n, n, 5) under a pressure, on stored cells centred on the apex."""
     beside = round((plan.field_side_mm - plan.side_mm) / plan.dx_mm / 2)
     pressure_mpa = np.pad(pressure_mpa, beside)
     fine, n = len(pressure_mpa), round(plan.field_side_mm / plan.stored_dx_mm)
     kept = np.round(fft.fftfreq(n) * n).astype(int)
     spectrum = fft.rfft2(pressure_mpa)[kept, : n // 2 + 1] * (n / fine) ** 2
-    # The middle of the first stored cell is not that of the first fine cell.
+    # The first stored cell and the first fine cell have different centres.
     x, y = _frequencies(n, plan.stored_dx_mm)
     offset = (plan.stored_dx_mm - plan.dx_mm) / 2
     spectrum *= np.exp(1j * x * (offset + apex_mm)) * np.exp(1j * y * offset)

@@ -1,8 +1,9 @@
-"""Real TacTip recordings: folders of images read as the taps that the simulator makes.
+"""Real TacTip recordings: read folders of images as taps, in the same form as simulated ones.
 
-A tap is one grey image of bright markers on dark. Its blobs are matched to the marker layout one to
-one, and a pin that was missed takes the motion of its neighbours. Without a rest image the layout
-is the median place of each marker: displacement is then from the typical tap, not untouched skin.
+A tap is one greyscale image of bright markers on a dark background. Its blobs are matched one to
+one to the marker layout, and the displacement of an undetected pin is interpolated from its
+neighbours. Without a rest image, the layout is the median position of each marker: displacements
+are then relative to the typical tap, not to the untouched skin.
 """
 
 import os
@@ -24,58 +25,57 @@ from circuits.errors import InputError
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
-LAYOUT_TAPS = 400  # enough for a median that no longer moves
-REACH, CROWDED = 0.75, 0.7  # in pitches: farthest match; pins are never closer
+LAYOUT_TAPS = 400  # enough for a stable median
+REACH, CROWDED = 0.75, 0.7  # in pitches: largest match distance; smallest pin distance
 
 
 def find_recordings(option: Path | None) -> Path | None:
-    """Return the option, else the environment's BGMODEL_RECORDINGS, else None.
+    """Return the given folder, or that of the environment variable BGMODEL_RECORDINGS, or None.
 
-    Raises ValueError where the folder that was given does not exist.
+    Raises ValueError if that folder does not exist.
     """
     given = option or os.environ.get("BGMODEL_RECORDINGS")
     if given and not Path(given).is_dir():
-        raise InputError(
-            f"recordings (BGMODEL_RECORDINGS): {given} is not a folder; give one", "recordings"
-        )
+        raise InputError(f"recordings (BGMODEL_RECORDINGS): {given} is not a folder", "recordings")
     return Path(given) if given else None
 
 
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
               workers: int = 1, limit: int | None = None, stimulus: str = "edge",
               pins: int | None = None) -> Taps:  # fmt: skip
-    """Track the markers of every image of a recording (see `read_targets`).
+    """Track the markers in every image of a recording (see `read_targets`).
 
     Parameters
     ----------
     mm_per_px
-        Scale of the images: pin pitch in mm over pin pitch in px.
+        Scale of the images: pin pitch in mm divided by pin pitch in px.
     rest
-        Marker layout: an image of the untouched sensor, or the `rest_mm` (pins, 2) of another
-        recording of it (origin at the image centre), or None for the median of the taps.
+        Marker layout: an image of the untouched sensor, or `rest_mm` (pins, 2) from another
+        recording of it (origin at the image centre), or None for the median over taps.
     workers, limit
-        Threads, of no effect on the result; taps to read, spread evenly over the table.
+        Number of threads (does not affect the result); number of taps to read, spread evenly over
+        the table.
     stimulus
-        What was tapped, "edge" or "grating": a recording does not say.
+        What was tapped, "edge" or "grating"; recordings do not contain this.
     pins
-        Pins of the sensor, where known: more than these are never taken for pins.
+        Number of pins of the sensor, if known; detecting more is an error.
 
     Returns
     -------
     Taps
-        Labels: those of `read_targets`, and `markers_found`, the pins that were not interpolated.
+        Labels: those of `read_targets`, and `markers_found`, the number of pins detected.
 
     Raises
     ------
     ValueError, FileNotFoundError
-        An argument is out of range; an image is missing, unreadable, not 8-bit grey, below 64 px
-        or of another size than the first; no layout is found, or one of more pins than the sensor
-        has, or a tap shows less than half of it.
+        An argument is out of range; an image is missing, unreadable, not 8-bit greyscale, smaller
+        than 64 px or of a different size than the first; no layout is found, or it has more pins
+        than the sensor, or a tap shows fewer than half of its pins.
     """
     positive = {"mm_per_px": mm_per_px, "workers": workers, "limit": limit, "pins": pins}
     for name, value in positive.items():
         if value is not None and not 0 < value < np.inf:
-            raise InputError(f"{name}: got {value}; a positive number is needed", name, value)
+            raise InputError(f"{name} must be a positive number, got {value}", name, value)
     every = read_targets(folder)
     chosen = np.linspace(0, len(every) - 1, min(limit or len(every), len(every))).astype(int)
     labels = every.iloc[chosen].reset_index(drop=True)
@@ -88,27 +88,29 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
         rest_mm = (_median_layout(taps) - centre) * scale
     if pins is not None and len(rest_mm) > pins:
         raise InputError(
-            f"pins must be those of the sensor, got {pins}: {len(rest_mm)} are found", "pins"
+            f"pins must be those of the sensor, got {pins}: {len(rest_mm)} were detected", "pins"
         )
     track = _tracker(rest_mm / scale + centre)
     moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
     if (few := min(found)) < len(rest_mm) / 2:
-        raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
+        raise ValueError(
+            f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins were detected"
+        )
     labels["markers_found"] = found
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
 
 class Tracker:
-    """Reads single images of a sensor whose pins are known: what ``read_taps`` does with folders.
+    """Track single images of a sensor with known pins, as ``read_taps`` does for folders.
 
     Parameters
     ----------
     rest_mm : array (pins, 2)
-        Places of the pins at rest, mm, as of a decoder.
+        Positions of the pins at rest, mm, such as ``Decoder.rest_mm``.
     mm_per_px : float
-        Scale of the images.
+        Scale of the images, mm per pixel.
     stimulus : str
-        What is tapped.
+        What is tapped, "edge" or "grating".
     """
 
     def __init__(self, rest_mm: Reals, mm_per_px: float, stimulus: str) -> None:
@@ -119,12 +121,12 @@ class Tracker:
         self.shape: tuple[int, ...] | None = None
 
     def read(self, path: Path) -> Taps:
-        """Return the tap of an image; the first one sets the size of all.
+        """Return the tap in an image; all images must have the size of the first.
 
         Raises
         ------
         ValueError
-            If the image cannot be read, is of another size, or shows less than half of the pins.
+            If the image cannot be read, has a different size, or shows fewer than half of the pins.
         """
         if self.shape is None:
             self.shape = _read_image(path).shape
@@ -132,14 +134,14 @@ class Tracker:
             self._track = _tracker(self.rest_mm / self.scale + centre)
         moved, found = self._track(_detect(path, self.shape))
         if found < len(self.rest_mm) / 2:
-            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins are seen")
+            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins were detected")
         labels = pd.DataFrame({"image": [path], "markers_found": [found]})
         still = (moved[None] * self.scale).astype(np.float32)
         return Taps(still, self.rest_mm, labels, self.stimulus)
 
 
 def pins_found(taps: Taps, pins: int | None = None) -> str:
-    """Say how many pins of a sensor a recording shows, over all taps and in one."""
+    """Return a message with the number of pins detected, overall and per tap."""
     seen = taps.labels["markers_found"]
     of_all = "" if pins is None else f" of {pins}"
     return f"{len(taps.rest_mm)}{of_all} pins found, {seen.min()} to {seen.max()} of them per tap"
@@ -165,22 +167,22 @@ def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> Image:
     fits = image.shape == shape if shape else min(image.shape) >= SMALLEST_IMAGE_PX
     if image.ndim != 2 or image.dtype != np.uint8 or not fits:
         given = f"got {image.dtype} of shape {image.shape}"
-        raise ValueError(f"{path}: {given}; needed is one grey channel of uint8, {sizes}")
+        raise ValueError(f"{path}: {given}; must be one grey channel of uint8, {sizes}")
     return image
 
 
 def _detect(path: Path, shape: tuple[int, ...]) -> Array:
-    """Find the places (markers, 2) of the bright blobs of an image, to a fraction of a pixel."""
+    """Return subpixel positions (markers, 2) of the bright blobs in an image."""
     import cv2
 
     image = _read_image(path, shape)
-    block = max(shape) // 8 | 1  # light goes with the local mean: above it, one level serves
+    block = max(shape) // 8 | 1  # subtract local mean: then one threshold fits all
     bright = cv2.subtract(image, cv2.blur(image, (block, block)))
     _, mask = cv2.threshold(bright, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # Diagonal pixels do not join: in small images neighbouring pins nearly touch.
+    # Diagonal pixels are not connected: in small images, neighbouring pins nearly touch.
     count, blob, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     if count <= FEWEST_PINS:
-        raise ValueError(f"{path}: {count - 1} markers found; bright blobs on dark are needed")
+        raise ValueError(f"{path}: {count - 1} markers found; needs bright blobs on dark")
     y, x = np.nonzero(mask)
     total, *sums = (np.bincount(blob[y, x], bright[y, x] * v, count)[1:] for v in (1.0, x, y))
     area = stats[1:, cv2.CC_STAT_AREA] / np.median(stats[1:, cv2.CC_STAT_AREA])
@@ -192,9 +194,9 @@ def _spacing(points: Array) -> Array:
 
 
 def _lattice(points: Array) -> Array:
-    """Keep points with three neighbours or more: pins have them, specks beside the pins do not."""
-    radius = 1.5 * np.median(_spacing(points))  # reaches the diagonal of a square array
-    pins = cKDTree(points).query_ball_point(points, radius, return_length=True) > 3  # itself too
+    """Keep points with at least three neighbours, as pins have; this removes stray specks."""
+    radius = 1.5 * np.median(_spacing(points))  # includes the diagonal of a square array
+    pins = cKDTree(points).query_ball_point(points, radius, return_length=True) > 3  # counts itself
     if pins.sum() < FEWEST_PINS:
         raise ValueError(f"recording: no marker layout among {len(points)} bright blobs")
     return np.asarray(points[pins])
@@ -206,25 +208,25 @@ def _given_rest(rest: Any, shape: Any, centre: Array, scale: Array) -> Array:
     places = np.asarray(rest, float)
     if places.shape != (max(places.size // 2, FEWEST_PINS), 2) or not np.isfinite(places).all():
         raise InputError(
-            f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed", "rest"
+            f"rest must be finite (pins, 2) in mm, got an array {places.shape}", "rest"
         )
     return places
 
 
 def _match(points: Array, places: Array, reach: float) -> tuple[Integers, Integers]:
-    """Pair indices of points and their nearest places; each place takes its nearest point."""
+    """Return indices of matched points and places, pairing each place with its nearest point."""
     distance, place = cKDTree(places).query(points, distance_upper_bound=reach)
     order = np.argsort(distance, kind="stable")
     j, first = np.unique(place[order], return_index=True)
-    near = j < len(places)  # the tree gives that index to points that are near no place
+    near = j < len(places)  # the tree returns len(places) for points without a match
     return order[first[near]], j[near]
 
 
 def _median_layout(taps: list[Array]) -> Array:
-    """Take the median place of each marker, from the fullest tap on; drop what is no pin."""
+    """Return the median position of each marker, starting from the tap with most pins."""
     taps = taps[:: -(-len(taps) // LAYOUT_TAPS)]
     pitch = np.median([np.median(_spacing(tap)) for tap in taps])
-    # Specks crowd the pins and mergers reduce them: most well-spaced blobs is most pins.
+    # Specks lie close to pins and merged pins are fewer: count only well-spaced blobs.
     places = max(taps, key=lambda tap: np.sum(_spacing(tap) > CROWDED * pitch))
     for _ in range(3):
         seen = np.full((len(taps), len(places), 2), np.nan)
@@ -232,9 +234,10 @@ def _median_layout(taps: list[Array]) -> Array:
             i, j = _match(tap, places, REACH * pitch)
             row[j] = tap[i]
         share = np.isfinite(seen[..., 0]).mean(axis=0)
-        seen, share = seen[:, share > 0.3], share[share > 0.3]  # pins that merge are seen half
+        seen, share = seen[:, share > 0.3], share[share > 0.3]  # pins that merge are often missed
         places = np.nanmedian(seen, axis=0)
-    # Of two places too close for two pins one is a speck, which stays put, or a merger, seen less.
+    # Of two places too close to both be pins, one is a speck (it does not move) or merged pins
+    # (seen less often).
     claim = share * (np.nanstd(seen, axis=0).sum(axis=1) + 1e-9)
     crowding = cKDTree(places).query_ball_point(places, CROWDED * pitch)
     return _lattice(
@@ -243,14 +246,17 @@ def _median_layout(taps: list[Array]) -> Array:
 
 
 def _tracker(layout: Array) -> Callable[[Array], tuple[Array, int]]:
-    """Build the map from the markers of a tap to the motion (pins, 2) in px and the pins seen."""
+    """Return a function from markers of a tap to pin motion (pins, 2), px, and number of pins seen.
+
+    Undetected pins move with their neighbours.
+    """
     pitch = float(np.median(_spacing(layout)))
     apart = np.linalg.norm(layout[:, None] - layout[None], axis=2) / pitch
     weight = np.exp(-(apart**2) / 2) * (apart > 0)
 
     def track(points: Array) -> tuple[Array, int]:
         motion = np.zeros_like(layout)
-        for _ in range(2):  # a pin moves with its neighbours: the second match starts from them
+        for _ in range(2):  # the second match starts from the motion of neighbouring pins
             i, j = _match(points, layout + motion, REACH * pitch)
             near, seen = weight[:, j], points[i] - layout[j]
             motion = near @ seen / np.maximum(near.sum(axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""Values between the grid points, phases and forces at which a contact was solved."""
+"""Interpolation between the grid points, phases and forces of the contact library."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from bgmodel.support.compiling import compiled
 
 
 def phase_weights(phase: Array, count: int) -> Array:
-    """Weights (taps, count) of equally spaced phases: trigonometric interpolation.
+    """Return weights (taps, count) of equally spaced phases for trigonometric interpolation.
 
-    Exact up to the harmonic (count - 1) // 2 of the period, and the skin lets little of the second
-    through.
+    Exact up to harmonic (count - 1) // 2 of the period; the skin strongly attenuates harmonics from
+    the second on.
     """
     turn = 2 * np.pi * (np.asarray(phase)[:, None] - np.arange(count) / count)
     weights = np.ones_like(turn)
@@ -22,7 +22,7 @@ def phase_weights(phase: Array, count: int) -> Array:
 
 
 def node_weights(value: Array, nodes: tuple[float, ...]) -> Array:
-    """Weights (taps, nodes) of the Lagrange polynomial through `nodes`."""
+    """Return weights (taps, nodes) of the Lagrange polynomial through `nodes`."""
     value = np.asarray(value, dtype=float)
     weights = np.ones((value.size, len(nodes)))
     for i, node in enumerate(nodes):
@@ -35,18 +35,18 @@ def node_weights(value: Array, nodes: tuple[float, ...]) -> Array:
 def gather(
     coefficients: Singles, points: Array, weights: Singles, out: Singles
 ) -> None:  # pragma: no cover - compiled
-    """Evaluate cubic splines at points well inside their grid, blended by weights.
+    """Evaluate cubic splines at points well inside their grid and sum them with weights.
 
     Parameters
     ----------
     coefficients : ndarray, (n, n, values * blends)
-        Spline coefficients, the blends of a value side by side.
+        Spline coefficients; all blends of a value are adjacent.
     points : ndarray, (taps, pins, 2)
-        Places in cells; 0 is the middle of the first cell.
+        Positions in units of cells; 0 is the centre of the first cell.
     weights : ndarray, (taps, blends)
-        One weight for each blend.
+        Weight of each blend.
     out : ndarray, (taps, pins, values)
-        Overwritten.
+        Array for the result, overwritten.
     """
     width = coefficients.shape[2]
     blends = weights.shape[1]

@@ -1,4 +1,4 @@
-"""The simulated sensor: where the camera sees the pins when a grating is tapped."""
+"""Simulated sensor: pin positions in the camera image when a grating is tapped."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ if TYPE_CHECKING:
 
     from bgmodel.tactile.library import Library
 
-_BLOCK = 512  # taps at a time: bounds the memory, and changes no number
+_BLOCK = 512  # taps per block: limits memory, does not change results
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What differs from tap to tap besides the grating."""
+    """Variability between taps of the same grating."""
 
     force_n: tuple[float, float] = (1.2, 1.8)
-    """Range of the uniform force, N; assumed."""
+    """Range of the uniformly distributed force, N; assumed."""
     offset_sd_mm: float = 0.3
-    """Standard deviation of the place of contact on the tip, each axis, mm; assumed."""
+    """Standard deviation of the contact position on the tip, per axis, mm; assumed."""
     shear_sd_mm: float = 0.03
-    """Standard deviation of the rigid lateral shift of the skin, each axis, mm; assumed."""
+    """Standard deviation of the rigid lateral shift of the skin, per axis, mm; assumed."""
     marker_noise_um: float = 9.5
-    """Standard deviation of a marker's place in a frame, each axis, um; assumed: it gives the
-    decoder the validation error of Pestell, Griffith & Lepora (2022), 27.5 degrees."""
+    """Standard deviation of a marker's position in a frame, per axis, um; assumed: reproduces the
+    validation error of the decoder in Pestell, Griffith & Lepora (2022), 27.5 degrees."""
     noise_per: Literal["tap", "frame"] = "tap"
-    """Noise drawn once for the peak of a tap, or in each frame of it, the frame of largest summed
-    displacement being kept (Pestell, Griffith & Lepora 2022); assumed."""
+    """Draw noise once for the peak of the tap, or for each frame and keep the frame with the
+    largest summed displacement (Pestell, Griffith & Lepora 2022); assumed."""
     frames: int = 15
-    """Frames of a tap if noise is drawn for each; assumed. The press rises and falls as a half
-    sine, all displacements in proportion."""
+    """Frames per tap if noise is drawn for each; assumed. All displacements rise and fall in
+    proportion, as a half sine."""
 
     def __post_init__(self) -> None:
         sds = ("offset_sd_mm", "shear_sd_mm", "marker_noise_um")
@@ -58,7 +58,7 @@ class Nuisance:
         require(self.frames >= 1, "frames", "must be 1 or more", self.frames, owner="Nuisance")
 
     def press_profile(self) -> Singles:
-        """Share of the peak displacement in each frame, (frames,): a half sine with peak 1."""
+        """Return displacement relative to the peak in each frame, (frames,): a half sine."""
         if self.noise_per == "tap":
             return np.ones(1, dtype=np.float32)
         rise = np.sin(np.pi * np.arange(1, self.frames + 1) / (self.frames + 1))
@@ -75,24 +75,24 @@ def simulate(
     nuisance: Nuisance | None = None,
     library: Library | None = None,
 ) -> Taps:
-    """Tap gratings with the sensor.
+    """Simulate taps on gratings.
 
-    A pin's tip moves by u(h) - pin_mm grad u_z(h) + r u_z/H: with the interface of skin and gel,
-    with its slope, and outwards in the picture as it nears the camera; u is the field of the
-    contact library, in the frame of the grating.
+    A pin's tip moves by u(h) - pin_mm grad u_z(h) + r u_z/H, where u is the displacement field of
+    the contact library in the frame of the grating. The terms are the displacement of the skin/gel
+    interface, its slope, and the outward shift in the image as the pin approaches the camera.
 
     Parameters
     ----------
     periods_mm : array_like, (taps,) or scalar
-        Period of each grating, mm, one of the library's.
+        Period of each grating, mm; must be in the library.
     yaw_deg : array_like, (taps,) or scalar
         Orientation of each grating, degrees anticlockwise; at 0 the bars run along y.
     rng : Generator
-        A tap's nuisances and noise depend on it and on the tap's place, not on later taps.
+        Random number generator. Variability and noise of a tap do not depend on later taps.
     tip, skin, nuisance : optional
         The sensor and its variability.
     library : Library, optional
-        By default the one of `skin` and the tip's radius, solved and stored if it is not yet.
+        By default the one for `skin` and the tip's radius, solved and stored if necessary.
 
     Returns
     -------
@@ -103,10 +103,10 @@ def simulate(
     Raises
     ------
     ValueError
-        Shapes disagree, a period or force is not in the library, or the library is of another
+        Shapes do not match, a period or force is not in the library, or the library is for another
         skin or radius.
     """
-    # Solvers and compilers load where taps are made, not where options are listed.
+    # Import solvers and compilers only when taps are simulated, not to list options.
     import pandas as pd
 
     from bgmodel.tactile.library import contact_library
@@ -118,11 +118,11 @@ def simulate(
         library = contact_library(LibraryPlan(skin=skin or Skin(), radius_mm=tip.radius_mm))
     elif skin not in (None, library.plan.skin) or tip.radius_mm != library.plan.radius_mm:
         raise InputError(
-            f"library: got one of {library.plan.skin} and radius {library.plan.radius_mm:g} mm, "
-            f"must be of {skin or library.plan.skin} and radius {tip.radius_mm:g} mm",
+            f"library must be for {skin or library.plan.skin} and radius {tip.radius_mm:g} mm, "
+            f"got one for {library.plan.skin} and radius {library.plan.radius_mm:g} mm",
             "library",
         )
-    # A stream for each kind of draw, filled tap by tap: a tap never sees the ones after it.
+    # One stream per kind of draw, tap by tap: a tap does not depend on later ones.
     uniform, normal, noise = rng.spawn(3)
     phase, share = uniform.random((len(periods), 2)).T
     place = normal.standard_normal((len(periods), 4))
@@ -136,19 +136,19 @@ def simulate(
 
 
 def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
-    """Peak displacements of the pins for given nuisances, without marker noise.
+    """Return peak displacements of the pins for given nuisances, without marker noise.
 
     Parameters
     ----------
     labels : DataFrame
-        One row a tap, with the columns that `simulate` gives except frame.
+        One row per tap, with the label columns of `simulate` except frame.
     tip : Tip
     library : Library
 
     Returns
     -------
     ndarray, (taps, pins, 2)
-        mm, in the frame of the sensor.
+        Displacements in the frame of the sensor, mm.
 
     Raises
     ------
@@ -168,10 +168,10 @@ def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
 def _pins_moved(
     period_mm: float, taps: pd.DataFrame, rest: Array, tip: Tip, library: Library
 ) -> Array:
-    """Displacements (taps, pins, 2) for taps on one grating."""
+    """Return displacements (taps, pins, 2) for taps on one grating."""
     yaw = np.deg2rad(taps["yaw_deg"].to_numpy())
     cos, sin = np.cos(yaw), np.sin(yaw)
-    # Columns are the axes of the grating in the sensor's frame.
+    # Columns are the grating's axes in the sensor's frame.
     axes = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
     places = rest - taps[["offset_x_mm", "offset_y_mm"]].to_numpy()[:, None]
     phase, force = taps["phase"].to_numpy(), taps["force_n"].to_numpy()
@@ -185,7 +185,7 @@ def _pins_moved(
 def _filmed(
     peak: Singles, nuisance: Nuisance, rng: np.random.Generator
 ) -> tuple[Singles, NDArray[np.int64]]:
-    """Displacements with marker noise in the frame that is kept, and which one that is."""
+    """Return displacements with marker noise in the selected frame, and the frame's index."""
     profile = nuisance.press_profile()[:, None, None]
     kept, frame = np.empty_like(peak), np.zeros(len(peak), dtype=np.int64)
     for tap, displacement in enumerate(peak):
@@ -199,7 +199,7 @@ def _filmed(
 
 
 def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:
-    """Give periods and yaws of equal length, or ValueError."""
+    """Return periods and yaws of equal length; ValueError if they do not broadcast."""
     periods, yaws = np.asarray(periods_mm, dtype=float), np.asarray(yaw_deg, dtype=float)
     try:
         periods, yaws = np.broadcast_arrays(np.atleast_1d(periods), np.atleast_1d(yaws))
@@ -208,10 +208,10 @@ def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:
     if periods.ndim != 1:
         raise InputError(
             f"periods_mm, yaw_deg: got shapes {np.shape(periods_mm)} and {np.shape(yaw_deg)}, "
-            "must be two rows of one length, or a row and a single number",
+            "must be one-dimensional of equal length, or one of them a number",
             "yaw_deg",
         )
     for name, values in (("periods_mm", periods), ("yaw_deg", yaws)):
         if not np.all(np.isfinite(values)):
-            raise InputError(f"{name}: got values that are not finite, must be numbers", name)
+            raise InputError(f"{name} must be finite, got NaN or infinity", name)
     return periods.copy(), yaws.copy()

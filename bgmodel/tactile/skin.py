@@ -1,4 +1,4 @@
-"""The skin of the sensor: an elastic sheet bonded to a gel, solved exactly for each wavenumber."""
+"""Skin of the sensor: an elastic sheet bonded to a gel, solved exactly per wavenumber."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive
 from circuits.errors import InputError
 
-# Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
+# Rows of layer states and boundary conditions: depth displacement, lateral displacement,
 # normal stress, shear stress.
 _DEPTH, _LATERAL, _NORMAL, _SHEAR = range(4)
 
@@ -33,9 +33,9 @@ class Skin:
 
 
 class Response(NamedTuple):
-    """What a unit pressure wave on the surface does, as functions of its wavenumber.
+    """Response to a unit pressure wave on the surface, as a function of its wavenumber.
 
-    A pressure exp(ikx) of 1 MPa gives, in mm and with z pointing into the body, the depth
+    A pressure of 1 MPa times exp(ikx) yields, in mm and with z pointing into the body, the depth
     displacement ``compliance`` exp(ikx) at the surface, ``interface_depth`` exp(ikx) at the
     skin/gel interface, and the lateral displacement i ``interface_lateral`` exp(ikx) there.
     """
@@ -46,7 +46,7 @@ class Response(NamedTuple):
 
 
 def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
-    """Response of the layered skin to pressure waves.
+    """Return the response of the layered skin to pressure waves.
 
     In each layer w = (A + B kz) exp(-kz) + (C + D kz) exp(kz), U = w'/k, p = G (U'' - k^2 U)/k,
     s_zz = -p + 2 G w' and s_xz = G (U' + k w) (incompressible plane strain). The eight constants
@@ -57,8 +57,10 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     Parameters
     ----------
     skin : Skin
+        Thickness and stiffness of the layers.
     wavenumber_per_mm : array_like
-        Any shape, 1/mm, zero or more. At zero an incompressible bonded layer does not yield: 0.
+        Wavenumbers of any shape, 1/mm, non-negative. At 0 the response of an incompressible bonded
+        layer is 0.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     k = np.asarray(wavenumber_per_mm, dtype=float)
     if not np.all(np.isfinite(k)) or np.any(k < 0):
         raise InputError.of("wavenumber_per_mm", "must be finite and not negative", k)
-    # Square grids repeat most wavenumbers, and the solve is the costly part.
+    # Most wavenumbers occur repeatedly on square grids, and solving is expensive.
     distinct, where = np.unique(k, return_inverse=True)
     positive = distinct > 0
     values = np.zeros((3, distinct.size))
@@ -82,7 +84,7 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
 
 
 def _solve(skin: Skin, k: Array) -> Array:
-    """Surface compliance and the two transfers, (3, wavenumbers), for k above 0."""
+    """Return surface compliance and both interface transfers, (3, wavenumbers), for k > 0."""
     sheet_top, sheet_bottom = _layer(k * skin.skin_mm)
     gel_top, gel_bottom = _layer(k * skin.gel_mm)
     gel_top[:, _NORMAL:] *= skin.gel_shear_mpa / skin.skin_shear_mpa
@@ -101,15 +103,15 @@ def _solve(skin: Skin, k: Array) -> Array:
 
 
 def _layer(thickness: Array) -> tuple[Array, Array]:
-    """State at the top and the bottom of a layer for each of its four solutions.
+    """Return states at the top and bottom of a layer for each of its four solutions.
 
-    `thickness` is kh. The growing solutions are written in the distance from the bottom, so no
-    entry exceeds its value at kh of order one and nothing overflows. Stresses are in units of Gk.
-    Each result is (wavenumbers, 4 rows, 4 constants).
+    `thickness` is kh. Growing solutions are expressed as functions of the distance from the bottom,
+    so entries stay bounded and do not overflow for large kh. Stresses are in units of Gk. Each
+    result is (wavenumbers, 4 rows, 4 constants).
     """
     zero = np.zeros_like(thickness)
     near, far = _decaying(zero), _decaying(thickness)
-    # The same solutions seen from the other side: what is odd in z changes sign.
+    # The same solutions from the other side: components odd in z change sign.
     flip = np.ones((4, 1))
     flip[[_LATERAL, _NORMAL]] = -1.0
     top = np.concatenate([near, flip * far], axis=2)
@@ -118,7 +120,7 @@ def _layer(thickness: Array) -> tuple[Array, Array]:
 
 
 def _decaying(s: Array) -> Array:
-    """States of exp(-s) and s exp(-s), s = kz, as (wavenumbers, 4 rows, 2 constants)."""
+    """Return states of exp(-s) and s exp(-s), s = kz: (wavenumbers, 4 rows, 2 constants)."""
     one = np.ones_like(s)
     rows = [[one, s], [-one, 1 - s], [-2 * one, -2 * s], [2 * one, 2 * (s - 1)]]
     states = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

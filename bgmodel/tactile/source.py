@@ -1,4 +1,4 @@
-"""Readings: what decoded taps say of the hypotheses, by likelihoods fitted on other taps."""
+"""Readings: log-likelihoods of decoded taps under each hypothesis, fitted on other taps."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from circuits.errors import CalibrationWarning, InputError, require, user_level
 FOLDS = 6
 STEP_MS = 500.0
 SILENT_NATS = 0.1
-"""Log-likelihood ratio of a reading, on the mean, below which a task makes no sense."""
+"""Mean log-likelihood ratio of a reading below which a task is considered uninformative, nats."""
 SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
-"""The decoded taps that ship with the package."""
+"""Decoded taps included in the package."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """All readings that a set of held-out taps can give, and what they say.
+    """All possible readings from a set of held-out taps, with their log-likelihoods.
 
     Parameters
     ----------
     log_likelihood : list of arrays (readings, hypotheses), nats
-        One array a true hypothesis.
+        One array per true hypothesis.
     names : tuple of str
         Names of the hypotheses.
     likelihood : Likelihood
         Fitted on other taps.
     where : str
-        What the taps are of, for a sentence.
+        Description of the stimulus, for use in messages.
     """
 
     log_likelihood: list[Array]
@@ -66,20 +66,20 @@ class Source:
         Parameters
         ----------
         trials, steps : int
-            Truth is balanced: trial k belongs to hypothesis k mod N.  Its readings are the same
-            however many trials follow.
+            Number of trials and of readings per trial. True hypotheses are balanced: k mod N in
+            trial k. Readings of a trial do not depend on the number of trials.
         rng : numpy.random.Generator or int
-            The source of every random number, or a seed.
+            Random number generator, or a seed.
         prior : array (hypotheses,), optional
-            What the decider believes; the draw stays balanced.
+            Prior of the decision maker; hypotheses are drawn equally often regardless.
         step_ms : float
-            Time a tap takes, ms; 500 is assumed.
+            Time per tap, ms; 500 is assumed.
         """
         trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
         rng = generator(rng)
         count = len(self.names)
         truth = np.arange(trials) % count
-        # Filled trial by trial, one number a reading: a trial never sees the ones after it.
+        # One number per reading, trial by trial: a trial does not depend on later ones.
         place = rng.random((trials, steps))
         values = np.empty((trials, steps, count), dtype=np.float64)
         for i, table in enumerate(self.log_likelihood):
@@ -93,7 +93,7 @@ class Source:
         )
 
     def warn_if_silent(self) -> None:
-        """Warn where the decoder does not resolve the hypotheses: every reading says nothing."""
+        """Warn if readings are uninformative: the decoder does not distinguish the hypotheses."""
         if self.silent:
             warnings.warn(
                 f"{self.where} the decoder tells none of the {len(self.names)} hypotheses apart: "
@@ -104,18 +104,18 @@ class Source:
 
     @property
     def silent(self) -> bool:
-        """Whether readings tell next to nothing of the hypotheses."""
-        said = [np.ptp(readings, axis=1) for readings in self.log_likelihood]
-        return bool(np.concatenate(said).mean() < SILENT_NATS)
+        """Whether readings carry almost no information about the hypotheses."""
+        ratios = [np.ptp(readings, axis=1) for readings in self.log_likelihood]
+        return bool(np.concatenate(ratios).mean() < SILENT_NATS)
 
     @property
     def baseline(self) -> float:
-        """Mean of what a reading says, over hypotheses, all true ones alike, nats."""
+        """Mean log-likelihood of readings over hypotheses, averaged over true hypotheses, nats."""
         return float(np.mean([part.mean() for part in self.log_likelihood]))
 
     @cached_property
     def log_ratios(self) -> tuple[Array, ...]:
-        """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
+        """Log-likelihood ratios S2 : S1 of all readings under S1 and under S2, nats."""
         if len(self.names) != 2:
             raise InputError(
                 f"log ratios need 2 hypotheses, this task has {len(self.names)}", "names"
@@ -125,10 +125,10 @@ class Source:
 
 @dataclass(frozen=True)
 class Folds:
-    """Readings of several folds of taps, drawn in turn: trial k is of fold k mod their number.
+    """Readings of several folds of taps; trial k is drawn from fold k mod the number of folds.
 
-    Trials are many, taps are few: an interval over the trials of one fold says nothing of other
-    taps. One over ``groups`` does.
+    Many trials are drawn from few taps: a confidence interval over the trials of one fold does not
+    generalise to other taps, one over ``groups`` does.
 
     Parameters
     ----------
@@ -141,12 +141,12 @@ class Folds:
     def draw(
         self, trials: int, steps: int, *, rng: np.random.Generator, step_ms: float = STEP_MS
     ) -> Evidence:
-        """Draw trials as ``Source.draw`` does, from each fold in turn.
+        """Draw trials as in ``Source.draw``, from each fold in turn.
 
         Parameters
         ----------
         trials, steps, rng, step_ms :
-            As for ``Source.draw``; trials must be as many as there are folds, or more.
+            As for ``Source.draw``; at least one trial per fold.
         """
         count = len(self.sources)
         require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
@@ -165,22 +165,22 @@ class Folds:
 
 
 def held_out_taps() -> pd.DataFrame:
-    """Return the decoded held-out taps that ship with the package.
+    """Return the decoded held-out taps included in the package.
 
-    One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
-    ``bgmodel.support.files.read_provenance`` of the file tells how it was made.
+    One row per tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
+    ``bgmodel.support.files.read_provenance`` returns the provenance of the file.
     """
     return pd.read_parquet(SHIPPED).astype("float64")
 
 
 def read_decoded(path: Path | None = None) -> pd.DataFrame:
-    """Return a table of decoded taps, as ``bgmodel decode`` writes it, or the shipped one.
+    """Return a table of decoded taps, as written by ``bgmodel decode``, or the included one.
 
     Raises
     ------
     ValueError
-        If it cannot be read, or if its decoder was trained on some of these taps: what it reads
-        from them says nothing of others.
+        If it cannot be read, or if its decoder was trained on some of these taps: its accuracy on
+        them would not generalise to new taps.
     """
     if path is None:
         return held_out_taps()
@@ -189,14 +189,14 @@ def read_decoded(path: Path | None = None) -> pd.DataFrame:
     if known:
         raise InputError(
             f"the decoder of {path.name} was trained on {known} of its {len(table)} taps: decode "
-            "taps that it has not seen",
+            "taps that were not used in its training",
             "taps",
         )
     return table
 
 
 def decoder_of(path: Path) -> dict[str, Any]:
-    """Return what is known of the decoder behind a table; nothing of a table from elsewhere."""
+    """Return the decoder's provenance from a table; empty if the table does not record it."""
     try:
         return dict(read_provenance(path)["parameters"]["decoder"])
     except (OSError, KeyError, TypeError, ValueError):
@@ -206,23 +206,23 @@ def decoder_of(path: Path) -> dict[str, Any]:
 def source(
     taps: pd.DataFrame, task: Task, *, fold: int = 0, density: Density | None = None
 ) -> Source:
-    """Fit likelihoods on five folds of the held-out taps; return the readings of the sixth.
+    """Fit likelihoods on five of six folds of the held-out taps; return readings of the sixth.
 
     Parameters
     ----------
     taps : DataFrame
-        Decoded, as from ``read_decoded``.
+        Decoded taps, as from ``read_decoded``.
     task : Task
-        The question, as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
+        The task, such as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
     fold : int
-        Which of the six folds to score on, 0..5; tap k of a kind is in fold k mod 6.
+        Fold from which readings are taken, 0..5; tap k of each kind is in fold k mod 6.
     density : Density
         How likelihoods are estimated.
 
     Raises
     ------
     ValueError
-        If there are no such taps, too few of them, or the fold does not exist.
+        If there are no taps for the task or too few, or the fold does not exist.
     """
     require(0 <= fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", fold)
     pool = task.pool(taps)
@@ -240,7 +240,7 @@ def source(
 
 
 def folds(taps: pd.DataFrame, task: Task) -> Folds:
-    """Return the readings of all six folds of the held-out taps, drawn in turn.
+    """Return the readings of all six folds of the held-out taps.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def readings_of(
     fold: int,
     density: Density | None = None,
 ) -> Source:
-    """Return the readings of a task by its name, and warn where they say nothing.
+    """Return the readings of a task given by name; warn if they are uninformative.
 
     Parameters
     ----------
@@ -269,9 +269,9 @@ def readings_of(
     count : int
         Number of hypotheses.
     period_mm, step_deg : float
-        Of gratings, and of edges.
+        Period of gratings, mm, and step between edge hypotheses, degrees.
     taps : path, optional
-        Table of decoded taps; the shipped one if left out.
+        Table of decoded taps; by default the one included in the package.
     fold, density :
         As for ``source``.
     """

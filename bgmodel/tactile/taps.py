@@ -1,4 +1,4 @@
-"""Taps: displacements of the pins with their labels, and the images made of them."""
+"""Taps: pin displacements with labels, and the maps computed from them."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STIMULI = ("grating", "edge")
-"""What can be tapped."""
+"""Kinds of stimuli."""
 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Pin displacements and what they are displacements of."""
+    """Pin displacements at the peak of each tap, with rest positions and labels."""
 
     displacement_mm: Singles
-    """From rest to the peak of the tap, x right and y up, mm, (taps, pins, 2)."""
+    """Displacement from rest at the peak of the tap, x right and y up, mm, (taps, pins, 2)."""
     rest_mm: Array
-    """Places of the pins at rest, mm, (pins, 2)."""
+    """Positions of the pins at rest, mm, (pins, 2)."""
     labels: pd.DataFrame
-    """One row a tap, with at least period_mm, yaw_deg, phase and force_n."""
+    """One row per tap; simulated taps have at least period_mm, yaw_deg, phase and force_n."""
     stimulus: str = "grating"
-    """What was tapped, a name in ``STIMULI``: what a decoder must have been trained on."""
+    """Stimulus tapped, a name in ``STIMULI``; decoders refuse taps of another stimulus."""
 
     def __post_init__(self) -> None:
         if self.stimulus not in STIMULI:
@@ -53,12 +53,12 @@ class Taps:
         return len(self.labels)
 
     def numbers(self) -> Integers:
-        """Return a number per tap, (taps,), that two taps share only if their pins moved alike."""
+        """Return a hash of each tap's displacements, (taps,), used as its identifier."""
         each = (hashlib.blake2b(one.tobytes(), digest_size=8) for one in self.displacement_mm)
         return np.frombuffer(b"".join(one.digest() for one in each), dtype=np.int64)
 
     def select(self, mask: ArrayLike) -> Taps:
-        """Taps where a mask is true, or with the given indices, in that order."""
+        """Return the taps where a mask is true, or those with the given indices, in that order."""
         which = np.asarray(mask)
         if which.dtype == bool and which.shape != (len(self),):
             raise InputError.of("mask", f"must be ({len(self)},)", which.shape)
@@ -68,14 +68,14 @@ class Taps:
 
     @staticmethod
     def concatenate(parts: Sequence[Taps]) -> Taps:
-        """Taps of several sets with the same pins, one after the other."""
+        """Return the taps of several sets with the same pins, concatenated."""
         import pandas as pd
 
         if not parts:
-            raise InputError("parts: got none, must be one or more", "parts", parts)
+            raise InputError("parts must be one or more, got none", "parts", parts)
         if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
             raise InputError(
-                "parts: got sets with different rest_mm, must have the same pins", "parts"
+                "parts must have the same pins, got sets with different rest_mm", "parts"
             )
         if len({p.stimulus for p in parts}) > 1:
             raise InputError("parts must be taps of one stimulus, got gratings and edges", "parts")
@@ -84,7 +84,7 @@ class Taps:
         return Taps(displacement, parts[0].rest_mm, labels, parts[0].stimulus)
 
     def save(self, path: str | Path, about: dict[str, Any]) -> Path:
-        """Write the taps as .npz with their provenance, whole or not at all."""
+        """Write the taps and their provenance to an .npz file; never leaves a partial file."""
         path = Path(path)
         columns = {f"label_{name}": self.labels[name].to_numpy() for name in self.labels}
         with replacing(path) as partial, partial.open("wb") as stream:
@@ -100,7 +100,7 @@ class Taps:
 
     @classmethod
     def load(cls, path: str | Path) -> tuple[Taps, dict[str, Any]]:
-        """Read taps and their provenance; ValueError if the file holds anything else."""
+        """Read taps and their provenance; ValueError if the file is not one of taps."""
         import pandas as pd
 
         path = Path(path)
@@ -110,7 +110,7 @@ class Taps:
             with np.load(path, allow_pickle=False) as stored:
                 labels = {n[6:]: stored[n] for n in stored.files if n.startswith("label_")}
                 about = json.loads(str(stored["about"]))
-                # Files of before there were edges hold gratings.
+                # Files written before edges were supported contain gratings.
                 stimulus = str(stored["stimulus"]) if "stimulus" in stored else "grating"
                 table = pd.DataFrame(labels)
                 taps = cls(stored["displacement_mm"], stored["rest_mm"], table, stimulus)
@@ -121,15 +121,15 @@ class Taps:
         return taps, about
 
     def maps(self, shape: tuple[int, int] = (19, 19)) -> Singles:
-        """Images of the displacement's magnitude, what the decoder sees.
+        """Return maps of displacement magnitude, the input of the grating decoder.
 
-        Each is z-scored (Pestell, Griffith & Lepora 2022). Pins that are not on a grid of that
-        shape are interpolated linearly, beyond the outermost ones by the nearest.
+        Each is z-scored (Pestell, Griffith & Lepora 2022). Pins that are not on a grid of this
+        shape are interpolated linearly; outside the array, the nearest pin is used.
 
         Returns
         -------
         ndarray, (taps, 1, *shape)
-            Rows from the top down.
+            Rows run from top to bottom.
         """
         size = np.linalg.norm(self.displacement_mm, axis=2)
         grid = _grid(self.rest_mm, shape)
@@ -142,14 +142,14 @@ class Taps:
 
 
 def _grid(rest_mm: Array, shape: tuple[int, int]) -> Array:
-    """Places (pixels, 2) of an image over the pins, row by row from the top left."""
+    """Return positions (pixels, 2) of a map over the pins, row by row from the top left."""
     (left, bottom), (right, top) = rest_mm.min(axis=0), rest_mm.max(axis=0)
     x, y = np.meshgrid(np.linspace(left, right, shape[1]), np.linspace(top, bottom, shape[0]))
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 def _interpolation(rest_mm: Array, grid: Array) -> Singles:
-    """Weights (pins, pixels) of linear interpolation, of the nearest pin outside them all."""
+    """Return weights (pins, pixels) of linear interpolation; nearest pin outside the array."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
     each = np.eye(len(rest_mm))

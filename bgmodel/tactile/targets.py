@@ -1,4 +1,4 @@
-"""Tables of real TacTip recordings: which columns name images, poses and objects."""
+"""Tables of real TacTip recordings: columns with images, poses and objects."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
 
 @dataclass(frozen=True)
 class Form:
-    """A table of taps, the folders of its images, and how its columns are named."""
+    """Layout of a recording: table of taps, image folders and column names."""
 
     table: str
-    """Name of the file."""
+    """File name of the table."""
     image: str
-    """Column with the names of the images."""
+    """Column with image names."""
     folders: tuple[str, ...]
-    """Folders of images beside the table, by preference."""
+    """Image folders relative to the table, in order of preference."""
     label: str
-    """Column with what was tapped."""
+    """Column with the object tapped."""
     shear: str
-    """Columns of shear begin so."""
+    """Prefix of shear columns."""
     axes: tuple[str, ...]
-    """How columns of the pose and of shear end."""
+    """Suffixes of pose and shear columns."""
 
 
 NUMBERED = ("1", "2", "3", "4", "5", "6")
 NAMED = ("x", "y", "z", "Rx", "Ry", "Rz")
-# Where a folder has both tables, the one "with images" was derived from the other. Parts of a
-# recording, for training and for testing, are folders of tables alone beside the images of all.
+# If a folder has both tables, targets_images.csv was derived from the other. Training and test
+# parts of a recording have their own folders with a table, next to one folder with all images.
 FORMS = (
     Form("targets_images.csv", "sensor_image", ("processed_images", "sensor_images"),
            "object_label", "shear_", NAMED),
@@ -44,16 +44,16 @@ FORMS = (
 
 
 def read_targets(folder: str | Path) -> pd.DataFrame:
-    """Labels of a recording in any of the known forms.
+    """Read the labels of a recording in any of the known layouts.
 
     Returns one row per tap: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image`
-    (path), and where recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
+    (path), and if recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Folder, table, image folder or an image does not exist; the table cannot be read, is empty,
-        lacks a column or has a pose that is not a number.
+        The folder, table, image folder or an image does not exist; the table cannot be read, is
+        empty, lacks a column or has a pose that is not a number.
     """
     folder = Path(folder)
     form, raw = _read_table(folder)
@@ -75,26 +75,24 @@ def _read_table(folder: Path) -> tuple[Form, pd.DataFrame]:
     known = [form for form in FORMS if (folder / form.table).is_file()]
     if not known:
         tables = " nor ".join(dict.fromkeys(form.table for form in FORMS))
-        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is needed")
+        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is required")
     table = folder / known[0].table
     try:
         raw = pd.read_csv(table)
-    except ValueError as error:  # the base of what pandas raises on bad bytes and broken rows
+    except ValueError as error:  # base class of pandas errors for bad bytes and rows
         raise InputError(f"{table}: not a readable csv table ({error})", "folder") from error
     known = [form for form in known if form.table == table.name]
     form = next((form for form in known if form.image in raw), None)
     if form is None:
         columns = " and ".join(form.image for form in known)
-        raise InputError(
-            f"{table}: lacks {columns}; a column with the names of images is needed", "folder"
-        )
+        raise InputError(f"{table}: lacks {columns}; a column of image names is required", "folder")
     poses = [f"pose_{axis}" for axis in form.axes]
     if missing := [column for column in poses if column not in raw]:
         raise InputError(
-            f"{table}: lacks {', '.join(missing)}; needed are {', '.join(poses)}", "folder"
+            f"{table}: lacks {', '.join(missing)}; needed: {', '.join(poses)}", "folder"
         )
     if raw.empty:
-        raise InputError(f"{table}: has no rows; a recording has at least one tap", "folder")
+        raise InputError(f"{table}: has no rows; a recording needs at least one tap", "folder")
     return form, raw
 
 

@@ -1,4 +1,4 @@
-"""The tactile tasks: questions about taps, and how decoded taps become readings."""
+"""Tactile tasks: their hypotheses, and how decoded taps become readings."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TOLERANCE_DEG = 0.5
-"""Largest distance of a pair's true turn from the one that is asked, degrees."""
+"""Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
 MOST_HYPOTHESES = 8
 
 
 class Task(Protocol):
-    """A question about taps: its hypotheses, and how decoded taps become readings."""
+    """A tactile task: its hypotheses, and how decoded taps become readings."""
 
     stimulus: ClassVar[str]
-    """What must be tapped, a name in ``taps.STIMULI``."""
+    """Stimulus to be tapped, a name in ``taps.STIMULI``."""
     column: ClassVar[str]
-    """What is read of a decoded tap."""
+    """Column of the decoded taps that the task uses."""
     taps: ClassVar[int]
-    """Taps that make one reading."""
+    """Number of taps per reading."""
     range_deg: ClassVar[tuple[float, float]]
     circular: ClassVar[bool]
 
@@ -41,25 +41,25 @@ class Task(Protocol):
 
     @property
     def where(self) -> str:
-        """What the taps are of, for a sentence."""
+        """Description of the stimulus, for use in messages."""
         ...
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
-        """Return what the task needs of decoded taps, an array per kind of tap, a row per tap."""
+        """Return the data used from decoded taps: one array per kind of tap, one row per tap."""
         ...
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Turn a pool, or a part of one, into readings, an array per hypothesis, degrees."""
+        """Turn a pool, or part of one, into readings: one array per hypothesis, degrees."""
         ...
 
     def reading(self, angles_deg: Sequence[float]) -> float:
-        """Turn the decoded angles of ``taps`` taps into one reading, degrees."""
+        """Combine the decoded angles of ``taps`` taps into one reading, degrees."""
         ...
 
 
 @dataclass(frozen=True)
 class SameDifferent:
-    """Whether two gratings are the same, AA, or different, AB (Burguete et al. 2023).
+    """Are two gratings the same (AA) or different (AB)? Burguete et al. (2023).
 
     The reading is ``Psi = psi_2 - psi_1``, the difference of two decoded angles.
     """
@@ -80,20 +80,20 @@ class SameDifferent:
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
-        """The two yaws."""
+        """Yaws of A and B, degrees."""
         return self.a_deg, self.b_deg
 
     @property
     def where(self) -> str:
-        """The grating."""
+        """Description of the grating, for use in messages."""
         return f"at a period of {self.period_mm:g} mm"
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
-        """Return the decoded angles of A and of B."""
+        """Return the decoded angles of A and of B, degrees."""
         return of_grating(taps, self.period_mm, self.yaws_deg, self.column)
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Return the differences of all pairs of taps: S1 (AA, never a tap with itself), S2."""
+        """Return differences of all pairs of taps: S1 (AA, two different taps) and S2 (AB)."""
         a, b = pool
         same = a[:, None] - a[None, :]
         return [same[~np.eye(len(a), dtype=bool)], (b[:, None] - a[None, :]).ravel()]
@@ -105,7 +105,7 @@ class SameDifferent:
 
 @dataclass(frozen=True)
 class Orientations:
-    """Which of N evenly spaced orientations is it?  The reading is the decoded orientation."""
+    """Which of N evenly spaced orientations is it? The reading is the decoded orientation."""
 
     count: int = 4
     """Number of orientations, 2 to 8."""
@@ -128,35 +128,35 @@ class Orientations:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The yaws as text."""
+        """Yaws as text."""
         return tuple(f"{yaw:g}" for yaw in self.yaws_deg)
 
     @property
     def where(self) -> str:
-        """The grating."""
+        """Description of the grating, for use in messages."""
         return f"at a period of {self.period_mm:g} mm"
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
-        """Return the decoded orientations, an array per yaw."""
+        """Return the decoded orientations, one array per yaw, degrees."""
         return of_grating(taps, self.period_mm, self.yaws_deg, self.column)
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Return the decoded orientations as they are."""
+        """Return the decoded orientations unchanged."""
         return [np.asarray(part) for part in pool]
 
     def reading(self, angles_deg: Sequence[float]) -> float:
-        """Return the decoded orientation as it is."""
+        """Return the decoded orientation unchanged."""
         return angles_deg[0]
 
 
 @dataclass(frozen=True)
 class _Edge:
-    """A question about an edge, with hypotheses 0, D, ..., (N - 1) D degrees."""
+    """Task on an edge with hypotheses 0, D, ..., (N - 1) D degrees."""
 
     count: int = 2
     """Number of hypotheses, 2 to 8."""
     step_deg: float = 5.0
-    """Degrees between two neighbouring hypotheses, D."""
+    """Angle D between neighbouring hypotheses, degrees."""
 
     stimulus: ClassVar[str] = "edge"
     column: ClassVar[str] = "edge_deg"
@@ -174,41 +174,41 @@ class _Edge:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The angles as text."""
+        """Angles as text."""
         return tuple(f"{angle:g}" for angle in self.angles_deg)
 
     @property
     def where(self) -> str:
-        """The step."""
+        """Description of the step, for use in messages."""
         return f"in steps of {self.step_deg:g} degrees"
 
     def pool(self, taps: pd.DataFrame) -> list[Array]:
         """Return true and decoded yaw of every tap, one array (taps, 2), degrees.
 
-        In a random order that depends on nothing but their number: recordings are sorted by yaw,
-        and a fold of every sixth tap would then hold no two taps of nearly the same yaw.
+        Taps are shuffled, in an order that depends only on their number: recordings are sorted by
+        yaw, so a fold of every sixth tap would contain no two taps of nearly the same yaw.
         """
         table = columns(taps, ["yaw_deg", self.column], "an edge").to_numpy(dtype=np.float64)
         return [table[stream(0, "order of taps").permutation(len(table))]]
 
 
 class EdgeTurn(_Edge):
-    """By how much an edge was turned between two taps: not at all, by D, by 2 D and so on.
+    """Rotation of an edge between two taps: 0, D, 2 D and so on.
 
-    With two hypotheses it asks whether two edges are the same. The reading is the difference of
-    two decoded yaws.
+    With two hypotheses the question is whether it was rotated at all. The reading is the difference
+    of two decoded yaws.
     """
 
     taps: ClassVar[int] = 2
     circular: ClassVar[bool] = False
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Return the decoded differences of all pairs of taps with each true difference."""
+        """Return, per hypothesis, decoded differences of all pairs with that true difference."""
         true, read = pool[0][np.argsort(pool[0][:, 0], kind="stable")].T
         around = np.concatenate([true - 360, true, true + 360])
         found: list[Array] = []
         for angle in self.angles_deg:
-            # Of each tap, the others that lie within the tolerance of the angle ahead of it.
+            # For each tap, the other taps rotated by this angle, within the tolerance.
             first = np.searchsorted(around, true + angle - TOLERANCE_DEG, side="right")
             count = np.searchsorted(around, true + angle + TOLERANCE_DEG) - first
             one = np.repeat(np.arange(len(true)), count)
@@ -220,41 +220,41 @@ class EdgeTurn(_Edge):
         return found
 
     def reading(self, angles_deg: Sequence[float]) -> float:
-        """Return by how much the decoded yaw turned."""
+        """Return the difference of the two decoded yaws."""
         return float(wrapped(np.float64(angles_deg[1] - angles_deg[0]), 360))  # type: ignore[arg-type]
 
 
 class EdgeDirection(_Edge):
-    """Which of N directions, D degrees apart, an edge has.
+    """Direction of an edge, one of N that are D degrees apart.
 
-    The reading is the decoded yaw as seen from the first direction. Every tap serves for every
-    hypothesis: the frame of its hypotheses is turned so that its true yaw is the one asked, which
-    assumes that the sensor reads all directions alike.
+    The reading is the decoded yaw relative to the first direction. Every tap is used for every
+    hypothesis, by rotating the reference frame so that its true yaw is that of the hypothesis.
+    This assumes that decoding errors are alike in all directions.
     """
 
     taps: ClassVar[int] = 1
     circular: ClassVar[bool] = True
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Return the decoded directions of all taps, as if each had the direction asked."""
+        """Return decoded directions of all taps, rotated to the direction of each hypothesis."""
         true, read = pool[0].T
         return [np.asarray(wrapped(read - true + angle, 360)) for angle in self.angles_deg]
 
     def reading(self, angles_deg: Sequence[float]) -> float:
-        """Return the decoded yaw, where the first direction is 0 degrees."""
+        """Return the decoded yaw relative to the first direction."""
         return angles_deg[0]
 
 
 def of_grating(
     taps: pd.DataFrame, period_mm: float, yaws_deg: tuple[float, ...], column: str
 ) -> list[Array]:
-    """Return a column of the decoded taps of one grating, an array per yaw.
+    """Return a column of the decoded taps of one grating, one array per yaw.
 
     Raises
     ------
     ValueError
-        If there is no such grating among the taps, or no tap at a yaw: with the command that makes
-        them.
+        If the taps do not include this grating, or lack one of the yaws; the message then names
+        the command that simulates them.
     """
     table = columns(taps, ["period_mm", "yaw_deg", column], "gratings")
     here = table[np.isclose(table["period_mm"], period_mm)]
@@ -263,12 +263,12 @@ def of_grating(
         raise InputError.of("period_mm", f"must be one of {known}", period_mm)
     pool = []
     for yaw in yaws_deg:
-        # Within the rounding of the table.
+        # The tolerance allows for rounding in the table.
         values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), column]
         if values.empty:
             wanted = " ".join(f"{each:g}" for each in yaws_deg)
             raise InputError(
-                f"there are no taps of period {period_mm:g} mm at a yaw of {yaw:g} degrees: make "
+                f"there are no taps of period {period_mm:g} mm at a yaw of {yaw:g} degrees: create "
                 f"them with `bgmodel simulate held_out.npz --periods-mm {period_mm:g} --yaw-deg "
                 f"{wanted}`, and decode them",
                 "taps",
@@ -278,7 +278,7 @@ def of_grating(
 
 
 def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFrame:
-    """Return columns of a table of decoded taps; ValueError if it is not one of that stimulus."""
+    """Return columns of decoded taps; ValueError if the table is for another stimulus."""
     lacking = [name for name in wanted if name not in taps]
     if lacking:
         raise InputError(
@@ -300,4 +300,4 @@ TASKS: dict[str, Callable[[int, float, float], Task]] = {
     "edge-turn": lambda count, period_mm, step_deg: EdgeTurn(count, step_deg),
     "edge-direction": lambda count, period_mm, step_deg: EdgeDirection(count, step_deg),
 }
-"""Tasks by name, made from a number of hypotheses, the period of a grating, mm, and a step."""
+"""Tasks by name: functions of number of hypotheses, grating period (mm) and step (degrees)."""

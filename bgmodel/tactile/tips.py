@@ -1,4 +1,4 @@
-"""Tips of the sensor: where the pins stand, and what the camera needs to know of them."""
+"""Tips of the sensor: pin layout and camera geometry."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -14,12 +14,12 @@ Layout = Literal["square", "hexagonal", "circular"]
 
 @dataclass(frozen=True)
 class Tip:
-    """A dome with pins on its inner side, seen by a camera behind it."""
+    """Dome with pins on its inner surface, viewed by a camera behind it."""
 
     layout: Layout = "square"
-    """Pins: square 19 x 19 (Pestell, Griffith & Lepora 2022), hexagonal 127, circular 331."""
+    """Pin layout: square 19 x 19 (Pestell, Griffith & Lepora 2022), hexagonal 127, circular 331."""
     pitch_mm: float = 1.2
-    """Distance between neighbouring pins, or rings of pins, mm; assumed."""
+    """Distance between neighbouring pins or rings of pins, mm; assumed."""
     pin_mm: float = 1.5
     """Length of a pin, mm; assumed."""
     radius_mm: float = 20.0
@@ -35,26 +35,26 @@ class Tip:
         check_range(0, np.inf, owner="Tip", pin_mm=self.pin_mm)
 
     def rest_mm(self) -> NDArray[np.float64]:
-        """Places of the pins at rest, x to the right and y up.
+        """Return the positions of the pins at rest, x to the right and y up.
 
         Returns
         -------
         ndarray, (pins, 2)
-            mm from the apex. The square array runs row by row from the top left, so that a value
-            for each pin, reshaped to 19 x 19, is an image.
+            Positions relative to the apex, mm. The square array runs row by row from the top left,
+            so that one value per pin, reshaped to 19 x 19, forms an image.
         """
         places = {"square": _square, "hexagonal": _hexagonal, "circular": _circular}[self.layout]
         return places() * self.pitch_mm
 
 
 def _square() -> NDArray[np.float64]:
-    """361 pins in 19 rows of 19."""
+    """Return 361 pins in 19 rows of 19."""
     x, y = np.meshgrid(np.arange(-9.0, 10.0), np.arange(9.0, -10.0, -1.0))
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 def _hexagonal() -> NDArray[np.float64]:
-    """127 pins of a triangular lattice within a hexagon: six rings about the middle one."""
+    """Return 127 pins of a triangular lattice in a hexagon: six rings around a central pin."""
     rings = 6
     rows = [
         np.column_stack([np.arange(count) - (count - 1) / 2, np.full(count, -row * 0.75**0.5)])
@@ -65,7 +65,7 @@ def _hexagonal() -> NDArray[np.float64]:
 
 
 def _circular() -> NDArray[np.float64]:
-    """331 pins: ten circles of 6, 12, ... 60 about the middle one."""
+    """Return 331 pins: ten circles of 6, 12, ... 60 pins around a central one."""
     circles = [np.zeros((1, 2))]
     for ring in range(1, 11):
         angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)

@@ -42,7 +42,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
     assert run("train", taps, decoder, *quick) == 0
     told = capsys.readouterr().err
-    assert "bgmodel: training on 300 taps, 1 epochs at most\n" in told
+    assert "bgmodel: training on 300 taps for at most 1 epochs\n" in told
     assert run("decode", decoder, taps, decoded) == 0
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)

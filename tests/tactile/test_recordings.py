@@ -268,7 +268,7 @@ BAD = {
     "blank": (edit_image(np.zeros_like), "image_2.png: 0 markers found"),
     "half seen": (
         edit_image(lambda i: i * (np.arange(SIZE) < 60).astype(np.uint8)),
-        "image_2.png: .* of 91 pins are seen",
+        "image_2.png: .* of 91 pins were detected",
     ),
 }
 
