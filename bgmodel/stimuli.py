@@ -206,9 +206,6 @@ class Stimuli:
                 drawn = replace(drawn, prior=np.asarray(prior, dtype=np.float64))
             return Trials(drawn, [str(i) for i in range(self.channels)])
         readings = self.readings(density)
-        if len(readings.names) != self.channels:
-            must = f"must be {len(readings.names)} for {self.task}"
-            raise InputError.of("channels", must, self.channels)
         tapped = readings.draw(self.trials, self.t_max, rng=rng, prior=prior, step_ms=self.step_ms)
         return Trials(tapped, list(readings.names))
 

@@ -48,7 +48,7 @@ def test_a_session_of_a_circuit_says_so_once():
 
 @pytest.mark.parametrize(("given", "says"), [
     ({"taps": "nofile.csv"}, "taps for tactile tasks"),
-    ({"task": "same-different", "channels": 4}, "channels must be 2"),
+    ({"task": "same-different", "channels": 4}, "channels same-different has 2 alternatives"),
     ({"conflict": 5.0}, "conflict must lie in"),
 ])  # fmt: skip
 def test_evidence_is_drawn_from_settings_that_fit(given, says):
@@ -64,10 +64,8 @@ def test_copies_of_trials_are_not_counted_as_new_in_silence():
 
 def test_models_that_need_a_zero_get_one():
     shifted = evidence()
-    shifted = bg.Evidence(
-        shifted.log_likelihood - 0.1, shifted.truth, step_ms=50, baseline=-0.1
-    )
-    with refused("baselines race zero means that nothing was seen"):
+    shifted = bg.Evidence(shifted.log_likelihood - 0.1, shifted.truth, step_ms=50, baseline=-0.1)
+    with refused("baselines race needs evidence in which zero means that nothing was seen"):
         bg.compare("macaque", shifted, baselines="race", accuracies=0.9)
 
 
@@ -78,7 +76,7 @@ def test_a_course_in_seconds_is_doubted():
 
 def test_a_change_in_fractions_of_a_percent_is_doubted():
     with pytest.warns(DataWarning, match="give -15 for -15 %"):
-        Effect("mean_ms", -0.15, low=-0.2, high=-0.1, unit="percent")
+        Effect("mean_ms", -0.15, low=-0.2, high=-0.1, unit="percent", source="none")
 
 
 def test_units_of_times_are_those_of_all_participants():

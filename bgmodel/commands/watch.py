@@ -142,7 +142,7 @@ class Watch(Asks, Writes):
         from bgmodel.integrators.sprt import Msprt
         from bgmodel.tactile.decoder import Decoder
         from bgmodel.tactile.recordings import Tracker
-        from bgmodel.tactile.source import read_decoded, source
+        from bgmodel.tactile.source import check_decoder, read_decoded, source
         from bgmodel.tactile.task import TASKS
         from circuits.anatomy import load_circuit
 
@@ -155,6 +155,7 @@ class Watch(Asks, Writes):
                 "decoder",
                 self.decoder,
             )
+        check_decoder(self.taps, self.decoder, decoder.about)
         known = source(read_decoded(self.taps), task)
         known.warn_if_silent()
         tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
@@ -184,23 +185,7 @@ def compare(
         read-out and not crossed by noise at rest: all measures are NaN there. If the readings or
         a baseline model do not reach one. If posteriors at the decision are not calibrated.
     """
-    check_trials(check_evidence(evidence).trials)
-    copies = evidence.trials - len(np.unique(evidence.trial_numbers))
-    if copies:
-        DataWarning.warn(
-            f"{copies} of {evidence.trials} trials are copies of others: intervals count each as "
-            "an independent trial"
-        )
-    baselines = [baselines] if isinstance(baselines, str) else baselines
-    if not isinstance(baselines, (list, tuple)) or not all(
-        name in list(BASELINES) for name in baselines
-    ):
-        raise InputError.of("baselines", f"must be among {', '.join(BASELINES)}", baselines)
-    for name in baselines:
-        if evidence.baseline and name not in baselines_on(zero_is_nothing=False):
-            needs = "needs evidence in which zero means that nothing was seen"
-            said = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
-            raise InputError(said, "baselines")
+    baselines = _checked(evidence, baselines)
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
         model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
@@ -261,6 +246,28 @@ def compare(
         parts.append(table.assign(model=name, reference=reference))
     whole = pd.concat(parts, ignore_index=True)
     return Comparison(model, evidence.trials, whole, curves)
+
+
+def _checked(evidence: Evidence, baselines: Sequence[str] | str) -> Sequence[str]:
+    """Return the names of baseline models; ValueError if they or the evidence do not fit."""
+    check_trials(check_evidence(evidence).trials)
+    copies = evidence.trials - len(np.unique(evidence.trial_numbers))
+    if copies:
+        DataWarning.warn(
+            f"{copies} of {evidence.trials} trials are copies of others: intervals count each as "
+            "an independent trial"
+        )
+    baselines = [baselines] if isinstance(baselines, str) else baselines
+    if not isinstance(baselines, (list, tuple)) or not all(
+        name in list(BASELINES) for name in baselines
+    ):
+        raise InputError.of("baselines", f"must be among {', '.join(BASELINES)}", baselines)
+    for name in baselines:
+        if evidence.baseline and name not in baselines_on(zero_is_nothing=False):
+            needs = "needs evidence in which zero means that nothing was seen"
+            said = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
+            raise InputError(said, "baselines")
+    return baselines
 
 
 def _curves(models: Mapping[str, Tradeoff]) -> pd.DataFrame:

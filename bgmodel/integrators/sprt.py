@@ -98,7 +98,9 @@ class Decides:
         nothing = Evidence(np.zeros((1, 1, count)), prior=prior)  # type: ignore[arg-type]
         if (self.run(nothing).out_nats[0, 0] < level).any():
             said = f"the prior is past the threshold of {level:.3g} already"
-            raise InputError(f"a session would decide before its first reading: {said}", "threshold")
+            raise InputError(
+                f"a session would decide before its first reading: {said}", "threshold"
+            )
         return Session(
             lambda trial: self.run, count, level,
             step_ms=step_ms, t_max=t_max, prior=prior, forced=forced,

@@ -22,7 +22,7 @@ from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.columns import check_numeric, check_spelt, names_once
 from bgmodel.tables.text_files import separated
 from bgmodel.tables.trials import RESULT, Trials
-from circuits.errors import InputError, within
+from circuits.errors import DataWarning, InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that identify trials, the first one only if a table has it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,14 +18,16 @@ import pandas as pd
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
-from bgmodel.support.files import read_provenance, read_table
+from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, fit_likelihood
 from bgmodel.tactile.task import TASKS, Task
-from circuits.errors import CalibrationWarning, InputError, require, user_level
+from circuits.errors import CalibrationWarning, DataWarning, InputError, require, user_level
 
 FOLDS = 6
 STEP_MS = 500.0
+COPIED = 0.01
+"""Share of duplicate taps from which a warning is given."""
 SILENT_NATS = 0.1
 """Mean log-likelihood ratio of a reading below which a task is considered uninformative, nats."""
 SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
@@ -192,6 +195,12 @@ def read_decoded(path: Path | None = None) -> pd.DataFrame:
             "taps that were not used in its training",
             "taps",
         )
+    copies = int(table.duplicated().sum())
+    if copies > COPIED * len(table):
+        DataWarning.warn(
+            f"{copies} of {len(table)} taps are copies of others: likelihoods are scored on taps "
+            "that they were fitted to"
+        )
     return table
 
 
@@ -201,6 +210,31 @@ def decoder_of(path: Path) -> dict[str, Any]:
         return dict(read_provenance(path)["parameters"]["decoder"])
     except (OSError, KeyError, TypeError, ValueError):
         return {}
+
+
+def check_decoder(path: Path, decoder: Path, about: dict[str, Any]) -> None:
+    """Refuse a table decoded by another decoder; warn if it does not record its decoder.
+
+    Parameters
+    ----------
+    path, decoder : path
+        The decoded table, and the decoder's file.
+    about : dict
+        Provenance of the decoder: that of both of its files, .safetensors and .onnx.
+    """
+    recorded = decoder_of(path)
+    if not recorded:
+        DataWarning.warn(f"{path.name} does not record which decoder made it: it must be this one")
+        return
+    same = recorded.pop("sha256", "") == checksum(decoder) or recorded == json.loads(
+        json.dumps(about)
+    )
+    if not same:
+        raise InputError(
+            f"{path.name} was decoded by another decoder than {decoder.name}: what a reading is "
+            "worth differs between decoders, so decode taps with this one",
+            "taps",
+        )
 
 
 def source(

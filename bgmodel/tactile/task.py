@@ -12,7 +12,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 TOLERANCE_DEG = 0.5
 """Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
 MOST_HYPOTHESES = 8
+MANY = 30
+"""Number of taps from which their yaws are checked for radians."""
 
 
 class Task(Protocol):
@@ -189,6 +191,11 @@ class _Edge:
         yaw, so a fold of every sixth tap would contain no two taps of nearly the same yaw.
         """
         table = columns(taps, ["yaw_deg", self.column], "an edge").to_numpy(dtype=np.float64)
+        widest = np.abs(table[:, 0]).max(initial=0.0)
+        if 3.0 < widest < 3.15 and len(table) >= MANY:
+            DataWarning.warn(
+                f"yaw_deg runs to {widest:.3g}: it seems to be in radians, not degrees"
+            )
         return [table[stream(0, "order of taps").permutation(len(table))]]
 
 

@@ -91,6 +91,19 @@ def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, cap
     assert "not a readable image: this image is skipped" in told.err
 
 
+def test_a_table_of_another_decoder_is_refused(sensor, tmp_path, capsys):
+    _, decoder, _, taps = sensor
+    images, table = taps.labels["image"][0].parent.parent, tmp_path / "own.parquet"
+    asked = ["--edge", "--mm-per-px", MM_PER_PX]
+    other = tmp_path / "other.safetensors"
+    train(taps, seed=2, training=EDGE).save(other)
+    assert run("decode", other, images, table, *asked) == 0
+    (tmp_path / "camera").mkdir()
+    watch = ["watch", tmp_path / "camera", tmp_path / "o.csv", "--decoder", decoder]
+    assert run(*watch, "--taps", table, "--mm-per-px", MM_PER_PX, "--idle-s", 0.1) == 2
+    assert "was decoded by another decoder" in capsys.readouterr().err
+
+
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
     for name in ("b.png", "a.png", "notes.txt"):
         (tmp_path / name).write_bytes(b"x")
