@@ -99,8 +99,8 @@ class Source:
         """Warn if readings are uninformative: the decoder does not distinguish the hypotheses."""
         if self.silent:
             warnings.warn(
-                f"{self.where} the decoder tells none of the {len(self.names)} hypotheses apart: "
-                f"a reading is worth less than {SILENT_NATS:g} nats, and every choice is a guess",
+                f"the decoder does not distinguish the {len(self.names)} hypotheses {self.where}: "
+                f"a reading carries less than {SILENT_NATS:g} nats, so every choice is a guess",
                 CalibrationWarning,
                 stacklevel=user_level(),
             )

@@ -275,7 +275,7 @@ def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
         source(TAPS, Orientations(count, period_mm=period), fold=0) for period in (1.0, 2.0)
     )
     with pytest.warns(
-        CalibrationWarning, match=f"of 1 mm the decoder tells none of the {count} hypoth"
+        CalibrationWarning, match=f"distinguish the {count} hypotheses at a period of 1 mm"
     ):
         fine.warn_if_silent()
     assert np.ptp(np.concatenate(fine.log_likelihood)) == 0
