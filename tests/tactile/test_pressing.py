@@ -69,7 +69,7 @@ def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
         (LibraryPlan, {"forces_n": (1.5, 1.2)}, "forces_n"),
         (LibraryPlan, {"dx_mm": 0.3}, "dx_mm"),
         (LibraryPlan, {"stored_dx_mm": 0.3}, "stored_dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.0625}, "dx_mm stored one not the smaller"),
+        (LibraryPlan, {"stored_dx_mm": 0.0625}, "dx_mm stored_dx_mm must not be smaller"),
         (LibraryPlan, {"radius_mm": np.nan}, "radius_mm"),
         (LibraryPlan, {"radius_mm": -20.0}, "radius_mm"),
         (LibraryPlan, {"tol": 0.0}, "tol"),
