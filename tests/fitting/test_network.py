@@ -160,10 +160,11 @@ def test_reading_a_network_needs_no_torch():
 def test_the_score_halves_the_trials_of_every_drift():
     rows = np.arange(8)[None]
     whole = FirstPassageTimes(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
-    assert [likelihood.part(whole, half).bins.tolist() for half in (0, 1)] == [
-        [[0, 1, 4, 5]],
-        [[2, 3, 6, 7]],
-    ]
+    assert whole.counted(0) is whole.counted(0)  # counts are kept, and halves have their own
+    halves = [likelihood.part(whole, half) for half in (0, 1)]
+    assert [half.parts.tolist() for half in halves] == [[True, False], [False, True]]
+    first, second = (half.counted(0) for half in halves)
+    assert not np.array_equal(first.decided, second.decided)
 
 
 def test_the_score_draws_parameters_within_the_bounds(network):
