@@ -59,9 +59,10 @@ def read_evidence_table(
     path = path_of(path)
     table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
     try:
-        if 0 < step_ms < 1:
+        trials = trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
+        if step_ms < 1:
             DataWarning.warn(f"step_ms is {step_ms:g}: times are in ms, one reading to the next")
-        return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
+        return trials
     except ValueError as error:
         raise within(path.name, error, "path") from None
 
