@@ -128,7 +128,7 @@ class Taps:
 
         Returns
         -------
-        ndarray, (taps, 1, *shape)
+        ndarray, (taps, 1, rows, columns)
             Rows run from top to bottom.
         """
         size = np.linalg.norm(self.displacement_mm, axis=2)
