@@ -178,8 +178,7 @@ class Stimuli:
             How likelihoods of decoded taps are estimated.
         """
         self.check()
-        if self.taps is not None and self.task == "gaussian":
-            raise InputError("taps are for tactile tasks, this one is gaussian", "taps")
+        self._check_task(replace(self, taps=None))
         if self.evidence is not None:
             from bgmodel.tables.evidence import read_evidence_table
 

@@ -8,7 +8,7 @@ import io
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pandas as pd
@@ -29,6 +29,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import Folds, Source, folds
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -176,8 +177,10 @@ def story(
         evidence = readings.draw(trials, T_MAX, rng=stream(seed, "touch"), step_ms=step_ms)
         stimuli = sorted({*values, value})
         curve = pd.DataFrame([_one_reading(taps, task_of(each), each) for each in stimuli])
-        model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), "population", seed=seed)
-        found = _compared(model, evidence, readings, workers, seed)
+        engine = engine_of("population", workers=workers)
+        model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), engine, seed=seed)
+        groups = readings.groups(trials)
+        found = compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
         learning, learned = _learned(readings, learner or Learner(), seed)
         courses, decided = _one_decision(evidence, seed)
     test = Msprt().decide(evidence, posterior=POSTERIOR)
@@ -231,15 +234,6 @@ def _spread_deg(taps: pd.DataFrame, task: Task) -> float:
     each = task.readings(task.pool(taps))
     sds = [circstd(one, high, low) if task.circular else np.std(one) for one in each]
     return float(np.mean(sds))
-
-
-def _compared(
-    model: BasalGanglia, evidence: Evidence, readings: Folds, workers: int, seed: int
-) -> Any:
-    tuned = model.engine.tuned(workers=workers)
-    model = BasalGanglia(model.circuit, tuned, model.gain, model.seed)
-    groups = readings.groups(evidence.trials)
-    return compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
 
 
 def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:

@@ -47,7 +47,7 @@ def test_a_session_of_a_circuit_says_so_once():
 
 
 @pytest.mark.parametrize(("given", "says"), [
-    ({"taps": "nofile.csv"}, "taps for tactile tasks"),
+    ({"taps": "nofile.csv"}, "taps does not use it"),
     ({"task": "same-different", "channels": 4}, "channels same-different has 2 alternatives"),
     ({"conflict": 5.0}, "conflict must lie in"),
 ])  # fmt: skip
@@ -94,7 +94,7 @@ def test_a_step_in_seconds_is_doubted(tmp_path):
     path = tmp_path / "mine.csv"
     rows = [(t, k, 0.1 * t, 0.0) for t in range(12) for k in range(3)]
     pd.DataFrame(rows, columns=["trial", "step", "ll_a", "ll_b"]).to_csv(path, index=False)
-    with pytest.warns(DataWarning, match="times are in ms"):
+    with pytest.warns(DataWarning, match="is it in seconds"):
         read_evidence_table(path, step_ms=0.05)
 
 

@@ -97,16 +97,8 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
         folders.append(write(tmp_path / name, images, "dev-data"))
     mine = tmp_path / "mine"
     asked = ["touch", mine, "--training", folders[0], "--held-out", folders[1]]
-    asked += [
-        "--mm-per-px",
-        MM_PER_PX,
-        "--task",
-        "edge-direction",
-        "--step-deg",
-        20,
-        "--trials",
-        120,
-    ]
+    asked += ["--mm-per-px", MM_PER_PX, "--task", "edge-direction", "--step-deg", 20]
+    asked += ["--trials", 120]
     assert run(*asked) == 0
     assert "test_accuracy" in capsys.readouterr().out
     made = {name: checksum(mine / name) for name in ("decoder.safetensors", "decoded.parquet")}

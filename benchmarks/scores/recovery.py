@@ -82,7 +82,8 @@ def decided_by_circuit(
     values: Mapping[str, float], grid: Grid, number: int
 ) -> tuple[Array, Integers]:
     """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
-    model = fitted_circuit(NONE, DIRECT_TRIALS, grid.bins * BIN_S)
+    # It is run on new evidence: its stored trials, whose number matters to fits, are not used.
+    model = fitted_circuit(NONE, TRIALS, grid.bins * BIN_S)
     threshold = np.array([values["threshold_nats"]])
     drifts = values["sensitivity"] * np.array(STRENGTHS)
     seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))

@@ -95,7 +95,7 @@ class Watch(Asks, Writes):
             table = pd.DataFrame(rows, columns=COLUMNS)
             files.write_table(table, self.output, seed=self.seed, command=options_of(self))
         if session.readings:
-            say(f"the last trial ended undecided after {len(session.readings)} readings")
+            say(f"the last trial ended undecided after {len(session.readings)} steps")
         middle = f", {np.median(latency):.0f} ms from image to OUT (median)" if latency else ""
         print(f"{len(rows)} decisions on {len(latency)} readings{middle} -> {self.output}")
 

@@ -61,7 +61,9 @@ def read_evidence_table(
     try:
         trials = trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
         if step_ms < 1:
-            DataWarning.warn(f"step_ms is {step_ms:g}: times are in ms, one reading to the next")
+            DataWarning.warn(
+                f"step_ms, the time between readings in ms, is {step_ms:g}: is it in seconds?"
+            )
         return trials
     except ValueError as error:
         raise within(path.name, error, "path") from None

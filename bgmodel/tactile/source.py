@@ -231,8 +231,8 @@ def check_decoder(path: Path, decoder: Path, about: dict[str, Any]) -> None:
     )
     if not same:
         raise InputError(
-            f"{path.name} was decoded by another decoder than {decoder.name}: what a reading is "
-            "worth differs between decoders, so decode taps with this one",
+            f"{path.name} was decoded by another decoder than {decoder.name}: likelihoods differ "
+            "between decoders, so decode the taps with this one",
             "taps",
         )
 
