@@ -350,7 +350,7 @@ def _decision(ax: Axes, of: Story) -> None:
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
     ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="time (readings)",
            ylabel="OUT (nats)", title="example decision")  # fmt: skip
-    ax.legend(frameon=False, fontsize=8)
+    ax.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
 
 PANELS = (_psychometric, _speed, _learning, _decision)

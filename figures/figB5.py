@@ -144,7 +144,7 @@ def _edits(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
 def _number(value: float, measure: str) -> str:
     """Return a change with its sign as short text."""
     if measure == "accuracy":
-        return f"{value:+.2f}".replace("0.", ".").replace("-", "−")
+        return f"{value:+.2f}".replace("-", "−")
     text = f"{value:+.0f} %" if abs(value) >= 10 else f"{value:+.1f} %"
     return text.replace("-", "−")
 

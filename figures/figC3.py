@@ -155,7 +155,7 @@ def _measures(ax: Axes, rows: pd.DataFrame) -> None:
             bars(ax, x, here, mfc=face, label=name if label == CIRCUIT else None, **style)
     if rows["measure"].iloc[0].endswith("agreement"):
         ax.margins(y=0.08)
-    ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}".lstrip("0") for a in ACCURACIES])
+    ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}" for a in ACCURACIES])
 
 
 def _speed_accuracy(ax: Axes, rows: pd.DataFrame) -> None:
