@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.pages import RESULTS
+from benchmarks.pages import TABLES
 from benchmarks.scores import likelihood as score
 from benchmarks.scores.pieces import OUT, run
 from bgmodel import stream
@@ -197,7 +197,7 @@ def main() -> None:
     network = LikelihoodNetwork(trained(points), about(model))
     network.write(shipped_path())
     run(score.SCORE, list(score.pieces(False, 1)), OUT, False, "")
-    errors = read_table(RESULTS / "likelihood_network.csv")
+    errors = read_table(TABLES / "likelihood_network.csv")
     measured = {"error_nats": round(float(errors["error_nats"].mean()), 5)}
     measured["simulation_error_nats"] = round(float(errors["noise_nats"].mean()), 5)
     scored = {**network.about, **measured, "scoring_seed": score.SCORING_SEED}

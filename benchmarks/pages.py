@@ -1,7 +1,7 @@
 """Pages of results from their tables: python -m benchmarks.pages.
 
 A page is a template, ``docs/NAME.md.j2``, and every number in it comes from a table in
-``docs/results``, which a score wrote with its parameters, seed, versions and the hash of its
+``docs/tables``, which a score wrote with its parameters, seed, versions and the hash of its
 circuits. Results measured with an older circuit are marked automatically.
 """
 
@@ -20,7 +20,7 @@ from bgmodel.support.files import is_result, read_provenance, read_table, replac
 from circuits.anatomy import DEFAULT, load_circuit
 
 DOCS = Path(__file__).parents[1] / "docs"
-RESULTS = DOCS / "results"
+TABLES = DOCS / "tables"
 """Tables read by pages, under version control."""
 ENDING = ".md.j2"
 PLACEHOLDER = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", re.DOTALL)
@@ -43,7 +43,7 @@ def written_numbers(text: str) -> list[str]:
     return NUMBER.findall(PLACEHOLDER.sub("", text))
 
 
-def rendered(template: Path, results: Path = RESULTS) -> str:
+def rendered(template: Path, results: Path = TABLES) -> str:
     """Return the page of a template.
 
     Raises

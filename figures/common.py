@@ -260,7 +260,7 @@ def older(table: Path) -> bool:
     Parameters
     ----------
     table : path
-        A ``.csv`` of ``docs/results``, with the hashes of its circuits in its provenance.
+        A ``.csv`` of ``docs/tables``, with the hashes of its circuits in its provenance.
     """
     made_with = read_provenance(table)["parameters"]["circuits"]
     today = {key: ([DEFAULT, *key.split()][-2], int(key.split()[-1])) for key in made_with}

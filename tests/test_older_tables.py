@@ -14,7 +14,7 @@ from figures import figA4
 from figures.common import FAST, OLDER, older, say_if_older
 from tests.helpers import ROOT, told
 
-RESULTS = ROOT / "docs" / "results"
+TABLES = ROOT / "docs" / "tables"
 LOSSES = ("loss_behaviour.csv", "loss_anticipation.csv")
 
 
@@ -61,7 +61,7 @@ def test_a_table_of_another_circuit_is_said_under_the_figure_and_of_todays_nothi
 
 def test_a_figure_of_a_score_says_which_of_its_tables_is_older(tmp_path):
     for name in LOSSES:
-        for source in (RESULTS / name, provenance_path(RESULTS / name)):
+        for source in (TABLES / name, provenance_path(TABLES / name)):
             shutil.copyfile(source, tmp_path / source.name)
     with_another_hash(tmp_path / LOSSES[1], "4")
     with pytest.warns(UserWarning, match=OLDER):

@@ -19,7 +19,7 @@ from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
-PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
+PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "guides").glob("*.md"))]
 FENCED = r"```.*?```|`[^`]*`"
 CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
@@ -59,18 +59,18 @@ def test_a_decimal_or_an_interval_outside_a_placeholder_is_seen():
     assert pages.written_numbers(text) == [".93", "1.5", "[-3, 12]"]
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.RESULTS.glob("*.csv")])
+@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
 def test_a_table_says_what_it_was_made_from(path):
     behind = json.loads(provenance_path(path).read_text())
     assert set(behind) == {"parameters", "seed", "versions"}
     assert {"trials", "circuits"} <= set(behind["parameters"])
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.RESULTS.glob("*.csv")])
+@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
 def test_a_table_is_written_by_a_score_and_shown_or_named_by_a_page(path):
     assert path.stem.split("_")[0] in {module.SCORE.name for module in scores.MODULES}
     text = "".join(template.read_text() for template in pages.templates())
-    assert f'rows("{path.stem}")' in text or f"docs/results/{path.name}" in text
+    assert f'rows("{path.stem}")' in text or f"docs/tables/{path.name}" in text
 
 
 def test_a_table_of_another_circuit_says_so():
@@ -130,7 +130,7 @@ def test_r_of_times_is_what_noise_leaves_of_r_without_noise():
 
     Its factor is that of linear noise; thresholds of the circuit and of rates differ a little.
     """
-    table = read_table(pages.RESULTS / "limits_times.csv").dropna()
+    table = read_table(pages.TABLES / "limits_times.csv").dropna()
     assert len(table) > 15
     np.testing.assert_allclose(table["as_it_is"], table["attenuated"], atol=0.02)
     # Noise of cells and delays both take something, and together what is missing.
@@ -155,7 +155,7 @@ def score(tmp_path, monkeypatch):
             yield Piece("kind", name, trials, 60, lambda name=name: make(name))
 
     monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
-    monkeypatch.setattr(pieces, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(pieces, "TABLES", tmp_path / "results")
     monkeypatch.setattr(sys, "argv", ["scores"])
     found = Score("test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])})
     return found, computed, tmp_path

@@ -24,7 +24,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     ROOT / "figures" / "captions.toml",
     *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
+    *sorted((ROOT / "docs" / "guides").glob("*.md")),
 ]
 MADE = {"gallery.md", "changelog.md"}
 PACKAGES = ("bgmodel", "circuits", "figures", "benchmarks")

@@ -2,7 +2,7 @@
 
 A score consists of pieces, one condition each. A finished piece is stored in ``benchmarks/out``
 with its trials, seed and circuits, and is computed again only if one of these changes. Once all
-pieces are finished, the tables of the pages are written to ``docs/results``. ``--fast`` is the
+pieces are finished, the tables of the pages are written to ``docs/tables``. ``--fast`` is the
 coarse form, with fewer trials, stored in ``benchmarks/out/fast``.
 """
 
@@ -18,7 +18,7 @@ from typing import Any
 import pandas as pd
 
 from benchmarks import OUT
-from benchmarks.pages import RESULTS
+from benchmarks.pages import TABLES
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.files import is_result, read_provenance, read_table, write_table
 from circuits.anatomy import load_circuit
@@ -132,7 +132,7 @@ def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: s
     whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
     for name, (kind, found) in score.tables(whole).items():
         behind = score.behind([piece.trials for piece in pieces if piece.kind == kind], fast)
-        path = RESULTS / f"{score.name}_{name}.csv"
+        path = TABLES / f"{score.name}_{name}.csv"
         write_table(found, path, seed=score.seed, **behind)
         print(f"\n{path.name}\n{found.round(3).to_string(index=False)}", flush=True)
     if score.draw:

@@ -13,7 +13,7 @@ from functools import partial
 
 import pandas as pd
 
-from benchmarks.pages import RESULTS
+from benchmarks.pages import TABLES
 from benchmarks.scores import sensitivity
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
@@ -59,7 +59,7 @@ def in_spikes(
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield a piece for each change that the table names."""
-    path = RESULTS / "sensitivity_worst.csv"
+    path = TABLES / "sensitivity_worst.csv"
     if not path.is_file():
         return
     trials = COARSE_TRIALS if fast else TRIALS
@@ -76,7 +76,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         new = {f"{name}{end}": f"{name}_spikes{end}" for end in ("", "_low", "_high")}
         found = found.rename(columns=new)
     found = found.rename(columns={"trials": "trials_spikes"})
-    named = read_table(RESULTS / "sensitivity_worst.csv")
+    named = read_table(TABLES / "sensitivity_worst.csv")
     return {"changes": ("changes", named.merge(found, on=SHARED))}
 
 

@@ -94,7 +94,7 @@ def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, o
 
 
 def test_the_page_has_every_key_with_its_default_and_every_measure():
-    page = (ROOT / "docs/tutorials/experiments.md").read_text()
+    page = (ROOT / "docs/guides/experiments.md").read_text()
     keys, measures = page.split("## What is measured")
     named = re.findall(r"^\| (`.+?`) \|", measures, re.MULTILINE)
     assert set(re.findall(r"`(\w+)`", " ".join(named))) == set(MEASURES)
