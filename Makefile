@@ -1,4 +1,4 @@
-# make figures | test | lint | docs | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
+# make figures | pictures | test | lint | docs | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 PYTHONS ?= python3.11 python3.12 python3.13
@@ -9,11 +9,15 @@ export MPLBACKEND = Agg
 test validate: export OPENBLAS_NUM_THREADS = 1
 test validate: export OMP_NUM_THREADS = 1
 
-.PHONY: figures test lint docs validate faults score benchmark dist shipped-taps clean
+.PHONY: figures pictures test lint docs validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
 	$(BIN)/bgmodel figures --cores $(CORES) $(if $(FAST),--fast)
+
+# Small copies of the figures of a full run, kept with the documentation. Figure R1 needs recordings.
+pictures: figures
+	$(BIN)/python -m figures.gallery
 
 test: $(VENV)/test.installed
 	$(BIN)/python -m pytest -n $(CORES)

@@ -1,13 +1,16 @@
 """Pages of results from their tables: python -m benchmarks.pages.
 
-A page is a template, ``docs/NAME.md.j2``, and every number in it comes from a table in
+A page is a template, ``docs/results/NAME.md.j2``, and every number in it comes from a table in
 ``docs/tables``, which a score wrote with its parameters, seed, versions and the hash of its
-circuits. Results measured with an older circuit are marked automatically.
+circuits. Results measured with an older circuit are marked automatically. The meaning of each
+column of these tables is in ``docs/tables/columns.toml``.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,17 +23,21 @@ from bgmodel.support.files import is_result, read_provenance, read_table, replac
 from circuits.anatomy import DEFAULT, load_circuit
 
 DOCS = Path(__file__).parents[1] / "docs"
+RESULTS = DOCS / "results"
+"""Templates and pages."""
 TABLES = DOCS / "tables"
 """Tables read by pages, under version control."""
+KEY = "columns.toml"
+"""The meaning of each column, in the folder of the tables."""
 ENDING = ".md.j2"
 PLACEHOLDER = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", re.DOTALL)
 NUMBER = re.compile(r"\[[-+\d., ]*\d, [-+\d., ]*\]|\d*\.\d+")
 """An interval or a decimal number."""
 
 
-def templates(docs: Path = DOCS) -> list[Path]:
+def templates(folder: Path = RESULTS) -> list[Path]:
     """Return the templates of pages."""
-    return sorted(docs.glob(f"*{ENDING}"))
+    return sorted(folder.glob(f"*{ENDING}"))
 
 
 def page_of(template: Path) -> Path:
@@ -61,14 +68,21 @@ def rendered(template: Path, results: Path = TABLES) -> str:
             raise ValueError(f"{template.name} needs the table {name}: `make score` writes it")
         return found
 
-    def rows(name: str) -> list[dict[str, Any]]:
-        found: list[dict[Any, Any]] = read_table(path(name)).to_dict("records")
-        return found
+    def rows(name: str, /, **where: Any) -> list[dict[str, Any]]:
+        every: list[dict[Any, Any]] = read_table(path(name)).to_dict("records")
+        return [each for each in every if all(each.get(k) == v for k, v in where.items())]
+
+    def row(name: str, /, **where: Any) -> dict[str, Any]:
+        found = rows(name, **where)
+        if len(found) != 1:
+            raise ValueError(f"{template.name}: {len(found)} rows of {name} match {where}, not 1")
+        return found[0]
 
     def measured(name: str) -> str:
         return said(read_provenance(path(name)))
 
-    given = {"rows": rows, "measured": measured, "percent": percent, "known": known}
+    given = {"rows": rows, "row": row, "measured": measured, "percent": percent, "known": known}
+    given |= {"shown": shown, "columns": lambda: columns(results)}
     try:
         made = environment.from_string(template.read_text(encoding="utf-8")).render(**given)
     except jinja2.UndefinedError as error:
@@ -87,6 +101,39 @@ def known(row: Mapping[str, Any], name: str, form: str) -> str:
 def percent(share: float, digits: int = 0) -> str:
     """Return a share in percent."""
     return f"{100 * share:.{digits}f} %"
+
+
+def columns(results: Path = TABLES) -> dict[tuple[str, str], list[str]]:
+    """Return the tables that contain each column, by the column's name and meaning.
+
+    A column without a description whose name is that of another one with ``_low`` or ``_high``
+    appended is a bound of its 95 % interval, and is left out.
+
+    Raises
+    ------
+    ValueError
+        If a column has no description, or a description belongs to no column.
+    """
+    key = tomllib.loads((results / KEY).read_text(encoding="utf-8"))
+    general = key.pop("columns")
+    unused = {("columns", name) for name in general}
+    unused |= {(table, name) for table, special in key.items() for name in special}
+    found: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for path in sorted(results.glob("*.csv")):
+        table, names = path.stem, list(read_table(path).columns)
+        for name in names:
+            place = table if name in key.get(table, {}) else "columns"
+            bound = re.sub("_(low|high)$", "", name)
+            if place == "columns" and bound != name and bound in names:
+                continue
+            if place == "columns" and name not in general:
+                raise ValueError(f"{KEY} does not describe the column {name} of {table}")
+            unused.discard((place, name))
+            meaning = key[table][name] if place == table else general[name]
+            found[name, meaning].append(table)
+    if unused:
+        raise ValueError(f"{KEY} describes columns that no table has: {sorted(unused)}")
+    return dict(sorted(found.items(), key=lambda item: item[0][0].lower()))
 
 
 def said(behind: dict[str, Any]) -> str:

@@ -68,6 +68,10 @@ class Evidence(Facts):
         Input common to all hypotheses before the onset, one value per ``step_ms`` of the
         foreperiod; the last one persists. It carries no information about the truth, and tests
         ignore it; it reaches a circuit in which each channel gets its own evidence.
+    inputs_nats : array (trials, times, inputs), nats, optional
+        Further inputs of a circuit, such as a stop signal, one column for each of its
+        ``more_inputs``. Times run from the onset to the end of the trial, which is a step after the
+        last reading: m (1 + steps) of them for m values per step. Tests ignore them.
 
     Raises
     ------
@@ -92,6 +96,7 @@ class Evidence(Facts):
     numbers: Integers | None = None
     baseline: float | None = None
     expectancy_nats: Array | None = None
+    inputs_nats: Array | None = None
 
     def __post_init__(self) -> None:
         """Check all fields once, so that later code need not."""
@@ -129,6 +134,9 @@ class Evidence(Facts):
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
             object.__setattr__(self, "expectancy_nats", expected)
+        if self.inputs_nats is not None:
+            inputs = _checked_inputs(self.inputs_nats, len(values), values.shape[1] + 1)
+            object.__setattr__(self, "inputs_nats", inputs)
         warn_of_readings(values, self.lengths)
 
     def facts(self) -> dict[str, str]:
@@ -262,7 +270,9 @@ class Evidence(Facts):
         """
         chosen: Any = self._among(trials)
         part = object.__new__(Evidence)  # already checked
-        of_trials = ("log_likelihood", "truth", "lengths", "numbers", "expectancy_nats")
+        of_trials = (
+            "log_likelihood", "truth", "lengths", "numbers", "expectancy_nats", "inputs_nats",
+        )  # fmt: skip
         for name in (field.name for field in fields(self)):
             value = self.trial_numbers if name == "numbers" else getattr(self, name)
             value = value[chosen] if name in of_trials and value is not None else value
@@ -476,6 +486,15 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
         value,
     )
     return float(value)
+
+
+def _checked_inputs(inputs: npt.ArrayLike, trials: int, steps: int) -> Array:
+    values = np.asarray(reals("inputs_nats", inputs), dtype=np.float64)
+    fits = values.ndim == 3 and len(values) == trials and values.shape[1] and values.shape[2]
+    must = f"must be ({trials}, m x {steps}, inputs), finite nats"
+    fits = fits and values.shape[1] % steps == 0 and np.isfinite(values).all()
+    require(fits, "inputs_nats", must, values.shape)
+    return values
 
 
 def _checked_expectancy(expectancy: npt.ArrayLike, shape: tuple[int, int]) -> Array:

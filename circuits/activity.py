@@ -294,14 +294,20 @@ def spike_tables(
 
 
 def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
-    """Return the drive as an array (trials, steps, channels), nats; ValueError if it is invalid."""
+    """Return the drive as an array (trials, steps, columns), nats; ValueError if it is invalid.
+
+    The columns of ``circuit.more_inputs`` are 0 where only the channels are given.
+    """
     try:
         values = np.asarray(drive, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError.of("drive", "must be an array of numbers, nats", drive) from None
     if values.ndim != 3 or 0 in values.shape[:2]:
         raise InputError.of("drive", "must be (trials, steps, channels)", values.shape)
-    if values.shape[2] != circuit.channels:
+    missing = circuit.columns - values.shape[2]
+    if missing and missing == len(circuit.more_inputs):
+        values = np.pad(values, ((0, 0), (0, 0), (0, missing)))
+    if values.shape[2] != circuit.columns:
         count, has = values.shape[2], f"{circuit.name} has {circuit.channels} channels"
         load = f"load it with {count}, load_circuit(..., {count})"
         raise InputError(f"the drive has {count} hypotheses, {has}: {load}", "drive")
@@ -314,6 +320,7 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
 def total_nats(circuit: CircuitTable, drive: Array) -> Array:
     """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
     circuit.check_nats("S = ln sum exp y")
+    drive = drive[..., : circuit.channels]
     top = drive.max(axis=-1)
     total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
     above: Array = circuit.reference_nats + total - np.log(circuit.channels)
@@ -337,7 +344,11 @@ def beyond_range(circuit: CircuitTable, drive: Array) -> str:
         Drive, in the circuit's unit.
     """
     in_nats = circuit.unit == NATS
-    found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
+    found = (
+        total_nats(circuit, drive)
+        if in_nats
+        else circuit.rest_drive + drive[..., : circuit.channels]
+    )
     low, high = circuit.range_nats
     if found.min() >= low and found.max() <= high:
         return ""

@@ -10,8 +10,8 @@ from sphinx.application import Sphinx
 from bgmodel.version import __version__
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
-from _gallery import write  # noqa: E402
+sys.path.insert(0, str(HERE.parent))  # the figures are part of a checkout, not of the package
+from figures.gallery import write  # noqa: E402
 
 BARS = re.compile(r"(?<!`)\|(\w+)\|(?!`)")
 

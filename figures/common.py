@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import os
 import signal
 import traceback
@@ -26,6 +27,7 @@ from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.files import read_provenance, replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
+from figures.stamps import KEY, Stamp, stamp_of
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
@@ -155,14 +157,16 @@ def _make(step: Callable[..., Any], inputs: Sequence[Path], output: Path, fast: 
     # Steps share processes, so a step must not change how the next one warns or draws.
     with warnings.catch_warnings(), mpl.rc_context():
         plt.style.use(STYLE)
-        made = step(FAST if fast else FULL, *inputs, output=output)
+        settings = FAST if fast else FULL
+        made = step(settings, *inputs, output=output)
         if isinstance(made, Figure):
-            save(made, output)
+            save(made, output, stamp_of(Path(inspect.getfile(step)), inputs, settings))
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a picture as PNG and PDF, completely or not at all, without a time stamp."""
-    for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", {"Software": None})):
+def save(figure: Figure, path: Path, stamp: Stamp) -> None:
+    """Write a picture as PNG, with its stamp, and PDF, completely or not at all, without a date."""
+    png = {"Software": None, KEY: stamp.text()}
+    for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", png)):
         with replacing(path.with_suffix(ending)) as partial:
             figure.savefig(partial, metadata=metadata)
     plt.close(figure)

@@ -1,16 +1,20 @@
 """Every figure has a caption that names its panels, and the gallery shows every figure."""
 
 import ast
-import importlib.util
 import re
 import string
 import tomllib
 from dataclasses import fields, replace
 
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
+from circuits.anatomy import DEFAULT
+from figures import gallery
 from figures.captions import CAPTIONS, Caption, captions
 from figures.common import FAST, FULL, Settings
+from figures.stamps import KEY, Stamp, outdated, read_stamp, stamp_of
 from tests.helpers import ROOT
 
 WRITTEN = tomllib.loads(CAPTIONS.read_text(encoding="utf-8"))
@@ -66,39 +70,67 @@ def test_captions_follow_the_settings():
     assert captions(FAST)["fig5a"] != captions(FULL)["fig5a"]
 
 
-@pytest.fixture
-def gallery():
-    """Return the module that writes the page."""
-    spec = importlib.util.spec_from_file_location("_gallery", ROOT / "docs" / "_gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+STAMP = Stamp("0.1", repr(FULL), {"LICENSE": "another file"})
 
 
-def test_the_gallery_shows_every_figure(gallery, tmp_path, monkeypatch):
-    monkeypatch.setattr(gallery, "ROOT", tmp_path)
-    for folder, name in (("out", "figC2"), ("fast", "figC2"), ("fast", "fig4a")):
-        picture = tmp_path / "figures" / folder / f"{name}.png"
-        picture.parent.mkdir(parents=True, exist_ok=True)
-        picture.write_text(folder)
-    docs = tmp_path / "docs"
-    docs.mkdir()
-    gallery.write(docs)
-    page = (docs / "gallery.md").read_text(encoding="utf-8")
-    parts = dict(zip(WRITTEN, page.split("\n## ")[1:], strict=True))
-    for name, part in parts.items():
-        assert f"$ bgmodel figures {name}" in part
-        assert WRITTEN[name]["question"] in part
+def picture(path, stamp=STAMP, size=(1500, 300)):
+    """Write a picture with a stamp."""
+    text = PngInfo()
+    if stamp:
+        text.add_text(KEY, stamp.text())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.new("RGB", size, "white").save(path, pnginfo=text)
+    return path
+
+
+def test_the_gallery_shows_every_figure_once_and_says_which_are_missing(tmp_path):
+    picture(tmp_path / "pictures" / "figC2.png")
+    gallery.write(tmp_path)
+    page = (tmp_path / "gallery.md").read_text(encoding="utf-8")
+    parts = page.split("\n### ")[1:]
+    assert len(parts) == len(WRITTEN)
+    for name, text in WRITTEN.items():
+        [part] = [part for part in parts if f"$ {text['command']}\n" in part]
+        assert text["question"] in part
         shown = re.search(r"!\[(.+)\]\((.+)\)", part)
-        assert (shown is not None) == (name in ("figC2", "fig4a"))
-        assert ("Not drawn yet" in part) == (shown is None)
-        assert shown is None or (docs / shown[2]).is_file()
-    assert "(coarse run)" in parts["fig4a"]
-    assert f"{FAST.sweep_trials:,}".replace(",", "\u202f") in parts["fig4a"]
-    assert "coarse run" not in parts["figC2"]
-    assert (docs / "_figures" / "figC2.png").read_text() == "out"
+        assert (shown is not None) == (name == "figC2")
+        assert ("no picture yet" in part) == (shown is None)
+    assert "Drawn by version 0.1; different now: `LICENSE`." in page
 
 
-def test_the_gallery_is_not_committed():
-    ignored = (ROOT / "docs" / ".gitignore").read_text().splitlines()
-    assert {"gallery.md", "_figures/"} <= set(ignored)
+def test_every_figure_has_a_small_picture_with_a_stamp_in_the_documentation():
+    pictures = {path.stem: path for path in gallery.KEPT.glob("*.png")}
+    assert pictures.keys() == WRITTEN.keys()
+    assert sum(path.stat().st_size for path in pictures.values()) < 3e6
+    assert [name for name, path in pictures.items() if read_stamp(path) is None] == []
+
+
+def test_a_small_picture_keeps_its_stamp(tmp_path):
+    drawn = picture(tmp_path / "drawn.png")
+    gallery.shrink(drawn, tmp_path / "kept.png")
+    assert read_stamp(tmp_path / "kept.png") == STAMP
+    with Image.open(tmp_path / "kept.png") as small:
+        assert small.size == (gallery.WIDTH, gallery.WIDTH // 5)
+    with pytest.raises(ValueError, match="draw it again"):
+        gallery.shrink(picture(tmp_path / "none.png", None), tmp_path / "kept.png")
+
+
+def test_a_stamp_notices_a_changed_script_table_circuit_or_number(tmp_path, monkeypatch):
+    table = ROOT / "docs" / "tables" / "loss_behaviour.csv"
+    stamp = stamp_of(ROOT / "figures" / "figF2.py", [table, tmp_path / "own.parquet"], FULL)
+    names = {
+        "figures/figF2.py",
+        "figures/fitted.py",
+        "figures/windows.py",
+        "figures/style.mplstyle",
+    }
+    assert stamp.sources.keys() == {*names, "docs/tables/loss_behaviour.csv", DEFAULT}
+    assert stamp.changed() == []
+    drawn = picture(tmp_path / "one.png", stamp)
+    assert outdated(drawn, FULL) == ""
+    assert "numbers of the run" in outdated(drawn, FAST)
+    for name in stamp.sources:
+        other = replace(stamp, sources=stamp.sources | {name: "0"})
+        assert other.changed() == [name]
+        assert f"`{name}`" in outdated(picture(tmp_path / "two.png", other), FULL)
+    assert "not known" in outdated(picture(tmp_path / "three.png", None), FULL)

@@ -116,6 +116,7 @@ def computed_and_drawn(script, folder):
     return read_table(data), figure
 
 
+@pytest.mark.validate
 def test_figure_c1_counts_what_theory_says(tmp_path, monkeypatch):
     monkeypatch.setattr(figC1, "CELLS", 500)
     monkeypatch.setattr(figC1, "HELD_S", 2)
@@ -147,6 +148,7 @@ def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
     assert pairs.tolist() == [[[1.0, 5.5]], [[7.0, 2.5]]]
 
 
+@pytest.mark.validate
 def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
     """Less dopamine, more power of 13-30 Hz: doubled at 0.5; nothing that was fitted."""
     monkeypatch.setattr(figD5, "LEVELS", (1.0, 0.7, 0.5))

@@ -15,9 +15,16 @@ from tests.helpers import ROOT
 
 DOCS = ROOT / "docs"
 GUIDES = sorted((DOCS / "guides").glob("*.md"))
+RESULTS = sorted((DOCS / "results").glob("*.md"))
 RUN = [ROOT / "README.md", DOCS / "index.md", DOCS / "concepts.md", *GUIDES]
 """Pages whose blocks are run; `docs/extending.md` has a separate test."""
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *GUIDES]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(DOCS.glob("*.md")),
+    *GUIDES,
+    *RESULTS,
+]
 MADE = DOCS / "gallery.md"
 """A page that `make docs` writes."""
 
@@ -199,7 +206,11 @@ def test_every_link_leads_to_a_page_and_a_heading_that_are_there(page):
 def test_every_page_of_the_site_is_in_its_contents():
     entries = {
         (index.parent / entry).with_suffix(".md")
-        for index in (DOCS / "index.md", DOCS / "guides" / "index.md")
+        for index in (
+            DOCS / "index.md",
+            DOCS / "guides" / "index.md",
+            DOCS / "results" / "index.md",
+        )
         for block in re.findall(r"```{toctree}\n(.+?)```", index.read_text(), re.DOTALL)
         for entry in re.findall(r"^[\w/]+$", block, re.MULTILINE)
     }

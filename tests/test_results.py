@@ -20,12 +20,22 @@ from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
 PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "guides").glob("*.md"))]
+QUESTIONS = [
+    pytest.param(path, id=path.name)
+    for path in pages.templates()
+    if path.name not in {"index.md.j2", "columns.md.j2"}
+]
+"""Templates of pages that answer a question."""
+MOST_LINES, MOST_COLUMNS = 150, 8
+LINK = r"\]\(\.\./tables/(\w+)\.csv\)"
 FENCED = r"```.*?```|`[^`]*`"
 CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
 
 def test_there_are_pages():
-    assert {path.name for path in pages.templates()} == {"populations.md.j2", "results.md.j2"}
+    made = {pages.page_of(path) for path in pages.templates()}
+    assert made == set(pages.RESULTS.glob("*.md"))
+    assert {"index.md", "decisions.md", "columns.md"} <= {path.name for path in made}
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -35,12 +45,26 @@ def test_a_page_is_what_its_template_makes_of_the_tables(template):
     assert same, f"{page.name} is not what its tables make: run python -m benchmarks.pages"
 
 
-@pytest.mark.parametrize("template", TEMPLATES)
+@pytest.mark.parametrize("template", QUESTIONS)
 def test_a_page_says_what_each_of_its_tables_was_made_from(template):
     text = template.read_text()
-    shown = set(re.findall(r'rows\("(\w+)"\)', text))
+    shown = set(re.findall(r'rows?\("(\w+)"', text)) | set(re.findall(LINK, text))
     kinds = {name.split("_")[0] for name in re.findall(r'measured\("(\w+)"\)', text)}
     assert {name.split("_")[0] for name in shown} == kinds
+
+
+@pytest.mark.parametrize("template", QUESTIONS)
+def test_a_page_links_to_every_table_that_it_shows_and_to_the_key(template):
+    text = template.read_text()
+    assert set(re.findall(r'rows?\("(\w+)"', text)) <= set(re.findall(LINK, text))
+    assert "](columns.md)" in text
+
+
+@pytest.mark.parametrize("template", QUESTIONS)
+def test_a_page_is_short_and_its_tables_are_narrow(template):
+    lines = pages.page_of(template).read_text().splitlines()
+    assert len(lines) <= MOST_LINES
+    assert max(line.count("|") - 1 for line in lines if line.startswith("|")) <= MOST_COLUMNS
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -67,10 +91,30 @@ def test_a_table_says_what_it_was_made_from(path):
 
 
 @pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
-def test_a_table_is_written_by_a_score_and_shown_or_named_by_a_page(path):
+def test_a_table_is_written_by_a_score_and_named_by_a_page(path):
     assert path.stem.split("_")[0] in {module.SCORE.name for module in scores.MODULES}
     text = "".join(template.read_text() for template in pages.templates())
-    assert f'rows("{path.stem}")' in text or f"docs/tables/{path.name}" in text
+    assert path.stem in re.findall(LINK, text)
+
+
+def test_every_column_of_every_table_is_described_once():
+    described = pages.columns()
+    assert len(described) > 300
+    assert all(meaning.strip() == meaning != "" for _, meaning in described)
+
+
+def test_a_column_without_a_description_and_a_description_without_a_column_are_named(tmp_path):
+    write_table(pd.DataFrame({"a": [1], "a_low": [0], "b": [2]}), tmp_path / "y.csv")
+    key = tmp_path / pages.KEY
+    key.write_text('[columns]\na = "one"\n')
+    with pytest.raises(ValueError, match=r"^columns.toml does not describe the column b of y$"):
+        pages.columns(tmp_path)
+    key.write_text('[columns]\na = "one"\nb = "two"\nc = "three"\n')
+    with pytest.raises(ValueError, match=r"no table has: \[\('columns', 'c'\)\]$"):
+        pages.columns(tmp_path)
+    key.write_text('[columns]\na = "one"\n[y]\nb = "two"\na_low = "a bound"\n')
+    found = {("a", "one"): ["y"], ("a_low", "a bound"): ["y"], ("b", "two"): ["y"]}
+    assert pages.columns(tmp_path) == found
 
 
 def test_a_table_of_another_circuit_says_so():
@@ -114,6 +158,17 @@ def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path):
     with pytest.raises(
         ValueError, match=r"^x.md.j2 uses values that its tables do not contain .* again$"
     ):
+        pages.rendered(template, tmp_path)
+
+
+def test_a_row_is_found_by_its_values_and_must_be_the_only_one(tmp_path):
+    template = tmp_path / "x.md.j2"
+    table = pd.DataFrame({"name": ["one", "two", "two"], "a": [1, 2, 3]})
+    write_table(table, tmp_path / "y.csv")
+    template.write_text('{{ row("y", name="one").a }} {{ rows("y", name="two") | length }}')
+    assert pages.rendered(template, tmp_path) == "1 2"
+    template.write_text('{{ row("y", name="two").a }}')
+    with pytest.raises(ValueError, match=r"^x.md.j2: 2 rows of y match \{'name': 'two'\}, not 1$"):
         pages.rendered(template, tmp_path)
 
 

@@ -28,6 +28,7 @@ PAGES = [
     ROOT / "figures" / "captions.toml",
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "guides").glob("*.md")),
+    *sorted((ROOT / "docs" / "results").glob("*.md")),
 ]
 MADE = {"gallery.md", "changelog.md"}
 PACKAGES = ("bgmodel", "circuits", "figures", "benchmarks")

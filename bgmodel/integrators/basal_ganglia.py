@@ -162,6 +162,27 @@ class BasalGanglia(Facts):
             totals = np.concatenate([before, totals + expected[:, -1:, None]], axis=1)
         return self.gain * totals
 
+    def _driven(self, evidence: Evidence) -> tuple[Array, float]:
+        """Return the drive with the further inputs of the circuit, and the time between its steps.
+
+        Raises
+        ------
+        ValueError
+            Unless the evidence has one input for each of the circuit's, or none.
+        """
+        drive, inputs = self.drive(evidence), evidence.inputs_nats
+        if inputs is None:
+            return drive, evidence.step_ms
+        names = self.circuit.more_inputs
+        if inputs.shape[2] != len(names):
+            place = f'{self.circuit.name} has {len(names)}: circuit.with_inputs("STN") adds one'
+            raise InputError(f"the evidence has {inputs.shape[2]} inputs, {place}", "inputs_nats")
+        per_step = inputs.shape[1] // (evidence.steps + 1)
+        before = evidence.foreperiod_steps * per_step
+        inputs = np.pad(inputs, ((0, 0), (before, 0), (0, 0)))
+        both = np.concatenate([np.repeat(drive, per_step, axis=1), inputs], axis=2)
+        return both, evidence.step_ms / per_step
+
     @property
     def raw(self) -> bool:
         """Whether each channel gets its own evidence, without subtraction of the mean."""
@@ -324,7 +345,7 @@ class BasalGanglia(Facts):
         """
         self.check_strength(evidence)
         self._warn_of_coarse_samples(evidence)
-        return self.run_drive(self.drive(evidence), evidence.step_ms, first_trial)
+        return self.run_drive(*self._driven(evidence), first_trial)
 
     def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return the activity under a drive (trials, steps, channels) in the circuit's nats."""
@@ -457,7 +478,7 @@ class BasalGanglia(Facts):
             with warnings.catch_warnings():
                 # Not once per batch: ``warn_beyond_range`` warns once.
                 warnings.simplefilter("ignore", RangeWarning)
-                activity = self.run_drive(self.drive(part), part.step_ms, first_trial + first)
+                activity = self.run_drive(*self._driven(part), first_trial + first)
             yield part, activity, self.trace(activity, part)
 
     def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:

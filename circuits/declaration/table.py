@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
@@ -68,6 +69,9 @@ class CircuitTable(Network):
     """Most alternatives for which the circuit has a resting state."""
     wiring_seed: int = 0
     """Seed of connections and heterogeneity, which differ between cells."""
+    more_inputs: tuple[str, ...] = ()
+    """Other nuclei, such as "STN", or channels of them, "GPe[0]", that receive an input in each
+    trial, such as a stop signal: the last columns of the drive, nats."""
     courses: tuple[Course, ...] = ()
     """The third table: changes within a trial. Most circuits have none."""
     about: str = field(default="", compare=False)
@@ -93,6 +97,7 @@ class CircuitTable(Network):
         self._check_numbers()
         self._check_unit()
         self._reaches()
+        self._check_more_inputs()
         self._check_courses()
 
     def _check_numbers(self) -> None:
@@ -132,6 +137,31 @@ class CircuitTable(Network):
             }
         if self.readout not in reached:
             raise InputError(f"no pathway is left from {self.input} to {self.readout}", "readout")
+
+    @property
+    def columns(self) -> int:
+        """Columns of the drive: one per channel, and one per entry of ``more_inputs``."""
+        return self.channels + len(self.more_inputs)
+
+    def input_places(self) -> list[tuple[str, int | None]]:
+        """Return the nucleus, and the channel or None for all, of each of ``more_inputs``."""
+        found = [re.fullmatch(r"(.+?)(?:\[(\d+)\])?", text) for text in self.more_inputs]
+        return [(m[1], None if m[2] is None else int(m[2])) for m in found if m]
+
+    def _check_more_inputs(self) -> None:
+        """Reject inputs of unknown or repeated nuclei, and of the one that the evidence drives."""
+        known = [name for name in self._known if name != self.input]
+        seen: set[tuple[str, int]] = set()
+        for text, (name, channel) in zip(self.more_inputs, self.input_places(), strict=True):
+            must = f"must be among {', '.join(known)}, or a channel of one, such as STN[0]"
+            require(name in known, "more_inputs", must, text, owner=self.name)
+            count = self.channels_of(name)
+            if channel is not None:
+                must = f"must be channels that exist, {name} has {count}"
+                require(channel < count, "more_inputs", must, text)
+            places = {(name, k) for k in (range(count) if channel is None else [channel])}
+            require(not places & seen, "more_inputs", "must name each place once", self.more_inputs)
+            seen |= places
 
     def _check_courses(self) -> None:
         """Reject courses of unknown quantities, and those that take dopamine out of its range."""

@@ -245,6 +245,23 @@ class EditableTable(CircuitTable):
             raise InputError(f"{self.name} has no pathway between cells that spike", "probability")
         return self._with(*(replace(p, probability=probability) for p in between))
 
+    def with_inputs(self, *names: str) -> Self:
+        """Return the circuit with further inputs, one more column of the drive for each.
+
+        Parameters
+        ----------
+        *names : str
+            Nuclei ("STN": all its channels alike), or channels of them ("GPe[0]"). Each receives,
+            before its filter, the nats of its column; columns are in the order of the names.
+
+        Raises
+        ------
+        ValueError
+            For an unknown nucleus or channel, the nucleus that the evidence drives, or a place
+            named twice.
+        """
+        return replace(self, more_inputs=names)
+
     def add(self, *rows: Population | Projection | Course | str) -> Self:
         """Return the circuit with new nuclei, pathways or courses.
 

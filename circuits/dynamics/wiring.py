@@ -121,10 +121,30 @@ class Wiring:
         """Lowest rate of each block, Hz: 0, or -inf if the rate is a difference."""
         return np.array([row.cell.lowest_hz for row in self.rows])
 
+    @cached_property
+    def columns(self) -> Index:
+        """Column of the drive that each block receives, -1 for none, (blocks,)."""
+        found = np.full(self.blocks, -1, dtype=np.intp)
+        found[self.blocks_of(self.circuit.input)] = np.arange(self.circuit.channels)
+        for k, (name, channel) in enumerate(self.circuit.input_places()):
+            blocks = self.blocks_of(name)
+            found[blocks if channel is None else blocks[channel]] = self.circuit.channels + k
+        return found
+
+    @cached_property
+    def drive_gains(self) -> Array:
+        """Factor on the drive of each block, (blocks,): 1 outside the input population."""
+        is_input = self.columns < self.circuit.channels
+        return np.where(is_input, self.circuit.drive_gain, 1.0)
+
     def drive(self, drive: Array) -> Array:
-        """Return the input (..., blocks) due to a drive (..., channels), nats."""
+        """Return the input (..., blocks) due to a drive (..., columns), nats.
+
+        The columns of ``circuit.more_inputs`` count as 0 where only the channels are given.
+        """
         x = np.zeros((*drive.shape[:-1], self.blocks))
-        x[..., self.blocks_of(self.circuit.input)] = self.circuit.drive_gain * drive
+        given = (self.columns >= 0) & (self.columns < drive.shape[-1])
+        x[..., given] = self.drive_gains[given] * drive[..., self.columns[given]]
         return x
 
     def inputs(self, units: Array, factors: Array | float = 1.0) -> Array:

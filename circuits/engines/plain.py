@@ -126,7 +126,7 @@ class _Trial:
         self.units = scheme.unit_decay * self.units + (1 - scheme.unit_decay) * arrived
         # 2. blocks
         step = self.clock.step_of(k)
-        reading = drive[step] if step >= 0 else np.zeros(w.circuit.channels)
+        reading = drive[step] if step >= 0 else np.zeros(w.circuit.columns)
         factors, added = self.courses.at(k)
         nats = self.common.inputs(self.units + w.constant, factors) + w.drive(reading) + added
         self.x = scheme.block_decay * self.x + (1 - scheme.block_decay) * nats

@@ -38,7 +38,7 @@ class Stream:
         self, circuit: Circuit, clock: Clock, begin: Callable[[Array, Array], Onward]
     ) -> None:
         self.circuit, self.clock = circuit, clock
-        self.drive = np.full((clock.steps, circuit.channels), np.nan)
+        self.drive = np.full((clock.steps, circuit.columns), np.nan)
         self.out = np.full((clock.samples, circuit.channels), np.nan)
         self.steps, self.samples = 0, 0
         self._onward = begin(self.drive, self.out)

@@ -86,7 +86,7 @@ def test_edges_are_read_in_all_directions():
 
 
 def test_edges_are_decoded_with_the_settings_behind_the_results_on_real_taps():
-    """docs/results.md is measured again where these change."""
+    """docs/results is measured again where these change."""
     found = (EDGE.epochs, EDGE.batch, EDGE.learning_rate, EDGE.l2, EDGE.validation)
     assert found == (20, 128, 2e-3, 0.0, 0.15)
 

@@ -151,11 +151,9 @@ def _clock(places: _Places, clock: Clock, window: int, ring: int, listing: bool)
 
 def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_block: Any) -> Any:
     """Return one record per block; fields that its cell type leaves out are 0."""
-    wiring, circuit, scheme = places.wiring, places.circuit, places.scheme
+    wiring, scheme = places.wiring, places.scheme
     _, rest_x, rest_hz = scheme.start
     own_from = np.searchsorted(own_inputs["target"], np.arange(wiring.blocks + 1))
-    drives = np.full(wiring.blocks, -1)
-    drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
     pairs = zip(places.entries, wiring.rows, strict=True)
     own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
     of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
@@ -166,7 +164,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         variables=[len(row.cell.state) for row in wiring.rows],
         nats=[row.cell.hears == "nats" for row in wiring.rows],
         law=[_law(row.transfer) for row in wiring.rows],
-        drive=drives,
+        drive=wiring.columns,
         input=input_from[:-1],
         inputs=input_from[1:],
         own_input=own_from[:-1],
@@ -185,7 +183,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         filter_gain=1 - scheme.block_decay,
         # The constant output of a sparse unit is the same for all cells.
         bias=wiring.bias + (wiring.weight - places.weight) @ wiring.constant,
-        drive_gain=circuit.drive_gain,
+        drive_gain=wiring.drive_gains,
         rest_x=rest_x,
         rest_hz=rest_hz,
         **of_type,

@@ -297,7 +297,7 @@ def _hear(p, work, b, t):
     for e in range(block.input, block.inputs):
         _add(n, p.inputs[e].weight, values, HEARD, work.passed[p.inputs[e].index], t)
     if block.drive >= 0:
-        _add(n, ONE, values, HEARD, work.drive[block.drive], 0)
+        _add(n, ONE, values, HEARD, work.drive[b], 0)
     _jump(n, p.factors, p, work.jumps, b, t, work.states[b])
     _push(n, p.nats, block.course, work.places, t, values, work.states[b])
     if block.gain < ONE:
@@ -376,8 +376,8 @@ def _load(p, work, lane, trial, first, streams):
         work.jumps[q, WINDOW * LANES + lane] = p.units[q].passed
     for c in range(len(p.readout)):
         work.low_pass[c, lane] = p.blocks[p.readout[c]].rest_hz
-    for c in range(len(work.drive)):
-        work.drive[c, lane] = ZERO
+    for b in p.driven:
+        work.drive[b, lane] = ZERO
 
 
 @numba.njit(inline="always")
@@ -433,10 +433,11 @@ def _hold(p, work, first, drive):
     for lane in range(LANES):
         late = first - work.begun[lane] - clock.settle
         if work.trial[lane] != EMPTY and late >= 0 and late % clock.step == 0:
-            for c in range(len(work.drive)):
-                new = np.float32(drive[work.trial[lane], late // clock.step, c] * clock.drive_gain)
-                work.states[p.driven[c], LAST * LANES + lane] += new - work.drive[c, lane]
-                work.drive[c, lane] = new
+            reading = drive[work.trial[lane], late // clock.step]
+            for b in p.driven:
+                new = np.float32(reading[p.blocks[b].drive] * p.blocks[b].drive_gain)
+                work.states[b, LAST * LANES + lane] += new - work.drive[b, lane]
+                work.drive[b, lane] = new
 
 
 @compiled

@@ -78,7 +78,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
         blocks=blocks,
         sources=sources,
         inputs=inputs,
-        driven=wiring.blocks_of(wiring.circuit.input),
+        driven=np.flatnonzero(wiring.columns >= 0),
         readout=wiring.blocks_of(wiring.circuit.readout),
         laws=_together(tables.laws, 2),
         tables=_together(tables.rows, kernel.COEFFICIENTS),
@@ -187,9 +187,7 @@ def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
 
 def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) -> Any:
     """Return one record per block."""
-    wiring, circuit = scheme.wiring, scheme.wiring.circuit
-    drives = np.full(wiring.blocks, -1)
-    drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
+    wiring = scheme.wiring
     of_rows = [tables.block(row) for row in wiring.rows]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
     own = tables.engine.by_cells
@@ -198,10 +196,11 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     return filled(
         records.BLOCK,
         wiring.blocks,
-        drive=drives,
+        drive=wiring.columns,
         input=input_from[:-1],
         inputs=input_from[1:],
         bias=wiring.bias,
+        drive_gain=wiring.drive_gains,
         rest_x=rest_x,
         rest_hz=rest_hz,
         course=courses.of_block,
@@ -252,7 +251,6 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
         readout_before=read["before"],
         readout_baseline=readout.baseline_hz,
         readout_hz_per_nat=readout.gain_hz_per_nat,
-        drive_gain=circuit.drive_gain,
         runaway_hz=RUNAWAY_HZ,
     )
 
@@ -274,7 +272,7 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         jumps=rows(kernel.WINDOW + 1, units),
         totals=rows(1, blocks),
         values=rows(kernel.VALUE_ROWS),
-        drive=rows(1, channels),
+        drive=rows(1, blocks),
         low_pass=rows(1, channels),
         streams=np.zeros((blocks, kernel.LANES), np.uint64),
         keys=np.zeros(kernel.LANES, np.uint64),

@@ -8,8 +8,7 @@ from circuits.engines.compiling import record
 
 CLOCK = record(
     i8="window settle step sample refresh start",
-    f4="follow_slowly readout_gain readout_before readout_baseline "
-    "readout_hz_per_nat drive_gain runaway_hz",
+    f4="follow_slowly readout_gain readout_before readout_baseline readout_hz_per_nat runaway_hz",
 )
 UNIT = record(
     i8="law column delay source sources course",
@@ -17,8 +16,8 @@ UNIT = record(
 )
 BLOCK = record(
     i8="law column drive input inputs table lags course",
-    f4="bias gain before baseline hz_per_nat floor noise lowest per state_lowest state_per "
-    "rest_x rest_hz",
+    f4="bias drive_gain gain before baseline hz_per_nat floor noise lowest per state_lowest "
+    "state_per rest_x rest_hz",
 )
 EDGE = record(i8="index", f4="weight")
 
@@ -34,8 +33,10 @@ class Plan(NamedTuple):
         One row a postsynaptic sum, one a block: law, filter, and where its inputs lie.
     sources, inputs : record arrays
         Which block reaches a unit with which weight; which unit reaches a block.
-    driven, readout : arrays (channels,)
-        Blocks of the input, and of the read-out.
+    driven : array (driven blocks,)
+        Blocks that receive a column of the drive.
+    readout : array (channels,)
+        Blocks of the read-out.
     laws : array (laws, points) float32
         Laws that are looked up: values at even steps of the input.
     tables : array (tables, states * COEFFICIENTS) float32
@@ -78,8 +79,10 @@ class Work(NamedTuple):
         Sums of rates over a sample.
     values : array (rows * LANES,)
         What one block works on.
-    drive, low_pass : arrays (channels, LANES)
-        Drive that is held, nats; the read-out, Hz.
+    drive : array (blocks, LANES)
+        Drive that is held, nats.
+    low_pass : array (channels, LANES)
+        The read-out, Hz.
     streams, keys : arrays (blocks, LANES), (LANES,)
         Keys of the noise.
     indices, trial, begun, samples : arrays (LANES,)

@@ -38,7 +38,9 @@ def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
         pytest.skip("populations have no connections of single cells")
     if engine == "plain" and name != "macaque":
         pytest.skip("one table tells, and it is slow")
-    trials, steps, step_ms = (1, 2, 5.0) if engine == "plain" else (3, STEPS, STEP_MS)
+    trials, steps, step_ms = 3, STEPS, STEP_MS
+    if engine == "plain":
+        circuit, trials, steps, step_ms = circuit.with_neurons(8), 1, 2, 5.0
     drive = np.stack([drive_of(circuit, seed, steps) for seed in range(trials)])
     whole = made.run(circuit, drive, step_ms=step_ms, seed=7, first_trial=4)
     for trial in {0, trials - 1}:

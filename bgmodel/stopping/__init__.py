@@ -1,0 +1,1 @@
+"""Stopping: the stop-signal task, its ideal observer, estimators, and a circuit that withholds."""

@@ -1,0 +1,234 @@
+"""Estimates of the stop-signal reaction time, after the consensus guide (Verbruggen et al. 2019).
+
+The guide's recommendation is the integration method with omissions replaced: go trials without a
+response count as the slowest. The mean method and a likelihood with trigger failures are here to be
+compared with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy import optimize, special
+
+from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.arrays import Array
+from bgmodel.support.reprs import Facts
+from circuits.errors import DataWarning, InputError
+
+P_RANGE = (0.25, 0.75)
+"""Probability of responding on stop trials within which the guide accepts an estimate."""
+FEWEST_STOPS = 50
+"""Number of stop trials below which the guide calls estimates unreliable."""
+NODES = 40
+"""Of the Gauss-Hermite sum over the spread of the stop-signal reaction time."""
+
+
+@dataclass(frozen=True, repr=False)
+class StopEstimate(Facts):
+    """What is estimated from the trials of one participant.
+
+    Parameters
+    ----------
+    ssrt_ms : float
+        Stop-signal reaction time, integration method with omissions replaced.
+    ssrt_mean_ms : float
+        The same by the mean method: mean go time minus mean delay; biased (see the guide).
+    p_respond : float
+        Probability of responding on stop trials.
+    go_ms, failed_ms : float
+        Mean response time on go trials and on stop trials with a response.
+    ssd_ms : float
+        Mean stop-signal delay.
+    omissions : float
+        Proportion of go trials without a response.
+    refusal : str
+        Why the guide accepts no estimate, or "".
+    """
+
+    ssrt_ms: float
+    ssrt_mean_ms: float
+    p_respond: float
+    go_ms: float
+    failed_ms: float
+    ssd_ms: float
+    omissions: float
+    refusal: str = ""
+
+    @property
+    def failed_minus_go_ms(self) -> float:
+        """Mean failed stop minus mean go time: negative if go and stop race independently."""
+        return self.failed_ms - self.go_ms
+
+    def facts(self) -> dict[str, str]:
+        """Return all numbers."""
+        found = {
+            name: f"{getattr(self, name):.3g}"
+            for name in ("ssrt_ms", "p_respond", "go_ms", "failed_ms", "ssd_ms", "omissions")
+        }
+        return found | ({"refusal": self.refusal} if self.refusal else {})
+
+
+def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
+    """Return the stop-signal reaction time of one participant.
+
+    Parameters
+    ----------
+    trials : StopTrials
+        Go and stop trials.
+    checked : bool
+        Whether to refuse what the guide refuses; if not, ``refusal`` says why it would be.
+
+    Raises
+    ------
+    ValueError
+        Without stop trials or responses on go trials; if checked, where the guide accepts no
+        estimate: the probability of responding is outside 0.25 to 0.75, or failed stops are slower
+        than go responses, which contradicts the race model that the estimate assumes.
+
+    Warns
+    -----
+    UserWarning
+        With fewer than 50 stop trials.
+    """
+    if not trials.stop.any():
+        raise InputError.of("ssd_ms", "must have stop trials", "none")
+    go = trials.rt_ms[~trials.stop]
+    responses = go[~np.isnan(go)]
+    if not len(responses):
+        raise InputError.of("rt_ms", "must have responses on go trials", "none")
+    failed = trials.rt_ms[trials.stop & trials.responded]
+    ssd_ms, p = float(trials.ssd_ms[trials.stop].mean()), trials.p_respond
+    replaced = np.where(np.isnan(go), responses.max(), go)
+    nth = nth_time(replaced, p)
+    found = {
+        "ssrt_ms": nth - ssd_ms,
+        "ssrt_mean_ms": float(responses.mean()) - ssd_ms,
+        "p_respond": p,
+        "go_ms": float(responses.mean()),
+        "failed_ms": float(failed.mean()) if len(failed) else np.nan,
+        "ssd_ms": ssd_ms,
+        "omissions": float(np.isnan(go).mean()),
+    }
+    refusal = _refusal(found)
+    if refusal and checked:
+        raise InputError(f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "p")
+    stops = int(trials.stop.sum())
+    if stops < FEWEST_STOPS:
+        said = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
+        DataWarning.warn(said)
+    return StopEstimate(**found, refusal=refusal)
+
+
+def _refusal(found: dict[str, float]) -> str:
+    low, high = P_RANGE
+    if not low <= found["p_respond"] <= high:
+        outside = f"outside {low} to {high}"
+        return (
+            f"the probability of responding on stop trials is {found['p_respond']:.2f}, {outside}"
+        )
+    if found["failed_ms"] > found["go_ms"]:
+        slower = f"{found['failed_ms']:.0f} ms against {found['go_ms']:.0f} ms"
+        return f"failed stops are slower than go responses, {slower}, so the race model fails"
+    return ""
+
+
+def inhibition_function(trials: StopTrials) -> pd.DataFrame:
+    """Return p(respond) by stop-signal delay.
+
+    Returns
+    -------
+    DataFrame
+        One row per delay: ssd_ms, trials, p_respond with low and high (95 %, Wilson), failed_ms
+        (mean time of failed stops), and ssrt_ms, the quantile of the go times at p_respond minus
+        the delay (omissions replaced); the last is constant if the race is independent.
+    """
+    go = trials.rt_ms[~trials.stop]
+    replaced = np.where(np.isnan(go), np.nanmax(go), go)
+    rows = []
+    for delay in np.unique(trials.ssd_ms[trials.stop]):
+        times = trials.rt_ms[trials.ssd_ms == delay]
+        failed = times[~np.isnan(times)]
+        p = len(failed) / len(times)
+        low, high = wilson(len(failed), len(times))
+        inside = 0 < p < 1
+        ssrt = nth_time(replaced, p) - delay if inside else np.nan
+        mean = failed.mean() if len(failed) else np.nan
+        rows.append((delay, len(times), p, low, high, mean, ssrt))
+    names = ["ssd_ms", "trials", "p_respond", "low", "high", "failed_ms", "ssrt_ms"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def nth_time(times_ms: Array, p: float) -> float:
+    """Return the n-th of the times in rising order, n = p times their number, rounded up."""
+    return float(np.quantile(times_ms, p, method="inverted_cdf"))
+
+
+def wilson(count: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
+    """Return the Wilson interval of a proportion (Wilson 1927)."""
+    p, wide = count / trials, z**2 / trials
+    middle = (p + wide / 2) / (1 + wide)
+    half = z * np.sqrt(p * (1 - p) / trials + wide / (4 * trials)) / (1 + wide)
+    return float(middle - half), float(middle + half)
+
+
+def p_respond(
+    ssd_ms: npt.ArrayLike, go_ms: Array, ssrt_ms: float, sd_ms: float = 0.0, failures: float = 0.0
+) -> Array:
+    """Return p(respond) of an independent race (Logan & Cowan 1984) with trigger failures.
+
+    ``p = f + (1 - f) E[F_go(SSD + SSRT)]``, the expectation over a normal distribution of the
+    stop-signal reaction time.
+
+    Parameters
+    ----------
+    ssd_ms : array (K,), ms
+        Delays.
+    go_ms : array (trials,), ms
+        Go times, infinite for omissions.
+    ssrt_ms, sd_ms : float, ms
+        Mean and standard deviation of the stop-signal reaction time.
+    failures : float
+        Probability that a stop signal triggers nothing.
+    """
+    nodes, weights = special.roots_hermitenorm(NODES)
+    reached = np.asarray(ssd_ms, float)[:, None] + ssrt_ms + sd_ms * nodes
+    below = np.searchsorted(np.sort(go_ms), reached, side="right") / len(go_ms)
+    return np.asarray(failures + (1 - failures) * below @ weights / weights.sum())
+
+
+def fit_race(trials: StopTrials) -> dict[str, float]:
+    """Return the race with trigger failures that makes responses on stop trials likeliest.
+
+    Returns
+    -------
+    dict
+        ssrt_ms, sd_ms and failures, with the log_likelihood. The distribution of go times is that
+        of the go trials, with omissions later than all.
+    """
+    go = np.where(np.isnan(trials.rt_ms), np.inf, trials.rt_ms)[~trials.stop]
+    delays, place = np.unique(trials.ssd_ms[trials.stop], return_inverse=True)
+    counts = np.bincount(place)
+    failed = np.bincount(place, trials.responded[trials.stop])
+
+    def minus_log(values: Array) -> float:
+        ssrt, log_sd, logit = values
+        p = p_respond(delays, go, ssrt, float(np.exp(log_sd)), float(special.expit(logit)))
+        p = np.clip(p, 1e-9, 1 - 1e-9)
+        return float(-(failed * np.log(p) + (counts - failed) * np.log1p(-p)).sum())
+
+    middle = estimate_ssrt(trials, checked=False).ssrt_ms
+    starts = [(middle, np.log(sd), odds) for sd in (15.0, 50.0) for odds in (-4.0, -1.5)]
+    best = min((optimize.minimize(minus_log, x, method="Nelder-Mead",
+                                  options={"xatol": 1e-2, "fatol": 1e-4, "maxiter": 2000})
+                for x in starts), key=lambda each: each.fun)  # fmt: skip
+    ssrt, log_sd, logit = best.x
+    return {
+        "ssrt_ms": float(ssrt),
+        "sd_ms": float(np.exp(log_sd)),
+        "failures": float(special.expit(logit)),
+        "log_likelihood": -float(best.fun),
+    }

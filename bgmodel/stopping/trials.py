@@ -1,0 +1,160 @@
+"""Stop-signal trials: when the signal came, when a response was made, and the outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.decision import UNDECIDED, Decision
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import reals, whole
+from bgmodel.support.reprs import Facts, span
+from bgmodel.support.seeds import generator
+from circuits.errors import DataWarning, InputError, require
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+OUTCOMES = ("response", "omission", "failed stop", "successful stop")
+"""Go trials with and without a response, then stop trials with and without one."""
+IN_SECONDS = 5.0
+"""Delays below this, and above 0, look as if they were given in seconds, not in ms."""
+
+
+@dataclass(frozen=True, repr=False)
+class StopTrials(Facts):
+    """Stop-signal trials of a person, an animal or a model.
+
+    Parameters
+    ----------
+    rt_ms : array (trials,), ms
+        Response times from the go stimulus; NaN without a response.
+    ssd_ms : array (trials,), ms
+        Stop-signal delays from the go stimulus; NaN in go trials.
+    correct : bool array (trials,), optional
+        Whether the response was right; responses of either kind count for stopping.
+    deadline_ms : float, optional
+        End of the longest trial, ms: a later signal could not be answered.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not have one number per trial, a time is negative or infinite, there are no
+        go trials, or a signal comes after the deadline.
+
+    Warns
+    -----
+    UserWarning
+        If the delays look like seconds.
+    """
+
+    rt_ms: Array
+    ssd_ms: Array
+    correct: Truths | None = None
+    deadline_ms: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rt_ms", "ssd_ms"):
+            values = np.asarray(reals(name, getattr(self, name)), dtype=np.float64)
+            require(values.ndim == 1 and len(values), name, "must be (trials,)", values.shape)
+            allowed = np.isnan(values) | (np.isfinite(values) & (values >= 0))
+            must = "must be ms >= 0, or NaN for none"
+            require(allowed.all(), name, must, values[~allowed][:1])
+            object.__setattr__(self, name, values)
+        same = len(self.rt_ms) == len(self.ssd_ms)
+        require(same, "ssd_ms", f"must be one per trial, {len(self.rt_ms)}", len(self.ssd_ms))
+        require((~self.stop).any(), "ssd_ms", "must be NaN in some trials, the go trials", "none")
+        latest = np.nanmax(self.ssd_ms) if self.stop.any() else 0.0
+        if self.deadline_ms is not None and latest >= self.deadline_ms:
+            must = f"must be before the deadline, {self.deadline_ms:g} ms"
+            raise InputError.of("ssd_ms", must, float(latest))
+        if 0 < latest < IN_SECONDS:
+            DataWarning.warn(f"ssd_ms is at most {latest:g}: delays are in ms, not in seconds")
+
+    def facts(self) -> dict[str, str]:
+        """Return counts and times."""
+        stops = int(self.stop.sum())
+        found = {"trials": f"{len(self.rt_ms)}", "stop_trials": f"{stops}"}
+        if stops:
+            found["ssd_ms"] = span(self.ssd_ms[self.stop])
+            found["p_respond"] = f"{self.p_respond:.3f}"
+        return found
+
+    @property
+    def stop(self) -> Truths:
+        """Which trials have a stop signal, (trials,)."""
+        return ~np.isnan(self.ssd_ms)
+
+    @property
+    def responded(self) -> Truths:
+        """Which trials have a response, (trials,)."""
+        return ~np.isnan(self.rt_ms)
+
+    @property
+    def p_respond(self) -> float:
+        """Proportion of stop trials with a response."""
+        return float(self.responded[self.stop].mean()) if self.stop.any() else float("nan")
+
+    @property
+    def outcome(self) -> npt.NDArray[np.str_]:
+        """One of ``OUTCOMES`` per trial."""
+        return np.asarray(np.take(OUTCOMES, 2 * self.stop.astype(int) + ~self.responded))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per trial: trial, rt_ms, ssd_ms, outcome; correct where it is known."""
+        import pandas as pd
+
+        columns = {"trial": np.arange(len(self.rt_ms)), "rt_ms": self.rt_ms, "ssd_ms": self.ssd_ms}
+        table = pd.DataFrame(columns | {"outcome": self.outcome})
+        return table if self.correct is None else table.assign(correct=self.correct)
+
+
+def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:
+    """Return the trials of a model.
+
+    Parameters
+    ----------
+    decision : Decision
+        Choices of one threshold; choices from ``responses`` on, and undecided trials, withhold.
+    ssd_ms : array (trials,), ms
+        Stop-signal delays from the onset of evidence; NaN in go trials.
+    responses : int
+        Number of responses, the hypotheses of the go task.
+    """
+    made = (decision.choice != UNDECIDED) & (decision.choice < responses)
+    rt_ms = np.where(made, np.maximum(decision.time_ms, 0.0), np.nan)
+    right = None if decision.truth is None else made & (decision.choice == decision.truth)
+    return StopTrials(rt_ms, np.asarray(ssd_ms, float), right, float(decision.deadline_ms.max()))
+
+
+def drawn_delays(
+    trials: int, delays_ms: npt.ArrayLike, share: float, rng: np.random.Generator | int
+) -> Array:
+    """Return a stop-signal delay per trial, drawn evenly from a grid; NaN in go trials.
+
+    Parameters
+    ----------
+    trials : int
+        Number of trials.
+    delays_ms : array (K,), ms
+        The grid.
+    share : float
+        Probability of a stop signal, 0..1.
+    rng : Generator or int
+        Random numbers, or a seed.
+
+    Raises
+    ------
+    ValueError
+        For a share outside 0..1, or delays that are negative or not finite.
+    """
+    delays, rng = np.atleast_1d(np.asarray(delays_ms, float)), generator(rng)
+    require(0 <= share <= 1, "share", "must be within 0..1", share)
+    fits = delays.size and np.isfinite(delays).all() and (delays >= 0).all()
+    require(fits, "delays_ms", "must be numbers >= 0", delays_ms)
+    count = whole("trials", trials, 1)
+    stop = rng.random(count) < share
+    return np.where(stop, rng.choice(delays, count), np.nan)

@@ -1,0 +1,107 @@
+"""The gallery of the site: every figure with its question, picture, caption, answer and command.
+
+Small pictures of the released version are kept in ``docs/pictures``. ``make pictures`` copies them
+there from a full run of the figures; the page is written whenever the site is built, and says which
+pictures are not what the present code draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from PIL import Image, PngImagePlugin
+
+from bgmodel.support.files import replacing
+from figures.captions import Caption, captions
+from figures.common import FULL
+from figures.stamps import KEY, ROOT, outdated, read_stamp
+
+DRAWN = ROOT / "figures" / "out"
+"""Pictures of a full run."""
+KEPT = ROOT / "docs" / "pictures"
+"""Small pictures, under version control."""
+WIDTH, COLOURS = 1100, 96
+"""Of a small picture: pixels, and entries of its palette."""
+GROUPS = {
+    "The circuit and the optimal test": ("figA", "figC"),
+    "Dopamine and experiments": ("figD",),
+    "Fits to monkeys, people and patients": ("figF",),
+    "Many alternatives and other circuits": ("figB",),
+    "Touch": ("fig",),
+}
+"""Parts of the page, by how names of figures begin; a figure belongs to the first that fits."""
+HEAD = """# Gallery
+
+Every figure of the project, with its question and answer. `make figures` draws all of them at full
+size, as PNG and PDF, with the tables behind them; `bgmodel figures fig3` draws one.
+"""
+
+
+def main() -> None:
+    """Copy the pictures of a full run, made small, to the documentation."""
+    missing = [name for name in captions(FULL) if not (DRAWN / f"{name}.png").is_file()]
+    if missing:
+        raise SystemExit(f"not drawn yet: {', '.join(missing)}; run make figures first")
+    KEPT.mkdir(exist_ok=True)
+    for name in captions(FULL):
+        shrink(DRAWN / f"{name}.png", KEPT / f"{name}.png")
+    print(f"{KEPT}: {sum(path.stat().st_size for path in KEPT.glob('*.png')) / 1e6:.2f} MB")
+
+
+def shrink(drawn: Path, kept: Path) -> None:
+    """Write a small copy of a picture with the same stamp.
+
+    Raises
+    ------
+    ValueError
+        If the picture has no stamp.
+    """
+    stamp = read_stamp(drawn)
+    if stamp is None:
+        raise ValueError(f"{drawn} does not say which version drew it: draw it again")
+    stamped = PngImagePlugin.PngInfo()
+    stamped.add_text(KEY, stamp.text())
+    with Image.open(drawn) as picture, replacing(kept) as partial:
+        size = (min(WIDTH, picture.width), round(picture.height * min(1, WIDTH / picture.width)))
+        small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+        palette = small.quantize(COLOURS, dither=Image.Dither.NONE)
+        palette.save(partial, "PNG", optimize=True, pnginfo=stamped)
+
+
+def write(docs: Path) -> None:
+    """Write ``gallery.md`` into a folder that has the pictures in ``pictures``."""
+    (docs / "gallery.md").write_text("\n".join(_parts(docs / "pictures")), encoding="utf-8")
+
+
+def _parts(pictures: Path) -> Iterator[str]:
+    every = captions(FULL)
+    yield HEAD
+    for title, beginnings in GROUPS.items():
+        yield f"## {title}\n"
+        for name in [name for name in every if name.startswith(beginnings)]:
+            yield _entry(every.pop(name), name, pictures / f"{name}.png")
+
+
+def _entry(text: Caption, name: str, picture: Path) -> str:
+    """Return the part of the page about one figure."""
+    title = f"Figure {name.removeprefix('fig')}. {text.title}"
+    if picture.is_file():
+        shown = f"![{title}](pictures/{picture.name})"
+        note = outdated(picture, FULL)
+        shown += f"\n\n({note})" if note else ""
+    else:
+        shown = f"There is no picture yet: `{text.command}` draws it."
+    blocks = (
+        f"### {title}",
+        f"*{text.question}*",
+        shown,
+        text.caption,
+        f"**Answer.** {text.answer}",
+        f"```console\n$ {text.command}\n```",
+    )
+    return "\n\n".join(blocks) + "\n"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""The stamp of a picture: the version and the code and tables that it was drawn from.
+
+A stamp is stored in the PNG file itself, so that a picture that is kept with the documentation can
+be compared with the present code: if its script, one of its result tables or the default circuit
+has changed since, the gallery says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.version import __version__
+from circuits.anatomy import DEFAULT, load_circuit
+
+ROOT = Path(__file__).resolve().parents[1]
+KEY = "bgmodel"
+"""Name of the PNG text field that contains the stamp."""
+IMPORTED = re.compile(r"^from figures\.(\w+) import", re.MULTILINE)
+SHARED = {"common", "captions", "stamps"}
+"""Modules that change without changing a picture; colours and fonts are in the style sheet."""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """What a picture was drawn from."""
+
+    version: str
+    """Version of bgmodel."""
+    settings: str
+    """The numbers of the run, as text: those of a full run, or of a coarse one."""
+    sources: dict[str, str]
+    """First characters of the SHA-256 of each file, by its path in the repository, and of the
+    default circuit, by its name."""
+
+    def text(self) -> str:
+        """Return the stamp as it is stored."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    def changed(self) -> list[str]:
+        """Return the sources that have changed, or are gone, since the picture was drawn."""
+        return [name for name, digest in self.sources.items() if _digest(name) != digest]
+
+
+def stamp_of(script: Path, inputs: Iterable[Path], settings: object) -> Stamp:
+    """Return the stamp of a picture that is about to be drawn.
+
+    Parameters
+    ----------
+    script : Path
+        The figure's script; the modules of this folder that it imports count as well.
+    inputs : iterable of Path
+        Tables that it draws. Those in the repository's ``docs/tables`` count; intermediate tables
+        are computed by the script itself.
+    settings : Settings
+        The numbers of the run.
+    """
+    script = script.resolve()
+    modules = set(IMPORTED.findall(script.read_text(encoding="utf-8"))) - SHARED
+    files = [script, script.with_name("style.mplstyle")]
+    files += [script.with_name(f"{module}.py") for module in sorted(modules)]
+    tables = sorted(path.resolve() for path in inputs)
+    files += [path for path in tables if path.parent == ROOT / "docs" / "tables"]
+    names = [path.relative_to(ROOT).as_posix() for path in files if path.is_relative_to(ROOT)]
+    sources = {name: _digest(name) for name in [*names, DEFAULT]}
+    return Stamp(__version__, repr(settings), sources)
+
+
+def read_stamp(picture: Path) -> Stamp | None:
+    """Return the stamp of a PNG file, or None if it has none."""
+    with Image.open(picture) as image:
+        stored = image.info.get(KEY)
+    return None if stored is None else Stamp(**json.loads(stored))
+
+
+def outdated(picture: Path, settings: object) -> str:
+    """Return a sentence if a picture is not what the present code draws, or an empty text.
+
+    Parameters
+    ----------
+    picture : Path
+        A PNG file.
+    settings : Settings
+        The present numbers of a full run.
+    """
+    stamp = read_stamp(picture)
+    if stamp is None:
+        return "It is not known which version drew this picture."
+    changed = [f"`{name}`" for name in stamp.changed()]
+    if stamp.settings != repr(settings):
+        changed.append("the numbers of the run (another version, or a coarse run)")
+    return f"Drawn by version {stamp.version}; different now: {', '.join(changed)}." * bool(changed)
+
+
+def _digest(name: str) -> str:
+    if name == DEFAULT:
+        return str(identity(load_circuit(DEFAULT, 2))["sha256"])[:12]
+    path = ROOT / name
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12] if path.is_file() else "gone"

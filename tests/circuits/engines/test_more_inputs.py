@@ -1,0 +1,79 @@
+"""Further inputs of a circuit, trial by trial: the same as a course, on every engine."""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.engines import run
+from tests.helpers import refused
+
+BASE = anatomy.macaque(2).with_neurons(30)
+STEP_MS, STEPS = 5.0, 6
+DRIVE = np.random.default_rng(1).normal(0, 0.3, (2, STEPS, 2)).cumsum(axis=1)
+
+
+def driven(circuit, engine, columns):
+    drive = np.concatenate([DRIVE, columns], axis=2)
+    return run(circuit, drive, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+
+
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
+    """The first trial gets 0.7 nats into STN from its third reading on; the second gets none."""
+    columns = np.zeros((2, STEPS, 1))
+    columns[0, 2:] = 0.7
+    out = driven(BASE.with_inputs("STN"), engine, columns)
+    course = BASE.add(f"STN amount=0.7 from_ms={2 * STEP_MS:g}")
+    with_course, without = (
+        run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+        for table in (course, BASE)
+    )
+    np.testing.assert_allclose(out[0], with_course[0], atol=2e-6)
+    np.testing.assert_array_equal(out[1], without[1])
+    assert np.abs(with_course[0] - without[0]).max() > 0.05
+
+
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
+    plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+    table = BASE.with_inputs("STN", "GPe[1]")
+    np.testing.assert_array_equal(driven(table, engine, np.zeros((2, STEPS, 2))), plain)
+    without = run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+    np.testing.assert_array_equal(without, plain)
+
+
+def test_an_input_of_one_channel_reaches_that_channel():
+    """GPe inhibits its own channel's output: with more of it, OUT of that channel falls most."""
+    columns = np.full((2, STEPS, 1), 0.5)
+    out = driven(BASE.with_inputs("GPe[1]"), "rate", columns)
+    plain = run(BASE, DRIVE, engine="rate", step_ms=STEP_MS).output_nats
+    change = (out - plain)[:, -1].mean(axis=0)
+    assert change[1] < change[0] - 0.05
+
+
+def test_every_column_keeps_its_place_in_the_file_and_the_hash(tmp_path):
+    from circuits.anatomy import load_circuit
+    from circuits.declaration.table_files import digest, write
+
+    table = BASE.with_inputs("STN", "GPe[1]")
+    assert load_circuit(write(table, tmp_path / "one.toml"), 2) == table
+    assert digest(table) != digest(BASE) == digest(table.with_inputs())
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        (("ctx",), "more_inputs ctx"),
+        (("XYZ",), "more_inputs XYZ"),
+        (("STN[2]",), "more_inputs STN has 2"),
+        (("STN", "STN[1]"), "more_inputs once"),
+    ],
+)
+def test_a_place_that_takes_no_input_is_refused(names, says):
+    with refused(says):
+        BASE.with_inputs(*names)
+
+
+def test_a_drive_with_too_few_columns_is_refused():
+    with refused("drive channels"):
+        run(BASE.with_inputs("STN", "GPe"), np.zeros((1, 2, 3)), engine="rate", step_ms=5.0)

@@ -1,0 +1,140 @@
+"""Estimates of the stop-signal reaction time: a known one is found, and what the guide refuses."""
+
+import numpy as np
+import pytest
+
+from bgmodel.stopping.estimates import (
+    estimate_ssrt,
+    fit_race,
+    inhibition_function,
+    nth_time,
+    p_respond,
+    wilson,
+)
+from bgmodel.stopping.trials import StopTrials, drawn_delays
+from circuits.errors import DataWarning
+from tests.helpers import refused
+
+TRUE_MS = 220.0
+DELAYS = np.arange(50.0, 550.0, 50.0)
+
+
+def raced(seed, go=300, stops=100, ssrt_ms=TRUE_MS, sd_ms=20.0, failures=0.0):
+    """Return the trials of an independent race with one staircase, one up, one down."""
+    rng = np.random.default_rng(seed)
+    times = 380 + rng.gamma(2.0, 50.0, go + stops)
+    ssd = np.full(go + stops, np.nan)
+    delay = 250.0
+    for trial in np.sort(rng.choice(go + stops, stops, replace=False)):
+        ssd[trial] = delay
+        finish = delay + rng.normal(ssrt_ms, sd_ms)
+        if rng.random() < failures or times[trial] <= finish:
+            delay = max(delay - 50, 0)
+        else:
+            times[trial] = np.nan
+            delay += 50
+    return StopTrials(times, ssd)
+
+
+def test_the_integration_method_finds_a_known_time():
+    """The bar of the guide's simulations: within 15 ms on the mean of 40 people."""
+    found = np.array([estimate_ssrt(raced(seed)).ssrt_ms for seed in range(40)])
+    error = found.std() / np.sqrt(40)
+    assert found.mean() == pytest.approx(TRUE_MS, abs=15)
+    assert error < 4
+
+
+def test_trigger_failures_bias_the_integration_method_and_are_found_by_likelihood():
+    clean, biased = (
+        np.mean([estimate_ssrt(raced(seed, 3000, 1000, failures=f)).ssrt_ms for seed in range(4)])
+        for f in (0.0, 0.1)
+    )
+    assert biased > clean + 8
+    rng = np.random.default_rng(3)
+    times = 380 + rng.gamma(2.0, 50.0, 20_000)
+    ssd = drawn_delays(20_000, DELAYS, 0.5, rng)
+    stopped = (times > ssd + rng.normal(TRUE_MS, 20.0, 20_000)) & (rng.random(20_000) > 0.1)
+    fit = fit_race(StopTrials(np.where(stopped, np.nan, times), ssd))
+    assert fit["ssrt_ms"] == pytest.approx(TRUE_MS, abs=5)
+    assert fit["failures"] == pytest.approx(0.1, abs=0.015)
+
+
+def test_p_respond_is_the_go_distribution_at_the_delay_plus_the_time():
+    go = np.linspace(300, 700, 2001)
+    found = p_respond([80.0, 280.0, 600.0], go, 220.0)
+    assert found == pytest.approx([0.0, 0.5, 1.0], abs=1e-3)
+    spread = p_respond([280.0], go, 220.0, sd_ms=30.0, failures=0.2)
+    assert spread == pytest.approx(0.2 + 0.8 * 0.5, abs=1e-3)
+
+
+def test_omissions_count_as_the_slowest_responses():
+    go = [300.0, 400.0, 500.0, np.nan]
+    trials = StopTrials([*go, 350.0, np.nan], [np.nan] * 4 + [200.0, 200.0])
+    with pytest.warns(DataWarning, match="2 stop trials"):
+        found = estimate_ssrt(trials)
+    # Half of the stop trials fail: the second of four go times, 400, less the delay.
+    assert found.ssrt_ms == 200.0
+    assert found.omissions == 0.25
+    assert found.ssrt_mean_ms == 200.0
+    assert found.failed_minus_go_ms == -50.0
+
+
+def test_the_inhibition_function_rises_and_its_time_is_constant_in_a_race():
+    rng = np.random.default_rng(4)
+    times = 380 + rng.gamma(2.0, 50.0, 40_000)
+    ssd = drawn_delays(40_000, [200.0, 250.0, 300.0], 0.5, rng)
+    times[times > np.nan_to_num(ssd + TRUE_MS, nan=np.inf)] = np.nan
+    table = inhibition_function(StopTrials(times, ssd))
+    assert table["p_respond"].is_monotonic_increasing
+    assert ((table["low"] <= table["p_respond"]) & (table["p_respond"] < table["high"])).all()
+    assert table["ssrt_ms"].to_numpy() == pytest.approx(TRUE_MS, abs=4)
+
+
+def test_the_interval_is_wilsons():
+    low, high = wilson(5, 10)
+    assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-4)
+    assert nth_time(np.array([3.0, 1.0, 2.0, 4.0]), 0.5) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("rt", "ssd", "says"),
+    [
+        ([400.0, 500.0, np.nan, np.nan], [np.nan, np.nan, 200, 200], "p is 0.00, outside 0.25"),
+        ([400.0, 500.0, 450, np.nan], [np.nan, np.nan, 200, 200], "p slower"),
+        ([400.0, 500.0], [np.nan, np.nan], "ssd_ms stop trials"),
+        ([np.nan, np.nan, 450, 1], [np.nan, np.nan, 200, 200], "rt_ms go trials"),
+    ],
+)
+def test_what_the_guide_refuses_is_refused(rt, ssd, says):
+    if says == "p slower":
+        rt = [400.0, 500.0, 600.0, np.nan]
+    with refused(says):
+        estimate_ssrt(StopTrials(rt, ssd))
+
+
+@pytest.mark.parametrize(
+    ("rt", "ssd", "more", "says"),
+    [
+        ([400.0], [200.0], {}, "ssd_ms go trials"),
+        ([400.0, -1], [np.nan, 200.0], {}, "rt_ms >= 0"),
+        ([400.0, np.inf], [np.nan, 200.0], {}, "rt_ms >= 0"),
+        ([400.0, 300], [np.nan], {}, "ssd_ms one per trial"),
+        ([400.0, 300], [np.nan, 900.0], {"deadline_ms": 800.0}, "ssd_ms before the deadline"),
+    ],
+)
+def test_impossible_trials_are_refused(rt, ssd, more, says):
+    with refused(says):
+        StopTrials(rt, ssd, **more)
+
+
+def test_delays_in_seconds_are_warned_of():
+    with pytest.warns(DataWarning, match="not in seconds"):
+        StopTrials([400.0, 300.0], [np.nan, 0.25])
+
+
+def test_outcomes_are_four():
+    trials = StopTrials([300, np.nan, 300, np.nan], [np.nan, np.nan, 100, 100])
+    names = ["response", "omission", "failed stop", "successful stop"]
+    assert trials.outcome.tolist() == names
+    assert trials.to_dataframe()["outcome"].tolist() == names
+    assert trials.p_respond == 0.5

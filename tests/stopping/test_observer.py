@@ -1,0 +1,184 @@
+"""The ideal observer of the stop-signal task: calibration, its limits, and its optimum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bgmodel as bg
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.stopping.observer import (
+    StopMsprt,
+    first_reading,
+    gaussian_stop_evidence,
+    log_odds_of_stop,
+)
+from bgmodel.stopping.optimum import RESPOND, WITHHOLD, Rewards, optimal_policy
+from bgmodel.stopping.trials import drawn_delays, stop_trials
+from tests.helpers import refused
+
+STEP_MS, STEPS, SHARE = 10.0, 80, 0.3
+DELAYS = np.array([100.0, 200.0, 300.0])
+
+
+def task(trials, seed, *, d_prime=0.35, stop_d_prime=0.6, share=SHARE, channels=2):
+    go = bg.gaussian_evidence(
+        trials, d_prime=d_prime, t_max=STEPS, step_ms=STEP_MS, seed=seed, channels=channels
+    )
+    rng = np.random.default_rng(seed + 1)
+    ssd = drawn_delays(trials, DELAYS, share, rng)
+    return gaussian_stop_evidence(
+        go, ssd, d_prime=stop_d_prime, share=share, delays_ms=DELAYS, rng=rng
+    )
+
+
+def brute_force(evidence, trial, t):
+    """Return P(stop) after t readings, by summing over every time at which it may begin."""
+    ratios = evidence.log_ratio[trial, :t]
+    odds = sum(f * np.exp(ratios[k:].sum()) for k, f in enumerate(evidence.begins))
+    odds *= evidence.share / (1 - evidence.share)
+    return odds / (1 + odds)
+
+
+def test_the_recursion_is_the_sum_over_all_times_of_the_signal():
+    evidence = task(5, 3)
+    z = log_odds_of_stop(evidence)
+    for trial in range(5):
+        for t in (0, 1, 10, 11, 25, 40, STEPS):
+            assert 1 / (1 + np.exp(-z[trial, t])) == pytest.approx(brute_force(evidence, trial, t))
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_probabilities_of_responses_and_of_the_stop_sum_to_one(channels):
+    out = StopMsprt().run(task(20, 4, channels=channels)).out_nats
+    assert out.shape == (20, STEPS + 1, channels + 1)
+    assert np.exp(-out).sum(axis=2) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("late", [15, 30, 60])
+def test_it_is_calibrated(late):
+    """Among trials with P(stop) = p, a proportion p has a stop signal; likewise for responses."""
+    evidence = task(20_000, 5)
+    p = np.exp(-StopMsprt().run(evidence).out_nats[:, late])
+    stop = ~np.isnan(evidence.ssd_ms)
+    for one, is_true in ((p[:, 2], stop), (p[:, 0], ~stop & (evidence.go.truth == 0))):
+        bins = np.minimum((10 * one).astype(int), 9)
+        for k in np.unique(bins):
+            here = bins == k
+            error = np.sqrt(0.25 / here.sum())
+            assert is_true[here].mean() == pytest.approx(one[here].mean(), abs=4 * error)
+
+
+def test_an_abrupt_signal_is_the_horse_race():
+    """Strong stop evidence blocks responses from its first reading on (Logan & Cowan 1984)."""
+    evidence = task(4000, 6, stop_d_prime=12.0, share=0.5)
+    found = StopMsprt().decide(evidence, 0.9, 0.999)
+    trials = stop_trials(found, evidence.ssd_ms, 2)
+    z = log_odds_of_stop(evidence)
+    # Without stop evidence, the chance of a signal to come alone delays the responses.
+    silent = np.where(np.isnan(evidence.ssd_ms)[:, None], z, np.nan)
+    before = np.nanmax(silent, axis=0)
+    out = bg.Msprt().run(evidence.go).out_nats + np.logaddexp(0, before)[:, None]
+    crossed = (out <= -np.log(0.9)).any(axis=2)
+    go_ms = np.where(crossed.any(axis=1), crossed.argmax(axis=1), np.inf) * STEP_MS
+    finish = STEP_MS * first_reading(DELAYS, STEP_MS)
+    for delay, end in zip(DELAYS, finish, strict=True):
+        here = evidence.ssd_ms == delay
+        assert trials.responded[here].mean() == pytest.approx((go_ms[here] < end).mean(), abs=0.01)
+
+
+def test_withholding_is_a_response_that_ends_the_trial():
+    evidence = task(2000, 7)
+    found = StopMsprt().decide(evidence, 0.9, 0.9)
+    withheld = found.choice == 2
+    stop = ~np.isnan(evidence.ssd_ms)
+    assert stop[withheld].mean() == pytest.approx(0.95, abs=0.05)
+    assert (found.accuracy > 0.5) & (withheld.mean() > 0.05)
+
+
+def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():
+    """It adds ln(1 + exp(z - S)) to every OUT, the ideal observer ln(1 + exp z)."""
+    evidence = task(50, 8, channels=4)
+    z = log_odds_of_stop(evidence)
+    go = bg.Msprt().run(evidence.go).out_nats
+    ideal = StopMsprt().run(evidence).out_nats[..., :4] - go
+    extra = StopMsprt(extra_channel=True).run(evidence).out_nats[..., :4] - go
+    s = np.log(np.exp(evidence.go.own_totals).sum(axis=2))
+    assert ideal == pytest.approx(np.repeat(np.logaddexp(0, z)[..., None], 4, axis=2))
+    assert extra == pytest.approx(np.repeat(np.logaddexp(0, z - s)[..., None], 4, axis=2))
+
+
+def reward_of(choice, steps, evidence, rewards):
+    stop = ~np.isnan(evidence.ssd_ms)
+    made = (choice == 0) | (choice == 1)
+    right = made & (choice == evidence.go.truth)
+    go = np.where(made, np.where(right, rewards.response, rewards.error), rewards.omission)
+    gained = np.where(stop, np.where(made, rewards.failed, rewards.stop), go)
+    return gained - rewards.reading * steps
+
+
+def played(policy, evidence):
+    """Return choice and number of readings of each trial under a policy of ``optimal_policy``."""
+    totals = np.cumsum(evidence.go.log_likelihood[..., 0] - evidence.go.log_likelihood[..., 1], 1)
+    trials, steps = evidence.log_ratio.shape
+    choice, taken = np.full(trials, 2), np.full(trials, steps)
+    open_, begun = np.ones(trials, bool), np.full(trials, -np.inf)
+    odds = np.zeros(trials)
+    for t in range(steps + 1):
+        if t:
+            odds = totals[:, t - 1]
+            with np.errstate(divide="ignore"):
+                begun = np.logaddexp(begun, np.log(evidence.begins[t - 1]))
+            begun = begun + evidence.log_ratio[:, t - 1]
+        i = np.abs(policy.log_odds[:, None] - odds).argmin(axis=0)
+        j = np.abs(policy.begun[:, None] - begun.clip(min=-50)).argmin(axis=0)
+        action = policy.action[t, i, j]
+        for kind in (RESPOND, WITHHOLD):
+            now = open_ & (action == kind)
+            choice[now] = np.where(odds[now] > 0, 0, 1) if kind == RESPOND else 2
+            taken[now] = t
+            open_ &= ~now
+    return choice, taken
+
+
+def test_no_pair_of_constant_thresholds_earns_more_than_the_optimum():
+    rewards = Rewards(reading=0.004)
+    evidence = task(6000, 9)
+    policy = optimal_policy(0.35, 0.6, SHARE, evidence.begins, rewards)
+    choice, taken = played(policy, evidence)
+    best = reward_of(choice, taken, evidence, rewards)
+    error = best.std() / np.sqrt(len(best))
+    assert best.mean() == pytest.approx(policy.value, abs=4 * error)
+    trace, gained = StopMsprt().run(evidence), {}
+    for go in (0.6, 0.7, 0.8, 0.9):
+        for stop in (0.6, 0.75, 0.9, 0.99):
+            levels = -np.log([[go, go, stop]])
+            found = first_crossing(trace, levels, forced=False, checked=False)
+            ended = found.choice[0] >= 0
+            steps = np.where(ended, np.nan_to_num(found.time_ms[0]) / STEP_MS, STEPS)
+            gained[go, stop] = reward_of(found.choice[0], steps, evidence, rewards)
+    for each in gained.values():
+        apart = each - best
+        assert apart.mean() < 2 * apart.std() / np.sqrt(len(apart))
+    assert max(each.mean() for each in gained.values()) > best.mean() - 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"share": 1.0}, "share between"),
+        ({"begins": np.ones(STEPS)}, "begins sum to 1"),
+        ({"log_ratio": np.zeros((3, STEPS))}, "log_ratio shape"),
+        ({"ssd_ms": np.zeros(3)}, "ssd_ms shape"),
+    ],
+)
+def test_evidence_that_does_not_fit_is_refused(change, says):
+    good = task(2, 1)
+    with refused(says):
+        replace(good, **change)
+
+
+def test_a_delay_without_a_reading_left_is_refused():
+    go = bg.gaussian_evidence(2, d_prime=0.5, t_max=10, step_ms=10, seed=1)
+    with refused("delays_ms before the end"):
+        gaussian_stop_evidence(go, [np.nan, 50.0], d_prime=0.6, share=0.3, delays_ms=[100.0], rng=1)
