@@ -1,0 +1,77 @@
+"""What a release states about itself: dates, dependencies of the recipe, numbers of the paper."""
+
+import re
+import tomllib
+from collections import Counter
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+import bgmodel
+from bgmodel.support.files import read_table
+from tests.helpers import ROOT
+
+TABLES = ROOT / "docs" / "tables"
+CONDA = {"matplotlib": "matplotlib-base"}
+"""Packages with another name on conda-forge."""
+NEWER = {"brian2"}
+"""Packages that the recipe needs in a newer version; it says why."""
+
+
+def test_changelog_and_citation_have_one_date():
+    dated = re.search(r"^## \[.+?\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert dated is not None
+    assert f"\ndate-released: {dated[1]}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_the_recipe_needs_what_the_core_needs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    core = [Requirement(text) for text in project["dependencies"]]
+    wanted = {CONDA.get(each.name, each.name): each.specifier for each in core}
+    recipe = yaml.safe_load((ROOT / "conda-recipe" / "recipe.yaml").read_text())
+    assert recipe["context"]["version"] == bgmodel.__version__
+    runs = dict(text.split(maxsplit=1) for text in recipe["requirements"]["run"])
+    assert set(runs) - {"python"} == set(wanted)
+    same = set(wanted) - NEWER
+    assert {n: runs[n] for n in same} == {n: str(wanted[n]) for n in same}
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
+def test_supported_pythons_are_classified(python):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert f"Programming Language :: Python :: {python}" in project["classifiers"]
+
+
+def sentences():
+    """Yield what the paper says of each table, from the tables."""
+    table = read_table(TABLES / "raw_decisions.csv")
+    row = table.query(
+        "evidence == \"Gaussian, d' 0.5, N = 4\" and engine == 'population' and given == 'raw' "
+        "and accuracy == 0.9"
+    ).iloc[0]
+    yield f"in {row.agreement:.1%} of {row.trials:.0f} trials".replace("%", " %")
+    yield f"({row.agreement_chance:.1%} expected by chance)".replace("%", " %")
+    yield f"r = {row.pearson_r:.3f}, and the circuit took {row.extra_ms:.0f} ms longer"
+    table = read_table(TABLES / "experiments_predictions.csv")
+    of = Counter(table["outcome"])
+    yield f"contain {len(table)} predictions"
+    yield f"agreed with {of['agrees']} and disagreed with {of['disagrees']}"
+    yield f"{of['left open']} was left open, and {of['decides without evidence']} concerned lesions"
+    row = read_table(TABLES / "crosschecks_grid.csv").set_index("solution").loc["PyDDM"]
+    yield f"at {row.points:.0f} combinations"
+    yield f"was {row.z_mean_most:.1f} standard errors"
+    inside = read_table(TABLES / "hssm_check.csv")["inside"]
+    yield f"{inside.sum()} of {len(inside)} intervals"
+
+
+def test_the_paper_gives_the_numbers_of_the_tables():
+    text = " ".join((ROOT / "paper" / "paper.md").read_text().split())
+    assert [each for each in sentences() if each not in text] == []
+
+
+def test_the_paper_cites_what_its_bibliography_holds():
+    text = (ROOT / "paper" / "paper.md").read_text()
+    keys = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(), re.MULTILINE)
+    assert len(keys) == len(set(keys))
+    assert set(re.findall(r"@([a-z]+\d*)\b", text)) == set(keys)
