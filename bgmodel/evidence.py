@@ -118,7 +118,7 @@ class Evidence(Facts):
             )
         if max(values.max(), -values.min()) > MOST_NATS:
             raise InputError(
-                f"log_likelihood must lie within +-{MOST_NATS:.0e} nats, got {values.min():.3g} to "
+                f"log_likelihood must be within +-{MOST_NATS:.0e} nats, got {values.min():.3g} to "
                 f"{values.max():.3g}: subtract the part common to the hypotheses of a reading",
                 "log_likelihood",
             )
@@ -177,7 +177,7 @@ class Evidence(Facts):
         """
         from bgmodel.plots import posteriors
 
-        require(trial in range(self.trials), "trial", f"must lie in 0..{self.trials - 1}", trial)
+        require(trial in range(self.trials), "trial", f"must be within 0..{self.trials - 1}", trial)
         readings = int(self.readings[trial]) + 1
         time_ms = self.step_ms * np.arange(readings)
         truth = None if self.truth is None else int(self.truth[trial])

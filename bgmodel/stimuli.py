@@ -95,8 +95,8 @@ class Stimuli:
         require(self.channels >= 2, "channels", "must be at least 2", self.channels)
         check_positive(d_prime=self.d_prime, step_ms=self.step_ms)
         self._check_expectancy()
-        require(0 <= self.conflict < 1, "conflict", "must lie in 0..1, below 1", self.conflict)
-        require(0 < self.step_deg <= 180, "step_deg", "must lie in 0..180", self.step_deg)
+        require(0 <= self.conflict < 1, "conflict", "must be within 0..1, below 1", self.conflict)
+        require(0 < self.step_deg <= 180, "step_deg", "must be within 0..180", self.step_deg)
         if self.task == "same-different" and self.channels != 2:
             raise InputError(
                 f"same-different has 2 alternatives, got channels {self.channels}", "channels"

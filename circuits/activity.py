@@ -134,7 +134,7 @@ class Activity:
             said = f"the {self.engine} engine recorded no rates: run it again with rates=True"
             raise InputError(said, "rates")
         trials = len(self.output_nats)
-        require(trial in range(trials), "trial", f"must lie in 0..{trials - 1}", trial)
+        require(trial in range(trials), "trial", f"must be within 0..{trials - 1}", trial)
         one = {name: values[trial] for name, values in self.rates_hz.items()}
         return rates(self.time_ms, one, ax)
 

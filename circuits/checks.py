@@ -49,7 +49,7 @@ def check_range(low: float, high: float, *, owner: str = "", **values: Any) -> N
     **values
         Values by field name.
     """
-    must = f"must lie in {low:g}..{high:g}"
+    must = f"must be within {low:g}..{high:g}"
     if math.isinf(high):
         must = "must be finite" if math.isinf(low) else f"must be >= {low:g} and finite"
     for name, value in values.items():
@@ -82,7 +82,7 @@ def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
 def check_channel(owner: str, channel: Any, count: int) -> None:
     """Raise ValueError unless ``channel`` is the index of one of a row's channels."""
     if not is_whole(channel) or not 0 <= channel < count:
-        raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=owner)
+        raise InputError.of("channel", f"must be within 0..{count - 1}", channel, owner=owner)
 
 
 def is_bool(value: Any) -> bool:

@@ -144,7 +144,7 @@ class Circuit(EditableTable):
         Raises
         ------
         ValueError
-            Naming the edit as it was written, and what is allowed.
+            Naming the edit verbatim, and what is allowed.
         """
         edits = Edits(lines)
         added, keep_rest = edits.of("add"), bool(edits.of("keep"))

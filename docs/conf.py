@@ -35,7 +35,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "bgmodel"
 html_copy_source = False
 html_show_sourcelink = False
-html_sidebars = {"*": []}  # a page that belongs to no section has nothing to list beside it
+html_sidebars = {"*": []}  # no section, no sidebar
 html_theme_options = {
     "header_links_before_dropdown": 6,
     "show_prev_next": False,
@@ -54,4 +54,4 @@ def setup(app: Sphinx) -> None:
     """Write the gallery, and add what the settings above cannot say."""
     write(HERE)
     app.connect("autodoc-process-docstring", keep_bars)
-    app.add_lexer("csv", TextLexer)  # Pygments has none of its own
+    app.add_lexer("csv", TextLexer)  # Pygments has no lexer for it

@@ -20,7 +20,7 @@ DECIDERS = {
 }
 """Label, colour and marker of each model."""
 AT_GAIN = "MSPRT at its gain"
-CENTRED = "population, mean taken off"
+CENTRED = "population, mean subtracted"
 GAUSSIAN = "Gaussian, d' 0.5"
 ACCURACY = 0.95
 SHADES = {2: "C0", 4: "C2", 8: "C4"}

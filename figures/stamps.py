@@ -41,7 +41,7 @@ class Stamp:
     default circuit, by its name."""
 
     def text(self) -> str:
-        """Return the stamp as it is stored."""
+        """Return the stamp in its stored form."""
         return json.dumps(asdict(self), sort_keys=True)
 
     def changed(self) -> list[str]:

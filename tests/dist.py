@@ -146,7 +146,7 @@ def check_replaced(own: Path, pip: Sequence[str], work: Path, environment: dict[
     """Raise SystemExit unless an editable installation takes the place of one that was used."""
     left = [str(path) for path in own.rglob("*.nb[ic]") if {*path.parts} & {*PACKAGES}]
     if left:
-        raise SystemExit(f"compiled code lies in the installed package: {', '.join(left)}")
+        raise SystemExit(f"the installed package contains compiled code: {', '.join(left)}")
     _run([*pip, "--no-deps", "-e", str(ROOT)], work, environment)
     code = f"import bgmodel; bgmodel.Msprt; assert {str(ROOT)!r} in bgmodel.__file__"
     _run([str(own / "bin" / "python"), "-c", code], work, environment)

@@ -30,7 +30,7 @@ def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
     for file, table_of, _ in SETS.values():
         (motion_file() if table_of is motion else pairs_file()).to_csv(tmp_path / file, index=False)
     for licence in LICENCES:
-        (tmp_path / licence).write_text("as it is")
+        (tmp_path / licence).write_text("unedited")
     write_sets(tmp_path, tmp_path / "made")
     for name in SETS:
         table = pd.read_parquet(tmp_path / "made" / f"{name}.parquet")
@@ -39,7 +39,7 @@ def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
         about = read_provenance(tmp_path / "made" / f"{name}.parquet")["parameters"]
         assert list(about["columns"]) == sorted(table.columns)
         assert str(tmp_path) not in str(about)
-    assert (tmp_path / "made" / LICENCES[0]).read_text() == "as it is"
+    assert (tmp_path / "made" / LICENCES[0]).read_text() == "unedited"
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
     ("arguments", "says"),
     [
         (("GPe", "D1", 0.5), "pathway"),
-        (("GPe", "STN", 1.5), "fraction must lie in 0..1"),
+        (("GPe", "STN", 1.5), "fraction must be within 0..1"),
         (("GPe", "STN", 0.5, 2), "channel"),
     ],
 )

@@ -97,7 +97,7 @@ COURSES = (
 @pytest.mark.parametrize(
     ("circuit", "level"),
     [(TABLE, 0.3), (TABLE.add(*COURSES), 0.1)],
-    ids=["as it is", "courses"],
+    ids=["unedited", "courses"],
 )
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_dropped_trial_is_the_whole_one_cut_short(engine, circuit, level):
@@ -195,7 +195,7 @@ def in_plain(circuit):
         anatomy.macaque(3).with_neurons(20).add(*COURSES),
         TABLE.add(*COURSES).clamp("GPe", 0.3).with_heterogeneity(0.1),
     ],
-    ids=["as it is", "one channel", "courses at terminals", "courses and a lesion"],
+    ids=["unedited", "one channel", "courses at terminals", "courses and a lesion"],
 )
 def test_same_input_same_noise_same_spikes(engine, circuit):
     fast = all_of(circuit, CENTRED[:, None, :], engine, **SHORT)

@@ -41,7 +41,7 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
         (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
-        (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
+        (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must be within 1..20"),
         (
             lambda: some_evidence(lengths=np.full(300, 2)),
             "lengths after the last reading of a trial",

@@ -49,7 +49,7 @@ def test_a_session_of_a_circuit_says_so_once():
 @pytest.mark.parametrize(("given", "says"), [
     ({"taps": "nofile.csv"}, "taps does not use it"),
     ({"task": "same-different", "channels": 4}, "channels same-different has 2 alternatives"),
-    ({"conflict": 5.0}, "conflict must lie in"),
+    ({"conflict": 5.0}, "conflict must be within"),
 ])  # fmt: skip
 def test_evidence_is_drawn_from_settings_that_fit(given, says):
     with refused(says):
@@ -65,7 +65,7 @@ def test_copies_of_trials_are_not_counted_as_new_in_silence():
 def test_models_that_need_a_zero_get_one():
     shifted = evidence()
     shifted = bg.Evidence(shifted.log_likelihood - 0.1, shifted.truth, step_ms=50, baseline=-0.1)
-    with refused("baselines race needs evidence in which zero means that nothing was seen"):
+    with refused("baselines race needs evidence in which zero means no evidence"):
         bg.compare("macaque", shifted, baselines="race", accuracies=0.9)
 
 

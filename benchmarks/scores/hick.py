@@ -48,7 +48,7 @@ COUNTS = (2, 3, 4, 6, 8, 12, 20)
 SPIKING = {2: 600, 4: 600, 8: 300}
 """Trials in spikes, by alternatives."""
 TRIALS, COARSE_TRIALS, TACTILE_TRIALS = 5000, 500, 1998
-CENTRED = "population, mean taken off"
+CENTRED = "population, mean subtracted"
 """The control: the mean over channels is subtracted outside the circuit."""
 ACCURACIES = (0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.97)
 HICK = (0.9, 0.95)

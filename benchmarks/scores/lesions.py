@@ -61,7 +61,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))
     other = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
     # Max-vs-average has no circuit to compare with, so only its extra time is informative.
-    other = other[other["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
+    other = other[other["measure"] == "extra_ms"].assign(variant="max-vs-average against the MSPRT")
     return pd.concat([change, other], ignore_index=True)
 
 

@@ -65,7 +65,7 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
         what = f"SNr of channel {k + 1}, inputs 25, 3, 3 Hz, Hz"
         yield {"what": what, "printed": printed, "where": SELECTION, **over_seeds(one[:, k])}
     inputs = (np.array([20.0, 15, 3]) - TONIC_HZ) / 40
-    for level, printed in ((0.0, "fewer than at .3"), (0.3, "1"), (0.8, "more than at .3")):
+    for level, printed in ((0.0, "fewer than at 0.3"), (0.3, "1"), (0.8, "more than at 0.3")):
         selected = out_of(anatomy.humphries(3, dopamine=level), inputs, seeds) < 0.05
         what = f"channels selected of 20, 15, 3 Hz, dopamine {level:g}"
         yield {"what": what, "printed": printed, "where": "abstract, in words"} | over_seeds(
@@ -77,8 +77,8 @@ def stewart(seeds: int) -> Iterator[dict[str, Any]]:
     """Yield the output that nengo's test asks for, and the time until a channel is silent."""
     found = -3 * out_of(anatomy.stewart(5), [0.8, 0.4, 0.4, 0.4, 0.4], seeds)
     test = "nengo 4.1, test_actionselection.py"
-    for k, printed in ((0, "above -.1"), (1, "below -.8")):
-        what = f"output times -3 of channel {k + 1}, saliences .8, .4, .4, .4, .4"
+    for k, printed in ((0, "above -0.1"), (1, "below -0.8")):
+        what = f"output times -3 of channel {k + 1}, saliences 0.8, 0.4, 0.4, 0.4, 0.4"
         yield {"what": what, "printed": printed, "where": test, **over_seeds(found[:, k])}
     drive = np.tile(np.repeat([[0.0, 0, 0], [1.0, 0, 0]], 400, axis=0), (50, 1, 1))
     late = []

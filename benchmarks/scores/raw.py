@@ -59,7 +59,7 @@ def decisions(
         accuracies=accuracies,
     ).table
     name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
-    given = "mean taken off" if centred else "raw"
+    given = "mean subtracted" if centred else "raw"
     return found.assign(evidence=name, engine=engine, given=given, trials=trials)
 
 
@@ -69,7 +69,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for kind in kinds():
         for centred in (False, True):
             make = partial(decisions, kind, "population", centred, trials, workers)
-            name = f"{kind.name}, population{', mean taken off' if centred else ''}"
+            name = f"{kind.name}, population{', mean subtracted' if centred else ''}"
             # Most of it is the bootstrap.
             seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
             yield Piece("decisions", name, trials, seconds, make)

@@ -59,7 +59,7 @@ def coded(table: Circuit, top_nats: float, hz_per_nat: float) -> Circuit:
 
 def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
     """Yield the table and its variants, with a name each."""
-    yield "as it is", table
+    yield "unedited", table
     for row in table.populations:
         if row.spiking and row.name != "D2":
             more = table.with_population(row.name, neurons=TIMES * row.neurons)

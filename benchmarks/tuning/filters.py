@@ -88,7 +88,7 @@ class Run:
 
 def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
     """Yield the table, and others with their filters in words."""
-    yield "as it is", table
+    yield "unedited", table
     direct = ((4, 5), (6, 4), (8, 4), (12, 4))
     for read_out, kernel, (tau, delay) in product((36, 28, 24), (24, 30, 34, 40), direct):
         edited = table.with_projection("D1", "SNr", tau_ms=tau, delay_ms=delay)

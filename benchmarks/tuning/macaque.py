@@ -36,7 +36,7 @@ COMMON_MS = (250.0, 1000.0)
 def neighbours(table: Circuit) -> dict[str, Circuit]:
     """Return the table and the variants tried."""
     slow = table.population("GPe_ctx").tau_ms
-    found = {"as it is": table}
+    found = {"unedited": table}
     for tau_ms in KERNELS_MS:
         found[f"STN->SNr {tau_ms:g} ms"] = table.with_projection("STN", "SNr", tau_ms=tau_ms)
     for tau_ms in READ_OUTS_MS:

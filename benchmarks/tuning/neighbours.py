@@ -119,7 +119,7 @@ def main() -> None:
     table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table)
     tried = neighbours(table)
-    for name, row in {"as it is": table, **tried}.items():
+    for name, row in {"unedited": table, **tried}.items():
         at = resting_activity(row, seed=TUNING_SEEDS[0])
         print(f"{name}, at rest:\n{at.to_string(index=False, float_format='{:.2f}'.format)}")
     for seed in TUNING_SEEDS:

@@ -34,7 +34,7 @@ def variants(table: Circuit) -> dict[str, Circuit]:
     loop = ("set STN->GPe.delay_ms 1", "set GPe->STN.delay_ms 1")
     short = (*loop, "set STN->GPe.tau_ms 1", "set GPe->STN.tau_ms 1")
     return {
-        "as it is": table,
+        "unedited": table,
         "GPe->STN with a delay of 3 ms": table.set("GPe->STN.delay_ms", 3),
         "STN-GPe loop with times of 1 ms": table.edited(*short),
         "no ceiling of cortex": table.set("ctx.transfer", "rectified"),

@@ -169,7 +169,7 @@ class CircuitRun(Writes):
         means = None if self.rates is None else RateMeans()
         with bar(evidence.trials):
             decision = model.decide(evidence, threshold, rates=means)
-        # A table of evidence on an engine without noise: nothing is random.
+        # A table of evidence on an engine without noise: there is no noise.
         seed = asked.seed if asked.task.evidence is None or model.engine.noisy else None
         about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)

@@ -154,7 +154,7 @@ def compare(
         that of the model.
     baselines : sequence of str
         Names of ``BASELINES`` to compare too. "race" and "LCA" need evidence in which a zero means
-        that nothing was seen, such as that of ``gaussian_evidence``.
+        no evidence, such as that of ``gaussian_evidence``.
     accuracies, resamples, groups :
         As for ``matched_measures``.
     intact : Circuit or str, optional
@@ -264,7 +264,7 @@ def _checked(evidence: Evidence, baselines: Sequence[str] | str) -> Sequence[str
         raise InputError.of("baselines", f"must be among {', '.join(BASELINES)}", baselines)
     for name in baselines:
         if evidence.baseline and name not in baselines_on(zero_is_nothing=False):
-            needs = "needs evidence in which zero means that nothing was seen"
+            needs = "needs evidence in which zero means no evidence"
             said = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
             raise InputError(said, "baselines")
     return baselines

@@ -111,7 +111,7 @@ def unreached(
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
-        RangeWarning.warn(f"nothing is compared at accuracy {listed(lost)}: {why}")
+        RangeWarning.warn(f"no comparison is possible at accuracy {listed(lost)}: {why}")
     return lost
 
 

@@ -87,7 +87,7 @@ class Trace(Facts):
         from bgmodel.plots import new_axes, output
 
         last = len(self.out_nats) - 1
-        require(trial in range(last + 1), "trial", f"must lie in 0..{last}", trial)
+        require(trial in range(last + 1), "trial", f"must be within 0..{last}", trial)
         ticks = self.of_trials()[0][trial]
         relative_ms = self.time_ms[:ticks] - self.onset_ms
         return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])

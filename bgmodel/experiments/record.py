@@ -102,7 +102,7 @@ class ExperimentRecord(Observed):
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):
-            raise InputError.of("truth", f"must lie in 0..{hypotheses - 1}", self.truth)
+            raise InputError.of("truth", f"must be within 0..{hypotheses - 1}", self.truth)
 
     @property
     def stopping(self) -> str:

@@ -218,7 +218,7 @@ class CircuitModel:
         return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
 
     def _read(self, point: tuple[float, ...]) -> FirstPassageTimes | None:
-        """Return stored crossings; None if there are none or their file is truncated."""
+        """Return stored crossings; None without a complete file."""
         path = self.path(point)
         return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
 

@@ -197,7 +197,7 @@ def read(
 def _moved(largest: Array) -> Array:
     """Return the offset moved from the exponents of evidence to those of time.
 
-    Late trials have accumulated so much evidence that its exponential alone would overflow.
+    Late trials have accumulated evidence whose exponential alone would overflow.
     """
     if largest.max() > 2 * LARGEST_EXPONENT:
         raise InputError(

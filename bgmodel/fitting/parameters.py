@@ -187,7 +187,7 @@ def freedom(
         elif each.name in chosen:
             moved.append(FreeParameter(each.name, each, np.arange(cells)))
     if not moved:
-        raise InputError(f"nothing is free: name some of {', '.join(known)}", "free", free)
+        raise InputError(f"no parameter is free: name some of {', '.join(known)}", "free", free)
     return ParameterSpace(tuple(known.values()), tuple(moved), cells)
 
 

@@ -23,7 +23,7 @@ class Piece(NamedTuple):
 
 
 def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
-    """Return a finished fit, or None if there is none with this key or a file is damaged.
+    """Return a finished fit, or None if no undamaged file has this key.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **ma
 def read_crossings(
     path: Path, thresholds_nats: Array, drifts: Sequence[float]
 ) -> FirstPassageTimes | None:
-    """Return stored crossings; None if there are none or their file is truncated.
+    """Return stored crossings; None without a complete file.
 
     Parameters
     ----------

@@ -113,6 +113,6 @@ def in_window(
             "terminal --rt-window); 0 inf keeps all"
         )
     elif rule:
-        # Nothing is excluded: the likelihood is that of all times.
+        # All trials are included: the likelihood is that of all times.
         window = EVERY_TIME
     return window, inside

@@ -36,7 +36,7 @@ class Race:
     """Independent accumulators: stop when one total is high enough (Vickers 1970).
 
     ``OUT_i = -Y_i``. A constant common to the hypotheses of a reading cancels in rules that
-    compare accumulators, but not here: a zero of the evidence must mean that nothing was seen, as
+    compare accumulators, but not here: a zero must mean no evidence, as
     in ``separated_evidence``.
     """
 
@@ -160,7 +160,7 @@ def baselines_on(zero_is_nothing: bool) -> list[str]:
     Parameters
     ----------
     zero_is_nothing : bool
-        Whether a zero of the evidence means that nothing was seen, as in ``separated_evidence``.
+        Whether a zero means no evidence, as in ``separated_evidence``.
     """
     return [name for name, model in BASELINES.items() if zero_is_nothing or not model.needs_zero]
 

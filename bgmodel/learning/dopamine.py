@@ -237,7 +237,7 @@ def decide_at_levels(
     if falling.ndim != 1 or not len(falling) or not np.all(np.diff(falling) < 0):
         raise InputError.of("levels", "must be one or more numbers, each once", levels)
     if not (falling[-1] >= low and falling[0] <= high):
-        raise InputError.of("levels", f"must lie in {low:g}..{high:g}", levels)
+        raise InputError.of("levels", f"must be within {low:g}..{high:g}", levels)
     rows = [
         decide_at_thresholds(
             replace(model, circuit=model.circuit.dopamine(float(level))),

@@ -101,7 +101,7 @@ def learn_level(
     """
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
-    must, (least, most) = f"must lie in {low:.3f}..{high:.3f}", policy.bounds
+    must, (least, most) = f"must be within {low:.3f}..{high:.3f}", policy.bounds
     require(low <= least < most <= high, "bounds", must, policy.bounds)
     require(low <= start_level <= high, "start_level", must, start_level)
     require(runs >= 1, "runs", "must be >= 1", runs)

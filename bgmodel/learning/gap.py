@@ -86,7 +86,7 @@ def check_start(start_delta: float) -> None:
     """Raise ValueError if learning can't start from this gap."""
     low, high = DELTA_RANGE
     if not low <= start_delta <= high:
-        raise InputError.of("start_delta", f"must lie in {low:g}..{high:g} nats", start_delta)
+        raise InputError.of("start_delta", f"must be within {low:g}..{high:g} nats", start_delta)
 
 
 def learn_sources(

@@ -25,10 +25,10 @@ def whole(name: str, value: Any, least: int) -> int:
 
 
 def check_inside(name: str, values: Integers, low: int, high: int) -> None:
-    """Raise ValueError unless all numbers of an array lie in a range, its ends included."""
+    """Raise ValueError unless all numbers of an array are within a range, its ends included."""
     if values.min() < low or values.max() > high:
         raise InputError(
-            f"{name} must lie in {low}..{high}, got {values.min()}..{values.max()}", name
+            f"{name} must be within {low}..{high}, got {values.min()}..{values.max()}", name
         )
 
 

@@ -205,7 +205,7 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 
 
 def check_writable(folder: str | Path) -> Path:
-    """Return a folder as an absolute path; ValueError if nothing can be written there.
+    """Return a folder as an absolute path; ValueError if it is not writable.
 
     It is created when a file is written.
     """

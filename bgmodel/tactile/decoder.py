@@ -60,7 +60,7 @@ class Training:
         for name in ("epochs", "patience", "batch"):
             require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
         require(0 < self.validation < 1, "validation", "must lie between 0 and 1", self.validation)
-        require(0 <= self.dropout <= 2, "dropout", "must lie in 0..2", self.dropout)
+        require(0 <= self.dropout <= 2, "dropout", "must be within 0..2", self.dropout)
 
 
 # Tuned on the error for held-out parts of the training taps.
@@ -234,7 +234,7 @@ def train(
     low, high = kind.range_deg
     if not ((yaw >= low) & (yaw <= high)).all():
         raise InputError(
-            f"yaw_deg must lie in {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
+            f"yaw_deg must be within {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
         )
     held = round(training.validation * len(taps))
     if held < 1 or len(taps) - held < 2 * training.batch:

@@ -71,7 +71,7 @@ class Library:
         forces = np.asarray(force_n, dtype=float)
         low, high = self.plan.forces_n[0], self.plan.forces_n[-1]
         if np.any(forces < low) or np.any(forces > high):
-            raise InputError.of("force_n", f"must lie in {low:g}..{high:g}", forces)
+            raise InputError.of("force_n", f"must be within {low:g}..{high:g}", forces)
         splines = self._pin_splines(period_mm, pin_mm)
         by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
         by_force = sampling.node_weights(forces, self.plan.forces_n)

@@ -92,7 +92,7 @@ class Density:
     def __post_init__(self) -> None:
         require(self.kind in ("kde", "t"), "kind", "must be 'kde' or 't'", self.kind)
         if self.shrink is not None and not 0 <= self.shrink <= 1:
-            raise InputError.of("shrink", "must lie in 0..1", self.shrink)
+            raise InputError.of("shrink", "must be within 0..1", self.shrink)
         for name in ("bandwidth_deg", "cap_nats"):
             value = getattr(self, name)
             require(value is None or (np.isfinite(value) and value > 0), name, "must be > 0", value)

@@ -167,7 +167,7 @@ class _Edge:
     def __post_init__(self) -> None:
         _check_count(self.count)
         most = 180 if self.count == 2 else 360 / self.count
-        require(0 < self.step_deg <= most, "step_deg", f"must lie in 0..{most:g}", self.step_deg)
+        require(0 < self.step_deg <= most, "step_deg", f"must be within 0..{most:g}", self.step_deg)
 
     @property
     def angles_deg(self) -> Array:

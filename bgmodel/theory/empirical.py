@@ -185,7 +185,7 @@ def _from_cells(x: Empirical, edges: Array, k: int) -> tuple[Array, ...]:
     slope += np.bincount(lag + 1, tilt, size) - np.bincount(lag, tilt, size)
     rows = _by_cell(flat, n) + _gradient_adjoint(_by_cell(slope, n))
     inside, upper, lower = rows[:, :n], rows[:, n], rows[:, n + 1]
-    zero = np.clip(-edges[:-1] / width - 0.5, -0.5, 0.5)  # where Z = 0 lies in each cell
+    zero = np.clip(-edges[:-1] / width - 0.5, -0.5, 0.5)  # position of Z = 0 in each cell
     positive = 0.5 - zero + _gradient_adjoint((0.25 - zero**2) / 2)
     onward = np.concatenate([np.zeros((n, k)), inside], axis=1)
     return onward, upper, lower, inside @ positive, inside @ (1 - positive)

@@ -76,7 +76,7 @@ def lif_mean_mv(cell: Membrane, rate_hz: float) -> float:
     from scipy.optimize import brentq
 
     if not (rate_hz > 0 and rate_hz * cell.refractory_ms < 1000):
-        raise InputError.of("rate_hz", "must lie in 0..1000/refractory_ms", rate_hz)
+        raise InputError.of("rate_hz", "must be within 0..1000/refractory_ms", rate_hz)
     low, high = cell.threshold_mv - 12 * cell.noise_mv, cell.threshold_mv + 2000.0
     return float(brentq(lambda mv: float(lif_rate_hz(cell, mv)) - rate_hz, low, high))
 

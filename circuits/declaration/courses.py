@@ -58,7 +58,7 @@ class Course:
         name, begin = self.name, self.from_ms
         check_finite(owner=name, amount=self.amount, from_ms=begin)
         require(begin >= 0, "from_ms", "must be >= 0, when the drive begins", begin, owner=name)
-        after = f"must lie after from_ms, {begin:g}"
+        after = f"must come after from_ms, {begin:g}"
         require(begin < self.to_ms, "to_ms", after, self.to_ms, owner=name)
         if self.to_ms - begin < SHORTEST_MS:
             EditWarning.warn(f"{name} lasts less than {SHORTEST_MS:g} ms: times are in ms")

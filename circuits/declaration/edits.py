@@ -361,7 +361,7 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
         return None
     if kind.takes == FRACTION and value > 1 and not percent:
         write = f"write {value:g}% or {value / 100:g}"
-        raise InputError(f"{line!r}: a fraction lies in 0..1: {write}", "edits")
+        raise InputError(f"{line!r}: a fraction is within 0..1: {write}", "edits")
     return Edit(line, verb, row, channel=channel, value=value)
 
 

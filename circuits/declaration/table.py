@@ -185,7 +185,7 @@ class CircuitTable(Network):
                 there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
                 last = max(there, key=lambda row: row.from_ms).name
                 level = f"with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
-                said = f"{last}: the level of dopamine must lie in 0..2, {level}"
+                said = f"{last}: the level of dopamine must be within 0..2, {level}"
                 raise InputError(said, "courses")
 
     def check_steady(self, what: str) -> None:
@@ -249,7 +249,7 @@ class CircuitTable(Network):
 
     @property
     def steady(self) -> Self:
-        """The circuit without courses, as it is while it settles before the drive begins."""
+        """The circuit without courses: its state before the drive begins."""
         return replace(self, courses=()) if self.courses else self
 
     @property

@@ -91,7 +91,7 @@ def _s_minus_log_s_curvature(s: Array) -> Array:
 # shared version would round differently and make the lanes slower.
 TRANSFERS: dict[str, Transfer] = {
     "linear": Transfer(
-        lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is", lambda a: a + 0.0
+        lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "unchanged", lambda a: a + 0.0
     ),
     "rectified": _cut_off(np.inf, "no less than zero"),
     "saturating": _cut_off(MOST_NATS, "no less than zero, no more than 5.5 nats; assumed"),

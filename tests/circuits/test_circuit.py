@@ -91,14 +91,14 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     out = {
         name: run_algebra(c, drive).output_nats[0, 0]
         for name, c in {
-            "as it is": three,
+            "unedited": three,
             "one": three.scale("D1", "SNr", 0.9, channel=1),
             "each": each,
             "all": three.scale("D1", "SNr", 0.9),
         }.items()
     }
     np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(out["one"][[0, 2]], out["as it is"][[0, 2]], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(out["one"][[0, 2]], out["unedited"][[0, 2]], rtol=0, atol=1e-12)
     assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
     assert not three.scale("D1", "SNr", 0.9, channel=1).exact
 

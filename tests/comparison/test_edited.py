@@ -186,7 +186,7 @@ LONG = separated_evidence(
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
     """At 0.8 the MSPRT decides where OUT rests, at 0.999 where no OUT is read."""
     given = {"seed": SEED, "baselines": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
-    with pytest.warns(RangeWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
+    with pytest.warns(RangeWarning, match=r"possible at accuracy 0\.8, 0\.999: sp"):
         found = compare(QUICK, LONG, **given).table
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
@@ -196,11 +196,11 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
 def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
     edited = {"blind": TABLE.scale("ctx", "STN", 0.5)}
     options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
-    with pytest.warns(RangeWarning, match="nothing is compared at") as said:
+    with pytest.warns(RangeWarning, match="no comparison is possible at") as said:
         found = compare_edits(QUICK, edited, LONG, **options)
     text = " ".join(str(one.message) for one in said)
-    assert "nothing is compared at accuracy 0.8: spiking_msprt would have to" in text
-    assert "nothing is compared at accuracy 0.8, 0.95: blind decides without evidence" in text
+    assert "no comparison is possible at accuracy 0.8: spiking_msprt would have to" in text
+    assert "no comparison is possible at accuracy 0.8, 0.95: blind decides without evidence" in text
     rows = found[found["measure"].eq("agreement")].set_index(["variant", "kind", "accuracy"])
     known = rows["value"].notna()
     assert known[known].index.tolist() == [("intact", "value", 0.95), ("intact", "change", 0.95)]

@@ -139,7 +139,7 @@ def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
             want = 0
             for equal in range(2, hypotheses + 1):
                 drawn = splitmix(splitmix((number * GAMMA + equal) % 2**64))
-                # With a chance of one in so many, the last of them.
+                # The last of n, with a chance of 1 / n.
                 want = want if (drawn >> 32) * equal >> 32 else equal - 1
             assert choice == want
 

@@ -51,7 +51,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
         ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
         ("trials = 120", "trials = 0", "small.toml: trials must be at least 1, got 0"),
-        ("trials = 120", "conflict = 2", "conflict must lie in 0..1, below 1, got 2"),
+        ("trials = 120", "conflict = 2", "conflict must be within 0..1, below 1, got 2"),
         ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, choice_0, .*got 'mean'"),
         ("= 20", "= -1", "at_least must be >= 0, got -1"),
@@ -63,10 +63,10 @@ def test_a_file_says_what_is_run(experiment_file):
         ("[task]", "posterior = 1.5\n[task]", "posterior must lie between chance, 0.5 with 2"),
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be a whole number >= 1"),
         ('"algebra"', '"pen"', "engine must be one of algebra, rate, .*got 'pen'"),
-        ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
+        ("[task]", "truth = 2\n[task]", "truth must be within 0..1, got 2"),
         ("[task]", "[task", "small.toml is not TOML: "),
         ('"lesion STN 20%"', '"lesion GPi 20%"', "has no nucleus 'GPi': ctx, common"),
-        ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must lie in 0..1, got 2"),
+        ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must be within 0..1, got 2"),
         ("lesion STN 20%", "set STN.bias_nat 1", "STN has no 'bias_nat': cell, baseline_hz, "),
         ("lesion STN 20%", "add D1->GPe weight=0.1", "D1->GPe: D1 releases GABA, so the weight"),
         ("lesion STN 20%", "set STN->GPe.delay_ms 4", "4' has no effect in the algebra engine"),
@@ -126,7 +126,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     pd.DataFrame(rows).to_csv(mine, index=False)
     own = replace(Experiment.from_toml(experiment_file), task=Stimuli(evidence=mine), truth=2)
     np.testing.assert_array_equal(own.given().evidence.log_likelihood, drawn[2::3])
-    with refused(r"truth must lie in 0\.\.2"):
+    with refused(r"truth must be within 0\.\.2"):
         replace(own, truth=3).given()
 
 

@@ -60,7 +60,7 @@ def test_bounds_and_start_go_with_their_numbers():
         ({"vary": {"a": "speed/late"}}, "speed has no level 'late': fast, slow"),
         ({"fixed": {"a": 1}, "vary": {"a": "speed"}}, "a can't be both free and fixed"),
         ({"fixed": {"a": 1}, "free": ["a"]}, "a can't be both free and fixed"),
-        ({"free": []}, "nothing is free: name some of a, b, c"),
+        ({"free": []}, "no parameter is free: name some of a, b, c"),
     ],
 )
 def test_what_makes_no_sense_is_refused(given, says):

@@ -124,7 +124,7 @@ CIRCUIT = MODEL.circuit
         (lambda: stopping_posterior(CIRCUIT, 1.9, 0.3, 0.5), r"level 0\.8. to 1\.7., got 1\.9"),
         (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels one or more numbers"),
         (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "levels each once"),
-        (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must lie in 0\.\.2"),
+        (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must be within 0\.\.2"),
         (lambda: CIRCUIT.scale("ctx", "D1", 1.2, channel=0).dopamine(1.1), "dopamine ctx->D1"),
     ],
 )

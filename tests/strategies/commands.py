@@ -20,7 +20,7 @@ COMMANDS = {
     "«--delta 0.01..8 --period-mm «1|1.5|2|2.5|3|4|5»|--posterior 0.55..0.99|"
     "--posterior 0.55..0.99 "
     "--task orientation --channels 2..8 --period-mm 3»": f"""{DRAWN}, --period-mm 3.5,
-        --fold 6, --prior .4 .5, --task x, --delta -1, --no-such, --evidence absent.csv""",
+        --fold 6, --prior 0.4 0.5, --task x, --delta -1, --no-such, --evidence absent.csv""",
     f"learn {OUT} --runs 1..2 --t-max 2..11 --start-delta 0.01..8 --xi 1.0..100 --seed 3 "
     "--learner.episodes 500": """--runs 0, --runs 1e12, --xi 0, --xi nan, --fold 9,
         --start-delta 9, --t-max 0, --policy x, --seed -1, --period-mm 1.7, --learner.episodes 3,

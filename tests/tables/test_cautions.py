@@ -156,7 +156,7 @@ def test_trials_that_are_all_there_twice_are_doubted():
 def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_reason(step_s, rows):
     """In milliseconds, or at a camera's frames, times coincide by chance too."""
     if step_s == 0.005 and rows == 4000:
-        pytest.skip("so many times are the same by chance that copies do not show")
+        pytest.skip("chance repeats times too often for copies to show")
     for seed in range(5):
         many = shuffled(rows, seed)
         if step_s is not None:

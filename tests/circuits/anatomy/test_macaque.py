@@ -212,7 +212,7 @@ def test_a_loop_with_short_times_lets_the_circuit_follow_evidence_that_is_too_st
         shares = {
             name: late(decided(one, "rate", evidence, gain, 0.82), exact)
             for name, one in variants(table).items()
-            if name in ("as it is", "STN-GPe loop with times of 1 ms")
+            if name in ("unedited", "STN-GPe loop with times of 1 ms")
         }
-    assert shares["as it is"] > 0.1
+    assert shares["unedited"] > 0.1
     assert shares["STN-GPe loop with times of 1 ms"] == 0

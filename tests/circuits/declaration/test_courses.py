@@ -86,8 +86,8 @@ def test_extremes_are_those_of_the_sum(rows):
         ({"amount": "much"}, "the course of STN: amount must be a number, got 'much'"),
         ({"from_ms": -1}, "from_ms must be >= 0, when the drive begins, got -1"),
         ({"from_ms": math.inf}, "from_ms must be finite, got inf"),
-        ({"from_ms": 5, "to_ms": 5}, "to_ms must lie after from_ms, 5, got 5"),
-        ({"to_ms": math.nan}, "to_ms must lie after from_ms, 0, got nan"),
+        ({"from_ms": 5, "to_ms": 5}, "to_ms must come after from_ms, 5, got 5"),
+        ({"to_ms": math.nan}, "to_ms must come after from_ms, 0, got nan"),
         ({"rise_ms": -1}, "rise_ms must be >= 0 and finite, got -1"),
         ({"to_ms": 5, "decay_ms": math.inf}, "decay_ms must be >= 0 and finite, got inf"),
         ({"decay_ms": 5}, "without an end, to_ms, there is no decay_ms"),
@@ -108,7 +108,10 @@ def test_numbers_without_sense_are_refused(fields, says):
         ("dopamine to_ms=3", "a course of dopamine needs amount"),
         ("STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms, to_ms"),
         ("STN amount=much", "amount must be a number, got 'much'"),
-        ("dopamine amount=1.1", "the level of dopamine must lie in 0..2, with this row it is 2.1"),
+        (
+            "dopamine amount=1.1",
+            "of dopamine must be within 0..2, with this row it is 2.1",
+        ),
         ("dopamine amount=-1.1 from_ms=40 rise_ms=9", "0..2, with this row it is -0.1"),
     ],
 )
@@ -188,7 +191,7 @@ def test_a_file_without_courses_has_none_of_them():
         ('"amount"', '"size"', "there is no column of courses 'size'; there are what, amount"),
         ("0.5, ", "-1.5,", "course of dopamine from 20 to 120 ms: the level of dopamine must"),
         ('"STN",      -0.2', '"TRN",      -0.2', "course of TRN from 0 to 50 ms: spiking_msprt"),
-        ("120,", " 12,", "to_ms must lie after from_ms, 20, got 12"),
+        ("120,", " 12,", "to_ms must come after from_ms, 20, got 12"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_with_its_line(old, new, says):

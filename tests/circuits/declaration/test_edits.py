@@ -190,13 +190,13 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("lesion STN 150%", "fraction must lie in 0..1, got 1.5"),
-        ("lesion GPe[2] 50%", "GPe: channel must lie in 0..1, got 2"),
+        ("lesion STN 150%", "fraction must be within 0..1, got 1.5"),
+        ("lesion GPe[2] 50%", "GPe: channel must be within 0..1, got 2"),
         ("lesion GPi", "spiking_msprt has no nucleus 'GPi': ctx"),
         ("clamp SNr", "SNr is the read-out"),
         ("scale STN->GPi 0.5", "spiking_msprt has no pathway STN->GPi"),
-        ("cut GPe->STN[7] 10%", "channel must lie in 0..1"),
-        ("dopamine 3", "level must lie in 0..2"),
+        ("cut GPe->STN[7] 10%", "channel must be within 0..1"),
+        ("dopamine 3", "level must be within 0..2"),
         ("neurons 1.5", "neurons must be a whole number"),
         ("set STN.bias 1", "STN has no 'bias': "),
         ("set STN.bias_nats x", "STN: bias_nats must be a number"),

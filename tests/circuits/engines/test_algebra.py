@@ -114,7 +114,7 @@ def test_a_linear_gpe_gives_lamberts_w(slope):
         anatomy.bogacz_gurney(4).with_population("STN", transfer="linear"),
         anatomy.appendix_b(4).with_population("STN", transfer="rectified"),
     ],
-    ids=["GPe linear", "GPe linear .84", "STN linear", "STN rectified"],
+    ids=["GPe linear", "GPe linear 0.84", "STN linear", "STN rectified"],
 )
 def test_other_transfers_do_not_give_the_log_posterior(wrong):
     """Negative control: the match is no property of just any circuit of this shape."""

@@ -42,7 +42,7 @@ def test_competitors_beyond_the_reach_of_a_centred_drive_are_cut_there():
 @pytest.mark.parametrize("competitors", [0, 3])
 def test_as_many_competitors_as_channels_or_no_competitor_are_refused(competitors):
     with pytest.raises(
-        ValueError, match=re.escape(f"competitors must lie in 1..2, got {competitors}")
+        ValueError, match=re.escape(f"competitors must be within 1..2, got {competitors}")
     ):
         off_nats(anatomy.bogacz_gurney(3), competitors)
 
