@@ -36,12 +36,12 @@ class Sweep:
     ----------
     plan : Plan
         What is run, and what changes.
-    beside : Path
+    folder : Path
         Folder of the plan's file.
     """
 
     plan: Plan
-    beside: Path = Path()
+    folder: Path = Path()
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Sweep:
@@ -58,7 +58,7 @@ class Sweep:
     @cached_property
     def points(self) -> list[Point]:
         """Every point; ValueError for a key or a value that has no effect there."""
-        return self.plan.all_points(self.beside)
+        return self.plan.all_points(self.folder)
 
     @cached_property
     def shards(self) -> list[Shard]:

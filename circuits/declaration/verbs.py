@@ -205,7 +205,7 @@ class EditableTable(CircuitTable):
     def with_channels(self, channels: int) -> Self:
         """Return the circuit for another number of alternatives.
 
-        The default gain and the largest lead are dropped, because they were measured for the old number.
+        The default gain and the largest lead, measured for the old number, are dropped.
         """
         check_channels(channels)
         same = channels == self.channels

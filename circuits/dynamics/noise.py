@@ -1,8 +1,8 @@
 """Counter-based noise: a pure function of seed, trial, population, channel, neuron and tick.
 
-No number depends on an earlier draw, so the noise of a cell depends neither on lesions elsewhere nor on the
-batch, and all engines draw the same. The word of a neuron is lowbias32 (Wellons 2018) of its index
-under a 64-bit tick key from the SplitMix64 finaliser (Steele, Lea & Flood 2014).
+No number depends on an earlier draw, so the noise of a cell depends neither on lesions elsewhere
+nor on the batch, and all engines draw the same. The word of a neuron is lowbias32 (Wellons 2018) of
+its index under a 64-bit tick key from the SplitMix64 finaliser (Steele, Lea & Flood 2014).
 """
 
 from __future__ import annotations

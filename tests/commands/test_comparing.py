@@ -28,7 +28,7 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
     assert run("compare", out, *FIXED_POINT, "--trials", 100, "--force") == 0
-    assert re.search(r"same choice \(agreement\) +1\.000", capsys.readouterr().out)
+    assert re.search(r"same choice \(agreement\) +1.000", capsys.readouterr().out)
 
 
 def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys, monkeypatch):

@@ -198,7 +198,7 @@ def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
     from dataclasses import replace
 
     some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
-    with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1\.5"):
+    with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1.5"):
         fit_likelihood(
             likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE)
         )

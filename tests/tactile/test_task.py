@@ -180,7 +180,7 @@ def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
     likelihood = source(TAPS, SameDifferent(3.0), fold=0, density=Density(shrink=1.0)).likelihood
     assert np.isfinite(likelihood([-180.0, 180.0])).all()
     for beyond in (-180.1, 180.1):
-        with refused(r"reading_deg covers -180\.\.180 degrees"):
+        with refused(r"reading_deg covers -180..180 degrees"):
             likelihood(beyond)
 
 

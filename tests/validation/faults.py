@@ -2,8 +2,8 @@
 
 A fault is drawn by the seed: its kind, then a place of that kind in all modules. The module's own
 tests run first, then all others, those that name it before the rest, up to the first failure. It
-counts if that test passes with the place rewritten without the fault: an edit alone is no fault. Left
-out, since they change words alone: strings, types, messages (``raise``, ``warn``, ``print``,
+counts if that test passes with the place rewritten without the fault: an edit alone is no fault.
+Left out, since they change words alone: strings, types, messages (``raise``, ``warn``, ``print``,
 f-strings), ``__repr__``, hints to the compiler; and tolerances of rounding, since 20 % more
 of one is no fault. A test that does not end fails. Why no library: mutmut and cosmic-ray draw no
 sample; mutatest runs one command for all faults, and has stood since 2022.

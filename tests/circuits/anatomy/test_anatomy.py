@@ -48,5 +48,5 @@ def test_no_number_changes_by_accident(name):
 @pytest.mark.parametrize("make", [anatomy.gpr, anatomy.humphries, anatomy.stewart])
 def test_dopamine_outside_its_range_is_refused(make):
     for level in (-0.1, 1.1):
-        with refused(rf"dopamine must be within 0\.\.1, got {level}"):
+        with refused(rf"dopamine must be within 0..1, got {level}"):
             make(dopamine=level)

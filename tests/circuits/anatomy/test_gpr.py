@@ -83,8 +83,6 @@ def test_more_dopamine_makes_selection_easier_and_less_makes_it_harder():
 
 
 def test_a_salience_above_one_counts_as_one():
-    with pytest.warns(
-        RangeWarning, match=r"the input runs from 0\.00 to 1\.70 salience, gpr works"
-    ):
+    with pytest.warns(RangeWarning, match=r"the input runs from 0.00 to 1.70 salience, gpr works"):
         beyond = output([1.7, 0.0])
     np.testing.assert_allclose(beyond, output([1.0, 0.0]))

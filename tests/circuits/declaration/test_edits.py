@@ -182,7 +182,7 @@ def test_an_edit_is_text(line):
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if VERBS[verb].takes == FRACTION])
 def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
     row = VERBS[verb].example.split()[1]
-    with refused(r"edits write 15% or 0\.15"):
+    with refused(r"edits write 15% or 0.15"):
         TABLE.edited(f"{verb} {row} 15")
     assert TABLE.edited(f"{verb} {row} 1") == TABLE.edited(f"{verb} {row}")
 

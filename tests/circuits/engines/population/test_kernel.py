@@ -173,7 +173,7 @@ def test_a_trial_alone_has_the_bytes_that_it_has_in_a_batch(name, channels):
 
 def test_a_drive_beyond_the_stated_range_warns_once_with_the_number():
     circuit = anatomy.bogacz_gurney()
-    with pytest.warns(RangeWarning, match=r"S runs from 3\.00 to 7\.00 nats, bogacz_gurney works"):
+    with pytest.warns(RangeWarning, match=r"S runs from 3.00 to 7.00 nats, bogacz_gurney works"):
         run_rate(circuit, np.array([[[0.0, 0.0], [4.0, 4.0]]]), step_ms=2)
     with unwarned():
         run_rate(circuit, np.ones((1, 1, 2)), step_ms=2)
