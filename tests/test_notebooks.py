@@ -6,6 +6,7 @@ import re
 import pytest
 
 from bgmodel.version import __version__
+from circuits import errors
 from tests.helpers import ROOT
 
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.ipynb"))
@@ -42,6 +43,18 @@ def test_no_output_names_a_place_on_a_machine(notebook):
         for output in cell["outputs"]:
             shown = {k: v for k, v in output.get("data", {}).items() if not k.startswith("image")}
             assert not PLACES.search(json.dumps([shown, output.get("text")])), cell["id"]
+
+
+def test_warnings_are_those_of_the_package(notebook):
+    """A warning of another library tells the reader nothing."""
+    said = [
+        line
+        for cell in code(notebook)
+        for output in cell["outputs"]
+        if output.get("name") == "stderr"
+        for line in "".join(output["text"]).splitlines()
+    ]
+    assert [line for line in said if getattr(errors, line.split(":")[0], None) is None] == []
 
 
 def test_cells_have_readable_ids(notebook):
