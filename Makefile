@@ -1,4 +1,4 @@
-# make figures | pictures | test | lint | docs | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
+# make figures | pictures | test | lint | docs | notebooks | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 PYTHONS ?= python3.11 python3.12 python3.13
@@ -9,7 +9,7 @@ export MPLBACKEND = Agg
 test validate: export OPENBLAS_NUM_THREADS = 1
 test validate: export OMP_NUM_THREADS = 1
 
-.PHONY: figures pictures test lint docs validate faults score benchmark dist shipped-taps clean
+.PHONY: figures pictures test lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -33,7 +33,11 @@ docs: $(VENV)/docs.installed
 	rm -rf docs/_modules
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
 
-validate: $(VENV)/test.installed
+# Executes the tutorials in place; their pages show the stored outputs.
+notebooks: $(VENV)/docs.installed $(VENV)/fit.installed
+	$(BIN)/python docs/_notebooks.py
+
+validate: $(VENV)/test.installed $(VENV)/docs.installed
 	$(BIN)/python -m pytest -n $(CORES) -m validate
 
 # Thirty single faults in a clone of the last commit, one at a time: which of them do tests catch?

@@ -10,7 +10,9 @@ from sphinx.application import Sphinx
 from bgmodel.version import __version__
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))  # the figures are part of a checkout, not of the package
+sys.path[:0] = [str(HERE), str(HERE.parent)]  # the figures are part of a checkout
+from _notebooks import TUTORIALS, with_download  # noqa: E402
+
 from figures.gallery import write  # noqa: E402
 
 BARS = re.compile(r"(?<!`)\|(\w+)\|(?!`)")
@@ -19,10 +21,14 @@ project = "bgmodel"
 author = "The bgmodel authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+# myst_nb includes myst_parser.
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
 templates_path = ["_templates"]
 exclude_patterns = ["_build", "_templates"]
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # outputs are stored: make notebooks
+nb_code_prompt_show = "Show the code"
+nb_code_prompt_hide = "Hide the code"
 
 # One page per module, of what it defines in public; fields of a dataclass are its parameters.
 autosummary_generate = True
@@ -33,11 +39,13 @@ numpydoc_show_class_members = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "bgmodel"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_sidebars = {"*": []}  # no section, no sidebar
 html_theme_options = {
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 7,
     "show_prev_next": False,
     "secondary_sidebar_items": ["page-toc"],
 }
@@ -50,8 +58,16 @@ def keep_bars(
     lines[:] = [BARS.sub(r"\\|\1\\|", line) for line in lines]
 
 
+def add_download(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Add the version and a link to the file to the page of a notebook."""
+    name = f"{Path(docname).name}.ipynb"
+    if docname.startswith("tutorials/") and (TUTORIALS / name).is_file():
+        source[0] = with_download(source[0], name)
+
+
 def setup(app: Sphinx) -> None:
     """Write the gallery, and add what the settings above cannot say."""
     write(HERE)
+    app.connect("source-read", add_download)
     app.connect("autodoc-process-docstring", keep_bars)
     app.add_lexer("csv", TextLexer)  # Pygments has no lexer for it

@@ -1,6 +1,7 @@
 """What tests of several modules use: a command, evidence, a table, an experiment's file."""
 
 import importlib
+import json
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,6 +37,15 @@ direction = "down"
 at_least = 20
 """
 """An experiment's file that is right, and soon run."""
+
+
+def prose(page):
+    """Return the text of a page; of a notebook, that of its Markdown cells."""
+    text = page.read_text(encoding="utf-8")
+    if page.suffix != ".ipynb":
+        return text
+    cells = json.loads(text)["cells"]
+    return "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
 
 
 def run(*arguments):

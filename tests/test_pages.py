@@ -11,19 +11,21 @@ from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.cli import main, parsed
-from tests.helpers import ROOT
+from tests.helpers import ROOT, prose
 
 DOCS = ROOT / "docs"
 GUIDES = sorted((DOCS / "guides").glob("*.md"))
 RESULTS = sorted((DOCS / "results").glob("*.md"))
 RUN = [ROOT / "README.md", DOCS / "index.md", DOCS / "concepts.md", *GUIDES]
 """Pages whose blocks are run; `docs/extending.md` has a separate test."""
+TUTORIALS = [*(DOCS / "tutorials").glob("*.md"), *sorted((DOCS / "tutorials").glob("*.ipynb"))]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     *sorted(DOCS.glob("*.md")),
     *GUIDES,
     *RESULTS,
+    *TUTORIALS,
 ]
 MADE = DOCS / "gallery.md"
 """A page that `make docs` writes."""
@@ -171,30 +173,30 @@ def test_the_readme_is_short():
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_make_has_every_target_that_a_page_names(page):
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    assert set(re.findall(r"(?:`|\$ )make ([\w-]+)", page.read_text())) <= targets
+    assert set(re.findall(r"(?:`|\$ )make ([\w-]+)", prose(page))) <= targets
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_file_that_a_page_names_is_there(page):
     paths = re.findall(
-        r"`((?:bgmodel|circuits|figures|benchmarks|tests|docs)/[^`\s]*)`", page.read_text()
+        r"`((?:bgmodel|circuits|figures|benchmarks|tests|docs)/[^`\s]*)`", prose(page)
     )
     made = ("figures/out", "figures/fast", "benchmarks/out", "docs/_build")
     # What a recipe of `docs/extending.md` lets its reader write is there once it is followed.
-    own = re.findall(r"^# (\S+\.\w+)$", page.read_text(), re.MULTILINE)
+    own = re.findall(r"^# (\S+\.\w+)$", prose(page), re.MULTILINE)
     wanted = [p for p in paths if not p.startswith(made) and p not in own]
     assert [p for p in wanted if not (ROOT / p).exists()] == []
 
 
 def anchors(page):
     """Return the anchors of a page's headings, as GitHub and MyST make them."""
-    titles = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    titles = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_link_leads_to_a_page_and_a_heading_that_are_there(page):
-    text = page.read_text()
+    text = prose(page)
     links = re.findall(r"\]\(((?!http)[^)\s]+)\)", text) + re.findall(r'src="([^"]+)"', text)
     for link in links:
         path, _, anchor = link.partition("#")
@@ -204,15 +206,13 @@ def test_every_link_leads_to_a_page_and_a_heading_that_are_there(page):
 
 
 def test_every_page_of_the_site_is_in_its_contents():
+    folders = ("", "guides", "results", "tutorials")
+    indexes = [*(DOCS / folder / "index.md" for folder in folders), DOCS / "about.md"]
     entries = {
-        (index.parent / entry).with_suffix(".md")
-        for index in (
-            DOCS / "index.md",
-            DOCS / "guides" / "index.md",
-            DOCS / "results" / "index.md",
-        )
+        str(index.parent / entry)
+        for index in indexes
         for block in re.findall(r"```{toctree}\n(.+?)```", index.read_text(), re.DOTALL)
-        for entry in re.findall(r"^[\w/]+$", block, re.MULTILINE)
+        for entry in re.findall(r"^(?:.+<)?([\w/]+)>?$", block, re.MULTILINE)
     }
     pages = {page for page in PAGES if page.is_relative_to(DOCS)} | {MADE}
-    assert pages - {DOCS / "index.md"} == entries
+    assert {str(page.with_suffix("")) for page in pages - {DOCS / "index.md"}} == entries

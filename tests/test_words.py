@@ -5,7 +5,7 @@ import tokenize
 
 import pytest
 
-from tests.helpers import ROOT
+from tests.helpers import ROOT, prose
 
 PHRASES = {
     "beside": r"\bbeside\b",
@@ -29,6 +29,8 @@ PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "guides").glob("*.md")),
     *sorted((ROOT / "docs" / "results").glob("*.md")),
+    *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
+    *sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")),
 ]
 MADE = {"gallery.md", "changelog.md"}
 PACKAGES = ("bgmodel", "circuits", "figures", "benchmarks")
@@ -49,7 +51,7 @@ def hits(lines):
 def prose_of(page):
     """Yield the lines of a page with their numbers, without blocks of code and inline code."""
     code = False
-    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(prose(page).splitlines(), 1):
         if line.lstrip().startswith(("```", "~~~")):
             code = not code
         elif not code and not line.startswith(("    ", "|")):
