@@ -21,7 +21,8 @@ from bgmodel.version import __version__
 from circuits.errors import InputError
 
 ABOUT = (
-    "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw. "
+    "Test hypotheses about the basal ganglia: run intact and edited circuits on evidence, and "
+    "compare their decisions with those of the optimal test. Start with `bgmodel demo`. "
     "`bgmodel --version` prints the version; `bgmodel --tyro-print-completion bash` (or zsh) "
     "prints a script that completes names and options with the tab key."
 )
