@@ -1,0 +1,118 @@
+"""Stopping at full size: the closed form against spikes, the stop-signal reaction time, lesions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bgmodel as bg
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.stopping.circuit import StopSignal, closed_form, decide_with_stop, step_response
+from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
+from bgmodel.stopping.trials import drawn_delays, stop_trials
+
+pytestmark = [pytest.mark.validate, pytest.mark.filterwarnings("ignore")]
+POSTERIOR = 0.82
+TASK = {"d_prime": 0.35, "t_max": 150, "step_ms": 10}
+
+
+def outcomes(channels, engine, signal, ssd, trials, seed):
+    """Return the outcomes of full runs and of the closed form, on the same evidence and noise."""
+    evidence = bg.gaussian_evidence(trials, channels=channels, seed=seed, **TASK)
+    model = bg.BasalGanglia(bg.load_circuit("macaque", channels), engine, seed=seed + 1)
+    level = model.threshold(None, POSTERIOR)
+    delays = np.append(np.nan, np.full(trials - 1, float(ssd)))
+    full = decide_with_stop(model, evidence, delays, signal, threshold=level)
+    added = step_response(model, signal, time_ms=1510)[1]
+    same = 0
+    for part, _, trace in model.batches(evidence):
+        here = delays[part.trial_numbers]
+        made = first_crossing(
+            closed_form(trace, here, signal, added), level, forced=False, checked=False
+        )
+        closed = (made.choice >= 0) == full.responded[part.trial_numbers]
+        same += int(closed[~np.isnan(here)].sum())
+    return full, same / (trials - 1)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+@pytest.mark.parametrize(
+    ("amount", "duration", "least"),
+    [(0.5, np.inf, 0.99), (1.0, np.inf, 0.99), (1.0, 100.0, 0.98), (0.3, np.inf, 0.95)],
+)
+def test_the_closed_form_is_what_spikes_do(channels, amount, duration, least):
+    """The last amount is one and a half times the threshold of 0.198 nats."""
+    signal = StopSignal(amount_nats=amount, duration_ms=duration)
+    _, same = outcomes(channels, "ensemble", signal, 250, 2000, seed=81_001)
+    assert same >= least, f"{same:.4f}"
+
+
+def ssrt_of(model, evidence, signal, ssd, go_ms):
+    delays = np.append(np.nan, np.full(evidence.trials - 1, float(ssd)))
+    found = decide_with_stop(model, evidence, delays, signal, posterior=POSTERIOR)
+    return np.quantile(go_ms, found.p_respond) - ssd
+
+
+@pytest.mark.parametrize("amount", [0.5, 1.0])
+def test_the_stop_signal_reaction_time_does_not_depend_on_the_delay(amount):
+    """Context independence (Logan & Cowan 1984): within 5 ms over delays of 200 to 500 ms."""
+    evidence = bg.gaussian_evidence(10_000, seed=82_001, **TASK)
+    model = bg.BasalGanglia("macaque", seed=82_002)
+    go = model.decided(evidence, model.threshold(None, POSTERIOR), forced=False)
+    go_ms = np.where(go.choice >= 0, go.time_ms, np.inf)
+    signal = StopSignal(amount_nats=amount)
+    found = [ssrt_of(model, evidence, signal, ssd, go_ms) for ssd in (200, 300, 400, 500)]
+    assert np.ptp(found) <= 5, found
+
+
+def test_the_stop_signal_reaction_time_follows_the_delay_of_the_pathway():
+    evidence = bg.gaussian_evidence(10_000, seed=83_001, **TASK)
+    model = bg.BasalGanglia("macaque", seed=83_002)
+    go = model.decided(evidence, model.threshold(None, POSTERIOR), forced=False)
+    go_ms = np.where(go.choice >= 0, go.time_ms, np.inf)
+    delays = np.array([0.0, 50.0, 100.0, 150.0])
+    found = [ssrt_of(model, evidence, StopSignal(delay_ms=d), 250, go_ms) for d in delays]
+    assert np.polyfit(delays, found, 1)[0] == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("amount", [0.3, 0.4, 0.5, 0.6])
+def test_the_loss_of_stn_at_which_stopping_fails_is_that_of_the_closed_form(amount):
+    """With the signal at the onset, p(respond) passes 0.5 at a loss of 1 - exp(threshold - A)."""
+    evidence = bg.gaussian_evidence(2000, seed=84_001, **TASK)
+    losses = np.arange(0.0, 0.5, 0.025)
+    intact = bg.load_circuit("macaque")
+    level = bg.BasalGanglia(intact).threshold(None, POSTERIOR)
+    found = []
+    for loss in losses:
+        model = bg.BasalGanglia(intact.lesion("STN", loss), seed=84_002)
+        stop = np.append(np.nan, np.zeros(evidence.trials - 1))
+        signal = StopSignal(amount_nats=amount)
+        found.append(decide_with_stop(model, evidence, stop, signal, threshold=level).p_respond)
+    passed = float(np.interp(0.5, found, losses))
+    assert passed == pytest.approx(1 - np.exp(level - amount), abs=0.05), found
+
+
+def test_the_ideal_observer_is_calibrated():
+    """Mean |accuracy - posterior| over ten bins below 0.01, 100 000 trials."""
+    trials, delays = 100_000, [100.0, 200.0, 300.0]
+    go = bg.gaussian_evidence(trials, d_prime=0.35, t_max=60, step_ms=10, seed=85_001)
+    ssd = drawn_delays(trials, delays, 0.3, 85_002)
+    given = gaussian_stop_evidence(go, ssd, d_prime=0.6, share=0.3, delays_ms=delays, rng=85_003)
+    p = np.exp(-StopMsprt().run(given).out_nats[:, 30])
+    truth = np.where(np.isnan(ssd), go.truth, 2)
+    for k in range(3):
+        bins = np.minimum((10 * p[:, k]).astype(int), 9)
+        off = [
+            abs((truth[bins == b] == k).mean() - p[bins == b, k].mean()) for b in np.unique(bins)
+        ]
+        assert np.mean(off) < 0.01, off
+
+
+def test_an_abrupt_signal_stops_as_the_horse_race_within_a_reading():
+    """A signal of 12 sd per reading: the last response comes with the reading before it."""
+    go = bg.gaussian_evidence(20_000, seed=86_001, **TASK)
+    ssd = drawn_delays(20_000, [300.0], 0.5, 86_002)
+    given = gaussian_stop_evidence(go, ssd, d_prime=12.0, share=0.5, delays_ms=[300.0], rng=86_003)
+    trials = stop_trials(StopMsprt().decide(given, 0.9, 0.999), ssd, 2)
+    assert np.nanmax(trials.rt_ms[trials.stop]) <= 300.0
+    assert replace(trials, correct=None).p_respond > 0.1
