@@ -201,6 +201,36 @@ def _pairs(rt_s: Array) -> Array:
     return np.array([(end - places).sum() for end in ends], dtype=float)
 
 
+def warn_of_twins(
+    participant: npt.NDArray[np.str_], rt_s: Array, response: npt.NDArray[np.int8]
+) -> None:
+    """Warn if two participants have the same trials: one of them under two names.
+
+    Parameters
+    ----------
+    participant : (trials,) text
+        The participant of each trial.
+    rt_s, response : (trials,)
+        Times, s, and responses. Trials are compared in the order of their times, and participants
+        of fewer than 10 different times are not compared.
+    """
+    seen: dict[bytes, str] = {}
+    twins = []
+    for who in np.unique(participant).tolist():
+        times, codes = rt_s[participant == who], response[participant == who]
+        if len(np.unique(times[np.isfinite(times)])) < FEWEST:
+            continue
+        order = np.lexsort((codes, times))
+        first = seen.setdefault(times[order].tobytes() + codes[order].tobytes(), who)
+        if first != who:
+            twins.append(f"{first!r} and {who!r}")
+    if twins:
+        DataWarning.warn(
+            f"participants {'; '.join(twins[:3])} have exactly the same times and responses: if "
+            "they are one person under two names, keep one of them"
+        )
+
+
 def check_deadline(rt_s: Array, deadline_s: float) -> None:
     """Refuse, or warn of, a deadline long after all responses.
 

@@ -22,6 +22,7 @@ from bgmodel.tables.cautions import (
     warn_of_copies,
     warn_of_far,
     warn_of_mixed_units,
+    warn_of_twins,
     warn_of_units,
     warn_without_strength,
     without_rounding,
@@ -30,10 +31,10 @@ from bgmodel.tables.columns import (
     FEWEST,
     NO_RESPONSE,
     answers,
+    levels,
     participants,
     rows,
     strengths,
-    texts,
 )
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
@@ -231,10 +232,11 @@ def read_choices(
             rt_s,
             response,
             signed,
-            pd.DataFrame({c: texts(table[c]) for c in wanted}, index=range(len(table))),
+            pd.DataFrame({c: levels(table[c]) for c in wanted}, index=range(len(table))),
             deadline_s,
             name,
         )
+        warn_of_twins(found.participant, rt_s, response)
         _check_cells(found)
         _check_both_chosen(found)
         check_signs(signed, response)
