@@ -1,5 +1,7 @@
 """Calls that gave a misleading number in silence: each is refused or warned of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,11 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.sides import check_sides
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan
@@ -90,9 +97,14 @@ def test_units_of_times_are_those_of_all_participants():
         "participant_id": np.repeat(["a", "b", "c"], 100), "coh": rng.normal(size=300),
         "rt": rng.uniform(0.3, 1.5, 300), "response": rng.integers(0, 2, 300),
     })  # fmt: skip
-    table.loc[table["participant_id"] == "b", "rt"] *= 1000
-    with pytest.warns(DataWarning, match="are all of them in seconds"):
+    few = table[(table["participant_id"] != "b") | (table.index % 10 == 0)].copy()
+    for some in (table, few):
+        some.loc[some["participant_id"] == "b", "rt"] *= 1000
+    with refused("rt must be in seconds in every trial"):
         read_choices(table, strength="coh")
+    # Too few for that, but all of one participant.
+    with pytest.warns(DataWarning, match="are all of them in seconds"):
+        read_choices(few.iloc[:205], strength="coh")
 
 
 def test_a_step_in_seconds_is_doubted(tmp_path):
@@ -285,3 +297,77 @@ def test_points_of_a_sweep_differ():
         points = ({"lesion STN": 0.1, "dopamine": 0.9}, {"lesion STN": "10 %", "dopamine": 0.9})
         Plan(points=points, **plan).all_points()
     assert len(Plan(grid={"lesion STN": (0.1, 0.2)}, **plan).all_points()) == 2
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6])
+@pytest.mark.parametrize("factor", [1000, 999])
+def test_times_in_two_units_are_refused(share, factor):
+    """A fit would need a grid of an hour, and excludes such times only if they are few."""
+    table = choices(trials=200)
+    some = np.arange(400) % 100 < 100 * share
+    wrong = 1000 * table["rt"] if factor == 1000 else 999.0
+    table["rt"] = np.where(some, wrong, table["rt"])
+    with refused("rt must be in seconds"):
+        read_choices(table, strength="coh")
+    few = choices(trials=200)
+    few.loc[:5, "rt"] = np.linspace(60, 70, 6)  # left to the window of the fit
+    with unwarned():
+        read_choices(few, strength="coh")
+
+
+@given(st.floats(0.05, 0.6), st.floats(0, 0.3), st.floats(0.5, 5), st.integers(0, 2**16))
+@settings(max_examples=40, deadline=None)
+def test_slow_trials_are_in_one_unit(t0_s, share, tail_s, seed):
+    rng = np.random.default_rng(seed)
+    table = choices()
+    slow = rng.exponential(tail_s, 200) * (rng.random(200) < share)
+    table["rt"] = t0_s + 0.1 + rng.gamma(2, 0.15, 200) + slow
+    read_choices(table, strength="coh")
+
+
+def test_responses_faster_than_sensing_are_doubted():
+    table = choices()
+    table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)
+    with pytest.warns(DataWarning, match="10 of 200 times are below 0.1 s"):
+        read_choices(table, strength="coh")
+
+
+def test_a_code_of_missing_strengths_is_doubted():
+    table = choices()
+    table.loc[::10, "coh"] = -999.0
+    with pytest.warns(DataWarning, match="20 of 200 trials have a strength of 999"):
+        read_choices(table, strength="coh")
+
+
+def test_trials_repeated_by_a_merge_are_doubted():
+    merged = choices().merge(pd.DataFrame({"block": [1, 2]}), how="cross")
+    for table in (merged, merged.assign(trial=np.arange(400))):
+        with pytest.warns(DataWarning, match="200 of 400 rows are duplicates"):
+            read_choices(table, strength="coh")
+
+
+@pytest.mark.parametrize("name", ["name", "Initials"])
+def test_participants_under_another_name_are_not_pooled(name):
+    with refused("participant may hold participants"):
+        read_choices(choices().rename(columns={"participant_id": name}), strength="coh")
+
+
+def test_responses_that_do_not_follow_the_strength_are_doubted():
+    table = choices(("a",), trials=400)
+    shuffled = table.assign(coh=table["coh"].sample(frac=1, random_state=1).to_numpy())
+    for wrong in (shuffled, table.assign(coh=table["coh"] + 0.5)):  # without a sign
+        with pytest.warns(DataWarning, match="no more often than by chance"):
+            check_sides(read_choices(wrong.assign(coh=wrong["coh"]), strength="coh"))
+    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
+        right = read_choices(name, strength="coherence")
+        for who in right.people():
+            said = told(check_sides, right.where(right.participant == who))
+            assert not any("by chance" in text for text in said)
+
+
+def test_a_non_decision_time_above_a_second_is_doubted():
+    monkey = read_choices("roitman_shadlen_2002", strength="coherence", participant="b")
+    late = monkey.where(np.arange(monkey.trials) % 8 == 0)
+    late = replace(late, rt_s=late.rt_s + 0.9)
+    likelihood = likelihood_of(GapModel(), design_of(late))
+    assert any("check that rt begins" in said for said in told(fit_likelihood, likelihood))

@@ -217,7 +217,7 @@ def read_choices(
     try:
         used = [*wanted, *([] if strength is None else [strength])]
         table = rows(table, used, participant)
-        warn_of_copies(table)
+        warn_of_copies(table, used)
         rt_s, response = answers(table, deadline_s, upper)
         check_times(rt_s)
         warn_of_mixed_units(rt_s, participants(table))

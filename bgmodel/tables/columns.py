@@ -31,7 +31,7 @@ PEOPLE = ("subj_idx", "subj_id", "subj", "subject", "subject_id", "participant",
 """Names of other tools for ids of participants."""
 PERSON = re.compile(
     r"(subj(ect)?|sub|participant|ppt?|person|patient|observer|monkey|animal|rat|mouse|user)s?"
-    r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid"
+    r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid|name|initials"
 )
 """Pattern of names of columns that may hold participants."""
 
