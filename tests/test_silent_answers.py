@@ -365,6 +365,14 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
             assert not any("by chance" in text for text in said)
 
 
+def test_no_participant_is_pooled_with_the_other_side():
+    table = choices(("a", "b", "c"))
+    other = table["participant_id"] == "c"
+    table["response"] = np.where(other, 1 - table["response"], table["response"])
+    with refused("response c: responses must agree with the sign"):
+        design_of(read_choices(table, strength="coh"), pooled=True)
+
+
 def test_a_non_decision_time_above_a_second_is_doubted():
     monkey = read_choices("roitman_shadlen_2002", strength="coherence", participant="b")
     late = monkey.where(np.arange(monkey.trials) % 8 == 0)

@@ -38,13 +38,16 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
     Raises
     ------
     ValueError
-        If strengths have no sign, or responses are below chance, overall or in one level.
+        If strengths have no sign, or responses are below chance, overall, of one person, or in one
+        level.
     """
     who = name_of(choices)
     check_signs(choices.strength, choices.response)
     if choices.strength is None:
         return
     above = _check_right(choices, who)
+    for person in choices.people():
+        _check_right(choices.where(choices.participant == person), person)
     every = choices.conditions[list(by)]
     for levels, part in every.groupby(list(by)) if by else [((), every)]:
         some = choices.where(np.isin(every.index, part.index))

@@ -176,9 +176,10 @@ def read_choices(
     """Read a table of choices and response times; no trial is left out.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
-    possible errors: units of time, a deadline far beyond all responses, coarse times, many times
-    exactly equal to the longest, duplicate rows, a strength far beyond all others, and a column
-    that may hold the strength.
+    possible errors: units of time, a deadline far beyond all responses, coarse times,
+    anticipations, many times exactly equal to the longest, duplicate rows, two participants with
+    the same trials, names that differ only in capitals, a strength far beyond all others, and a
+    column that may hold the strength.
 
     Parameters
     ----------
