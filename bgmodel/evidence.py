@@ -84,7 +84,8 @@ class Evidence(Facts):
     Warns
     -----
     UserWarning
-        If the values look like probabilities or like running sums.
+        If the values look like probabilities or like running sums, or trials seem to be padded to
+        one length and there are no ``lengths``.
     """
 
     log_likelihood: Reals

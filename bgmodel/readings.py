@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bgmodel.support.arrays import Integers, Reals, Truths
+from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from circuits.errors import DataWarning
 
 MOST_TRIALS = 1000
@@ -16,6 +16,11 @@ SHORTEST = 10
 trials it is low even for running sums."""
 MANY = 20
 """From this number of hypotheses on, having more of them than readings is doubtful."""
+PADDED = 20
+"""Least number of readings without information, all at the ends of trials, to suspect padding."""
+SUMS = 0.4
+"""Serial correlation, corrected for the length of trials, from which a session warns: of 100 single
+readings it has a standard deviation of 0.1 about 0."""
 CORRELATED = 0.5
 """Serial correlation from which a warning is given; running sums over 10 readings have 0.6, over 20
 0.8, and independent readings about 0."""
@@ -34,8 +39,8 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
     Warns
     -----
     UserWarning
-        If all values lie between 0 and 1, if successive readings of a trial correlate, or if there
-        are many hypotheses, and more than readings.
+        If all values lie between 0 and 1, if successive readings of a trial correlate, if trials
+        seem to be padded to one length, or if there are many hypotheses, and more than readings.
     """
     _, steps, hypotheses = log_likelihood.shape
     if hypotheses >= MANY and hypotheses > steps:
@@ -49,6 +54,8 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
         read = np.arange(values.shape[1]) < lengths[:MOST_TRIALS, None]
     if read.sum() < FEWEST_READINGS:
         return
+    if read.all():
+        _warn_of_padding(values)
     told = values[read]
     if told.min() > 0 and told.max() < 1 and np.ptp(told) > 0:
         DataWarning.warn(
@@ -62,6 +69,57 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
             "independent: if these are running sums or posteriors, give the log-likelihood of "
             "each reading alone"
         )
+
+
+def _warn_of_padding(values: Reals) -> None:
+    """Warn if trials seem to be padded to one length.
+
+    This is the case if readings that are the same for all hypotheses occur at the ends of trials
+    only, and not equally many in each. Trials without any other reading do not count.
+
+    Parameters
+    ----------
+    values : array (trials, steps, hypotheses)
+        Log-likelihoods of trials that are taken to be of the same length, nats.
+    """
+    empty = (values == values[:, :, :1]).all(axis=2)
+    empty = empty[~empty.all(axis=1)]
+    ends = empty[:, ::-1].cumprod(axis=1).sum(axis=1)
+    if empty.sum() == ends.sum() >= PADDED and np.ptp(ends) > 0:
+        DataWarning.warn(
+            f"{(ends > 0).sum()} of {len(values)} trials end in readings, {ends.max()} at most, "
+            "that are the same for all hypotheses, and there are none of these before: if trials "
+            "are padded to one length, give the number of readings of each (lengths; in a table, "
+            "leave these rows out). Otherwise undecided trials wait until the end of the longest"
+        )
+
+
+def products(readings: Reals) -> Array:
+    """Return the sums over one trial from which a serial correlation is pooled.
+
+    Parameters
+    ----------
+    readings : array (steps, hypotheses)
+        Log-likelihoods, nats.
+
+    Returns
+    -------
+    array (3,)
+        The products of successive deviations from the mean over the trial, corrected for that of
+        independent readings, which is ``-1 / steps`` of the squares; the squares; the number of
+        readings.
+    """
+    between = readings - readings.mean(axis=1, keepdims=True)
+    deviation = between - between.mean(axis=0)
+    squares = (deviation**2).sum()
+    lagged = (deviation[1:] * deviation[:-1]).sum()
+    return np.array([lagged + squares / len(readings), squares, len(readings)])
+
+
+def are_sums(pooled: Array) -> bool:
+    """Whether readings look like running sums, from their ``products`` over some trials."""
+    lagged, squares, count = pooled
+    return bool(count >= FEWEST_READINGS and lagged > SUMS * squares)
 
 
 def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:

@@ -1,18 +1,30 @@
 """Calls that gave a misleading number in silence: each is refused or warned of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.sides import check_sides
+from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
-from bgmodel.tables.choices import read_choices
-from bgmodel.tables.evidence import read_evidence_table
+from bgmodel.sweeps.plan import Plan
+from bgmodel.tables.choices import read_choices, shipped
+from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tactile.source import read_decoded, source
 from bgmodel.tactile.task import EdgeDirection
+from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
-from tests.helpers import refused
+from tests.helpers import refused, told, unwarned
 
 
 def evidence(trials=120, **given):
@@ -85,9 +97,14 @@ def test_units_of_times_are_those_of_all_participants():
         "participant_id": np.repeat(["a", "b", "c"], 100), "coh": rng.normal(size=300),
         "rt": rng.uniform(0.3, 1.5, 300), "response": rng.integers(0, 2, 300),
     })  # fmt: skip
-    table.loc[table["participant_id"] == "b", "rt"] *= 1000
-    with pytest.warns(DataWarning, match="are all of them in seconds"):
+    few = table[(table["participant_id"] != "b") | (table.index % 10 == 0)].copy()
+    for some in (table, few):
+        some.loc[some["participant_id"] == "b", "rt"] *= 1000
+    with refused("rt must be in seconds in every trial"):
         read_choices(table, strength="coh")
+    # Too few for that, but all of one participant.
+    with pytest.warns(DataWarning, match="are all of them in seconds"):
+        read_choices(few.iloc[:205], strength="coh")
 
 
 def test_a_step_in_seconds_is_doubted(tmp_path):
@@ -114,3 +131,251 @@ def test_copies_of_taps_are_doubted(tmp_path):
     write_table(pd.concat([edges(60)] * 5), path)
     with pytest.warns(DataWarning, match="240 of 300 taps are copies"):
         read_decoded(path)
+
+
+def padded(trials=60, steps=20, noise=1.0):
+    rng = np.random.default_rng(5)
+    values = rng.normal(0, noise, (trials, steps, 2))
+    lengths = rng.integers(5, steps + 1, trials)
+    values[np.arange(steps) >= lengths[:, None]] = 0
+    return values, lengths
+
+
+def test_padded_trials_without_lengths_are_doubted():
+    values, lengths = padded()
+    with pytest.warns(DataWarning, match="give the number of readings of each .lengths"):
+        bg.Evidence(values)
+    with unwarned():
+        bg.Evidence(values, lengths=lengths)
+    table = pd.DataFrame(values.reshape(-1, 2), columns=["ll_a", "ll_b"])
+    table = table.assign(trial=np.repeat(np.arange(60), 20), step=np.tile(np.arange(20), 60))
+    with pytest.warns(DataWarning, match="leave these rows out"):
+        trials_from_table(table)
+
+
+@given(st.floats(0, 1), st.integers(1, 12), st.integers(0, 2**16))
+@settings(max_examples=60, deadline=None)
+def test_readings_without_information_are_no_padding(share, steps, seed):
+    """They may come at any time, or end all trials after the same reading."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(200, steps, 3))
+    values[rng.random((200, steps)) < share] = -1.5
+    assert not [said for said in told(bg.Evidence, values) if "padded" in said]
+    values = rng.normal(size=(200, steps, 3))
+    values[:, rng.integers(steps) :] = 0
+    assert not [said for said in told(bg.Evidence, values) if "padded" in said]
+
+
+def fed(session, evidence, *, sums):
+    """Give a session the readings of all trials, or their running sums."""
+    for readings in evidence.log_likelihood:
+        for reading in readings.cumsum(axis=0) if sums else readings:
+            if session.add(reading) is not None:
+                break
+        session.next()
+
+
+@pytest.mark.parametrize("model", [bg.Msprt(), bg.Sprt()])
+def test_a_session_doubts_running_sums(model):
+    weak = bg.gaussian_evidence(60, d_prime=0.3, t_max=60, seed=2)
+    with pytest.warns(DataWarning, match="correlate as running sums do") as caught:
+        fed(model.session(2, posterior=0.9), weak, sums=True)
+    assert len(caught) == 1
+
+
+@given(
+    st.floats(0.05, 2.0), st.integers(2, 4), st.floats(0.6, 0.98), st.integers(3, 40),
+    st.integers(0, 2**16),
+)  # fmt: skip
+@settings(max_examples=40, deadline=None)
+def test_a_session_does_not_doubt_single_readings(d_prime, channels, posterior, t_max, seed):
+    evidence = bg.gaussian_evidence(100, d_prime=d_prime, channels=channels, t_max=t_max, seed=seed)
+    session = bg.Msprt().session(channels, posterior=posterior, t_max=t_max)
+    assert not told(fed, session, evidence, sums=False)
+
+
+def choices(people=("a", "b"), trials=100):
+    rng = np.random.default_rng(3)
+    n = trials * len(people)
+    strength = rng.choice([-0.4, -0.1, 0.1, 0.4], n)
+    return pd.DataFrame({
+        "participant_id": np.repeat(people, trials), "coh": strength,
+        "rt": rng.uniform(0.3, 1.5, n).round(3),
+        "response": (rng.random(n) < 0.5 + strength).astype(int),
+    })  # fmt: skip
+
+
+def test_one_participant_under_two_names_is_doubted():
+    table = choices()
+    copy = table[table["participant_id"] == "a"].assign(participant_id="c")
+    both = pd.concat([table, copy.sample(frac=1, random_state=1)])
+    with pytest.warns(DataWarning, match="'a' and 'c' have exactly the same times"):
+        read_choices(both, strength="coh")
+
+
+@pytest.mark.parametrize("name", ["a ", " a", "a\u00a0"])
+def test_names_differ_in_more_than_blanks(name):
+    table = choices(("a", name))
+    for participant in (None, "a"):
+        with refused("participant_id only in blanks"):
+            read_choices(table, strength="coh", participant=participant)
+    cue = table.rename(columns={"participant_id": "cue"})
+    with refused("cue only in blanks"):
+        read_choices(cue, strength="coh", conditions="cue")
+    sides = table.assign(response=table["response"].map({1: "a", 0: name}))
+    with refused("response only in blanks"):
+        read_choices(sides.drop(columns="participant_id"), strength="coh", upper="a")
+    long = pd.DataFrame(
+        {"participant_id": ["a", name], "trial": 1, "step": 1, "ll_a": 0, "ll_b": 1}
+    )
+    with refused("participant_id only in blanks"):
+        trials_from_table(long.assign(ll_a=0.0, ll_b=1.0))
+
+
+@pytest.mark.parametrize("names", [("Left", "left"), ("007", "7"), ("1", "1.0")])
+def test_names_that_differ_in_capitals_or_digits_are_doubted(names):
+    table = choices(names)
+    with pytest.warns(DataWarning, match="participant_id holds names that differ only in"):
+        read_choices(table, strength="coh")
+    with unwarned():
+        read_choices(choices(("s1", "s10")), strength="coh")
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_published_tables_raise_no_doubt(name):
+    of = shipped()[name]
+    with unwarned():
+        read_choices(name, strength=of.strength, conditions=list(of.conditions))
+
+
+def test_two_levels_of_dopamine_are_doubted():
+    intact = bg.load_circuit("macaque")
+    low = intact.dopamine(0.9)
+    for again in (low, low.lesion("STN", 0.1), intact.edited("dopamine 0.9")):
+        with pytest.warns(EditWarning, match="already edited to a dopamine level of 0.9"):
+            again.dopamine(0.8)
+    with unwarned():
+        low.dopamine(1)
+        intact.dopamine(0.8)
+
+
+def test_dopamine_needs_receptors():
+    circuit = bg.load_circuit("spiking_msprt")
+    for name in ("D1", "D2"):
+        circuit = circuit.with_population(name, receptor="")
+    with pytest.warns(EditWarning, match="no row of spiking_msprt has a receptor"):
+        circuit.dopamine(0.8)
+
+
+def test_a_course_after_the_trials_is_doubted():
+    late = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=2100")
+    soon = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=1900")
+    readings = evidence(100)[:4]  # 40 readings, 50 ms each
+    model = bg.BasalGanglia(late, "rate")
+    for call in (model.run, lambda given: model.decide(given, posterior=0.8)):
+        with pytest.warns(EditWarning, match="no effect, since the longest trial ends 2050 ms"):
+            call(readings)
+    drive = model.drive(readings)
+    with pytest.warns(EditWarning, match="from 2100 to inf ms: no effect"):
+        run(late, drive, engine="rate", step_ms=50)
+    assert not told(bg.BasalGanglia(soon, "rate").run, readings)
+    assert not told(run, soon, drive, engine="rate", step_ms=50)
+
+
+@pytest.mark.parametrize("accuracies", [[0.9, 0.9], (0.8, 0.9, 0.8)])
+def test_accuracies_differ(accuracies):
+    with refused("accuracies must differ"):
+        bg.compare("macaque", evidence(), accuracies=accuracies)
+
+
+def test_points_of_a_sweep_differ():
+    plan = {"name": "x", "task": Stimuli(trials=100)}
+    for values in ((0.1, "10%"), (0.1, "0.10")):
+        with refused("points are the same point"):
+            Plan(grid={"lesion STN": values}, **plan).all_points()
+    with refused("points are the same point"):
+        points = ({"lesion STN": 0.1, "dopamine": 0.9}, {"lesion STN": "10 %", "dopamine": 0.9})
+        Plan(points=points, **plan).all_points()
+    assert len(Plan(grid={"lesion STN": (0.1, 0.2)}, **plan).all_points()) == 2
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6])
+@pytest.mark.parametrize("factor", [1000, 999])
+def test_times_in_two_units_are_refused(share, factor):
+    """A fit would need a grid of an hour, and excludes such times only if they are few."""
+    table = choices(trials=200)
+    some = np.arange(400) % 100 < 100 * share
+    wrong = 1000 * table["rt"] if factor == 1000 else 999.0
+    table["rt"] = np.where(some, wrong, table["rt"])
+    with refused("rt must be in seconds"):
+        read_choices(table, strength="coh")
+    few = choices(trials=200)
+    few.loc[:5, "rt"] = np.linspace(60, 70, 6)  # left to the window of the fit
+    with unwarned():
+        read_choices(few, strength="coh")
+
+
+@given(st.floats(0.05, 0.6), st.floats(0, 0.3), st.floats(0.5, 5), st.integers(0, 2**16))
+@settings(max_examples=40, deadline=None)
+def test_slow_trials_are_in_one_unit(t0_s, share, tail_s, seed):
+    rng = np.random.default_rng(seed)
+    table = choices()
+    slow = rng.exponential(tail_s, 200) * (rng.random(200) < share)
+    table["rt"] = t0_s + 0.1 + rng.gamma(2, 0.15, 200) + slow
+    read_choices(table, strength="coh")
+
+
+def test_responses_faster_than_sensing_are_doubted():
+    table = choices()
+    table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)
+    with pytest.warns(DataWarning, match="10 of 200 times are below 0.1 s"):
+        read_choices(table, strength="coh")
+
+
+def test_a_code_of_missing_strengths_is_doubted():
+    table = choices()
+    table.loc[::10, "coh"] = -999.0
+    with pytest.warns(DataWarning, match="20 of 200 trials have a strength of 999"):
+        read_choices(table, strength="coh")
+
+
+def test_trials_repeated_by_a_merge_are_doubted():
+    merged = choices().merge(pd.DataFrame({"block": [1, 2]}), how="cross")
+    for table in (merged, merged.assign(trial=np.arange(400))):
+        with pytest.warns(DataWarning, match="200 of 400 rows are duplicates"):
+            read_choices(table, strength="coh")
+
+
+@pytest.mark.parametrize("name", ["name", "Initials"])
+def test_participants_under_another_name_are_not_pooled(name):
+    with refused("participant may hold participants"):
+        read_choices(choices().rename(columns={"participant_id": name}), strength="coh")
+
+
+def test_responses_that_do_not_follow_the_strength_are_doubted():
+    table = choices(("a",), trials=400)
+    shuffled = table.assign(coh=table["coh"].sample(frac=1, random_state=1).to_numpy())
+    for wrong in (shuffled, table.assign(coh=table["coh"] + 0.5)):  # without a sign
+        with pytest.warns(DataWarning, match="no more often than by chance"):
+            check_sides(read_choices(wrong.assign(coh=wrong["coh"]), strength="coh"))
+    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
+        right = read_choices(name, strength="coherence")
+        for who in right.people():
+            said = told(check_sides, right.where(right.participant == who))
+            assert not any("by chance" in text for text in said)
+
+
+def test_no_participant_is_pooled_with_the_other_side():
+    table = choices(("a", "b", "c"))
+    other = table["participant_id"] == "c"
+    table["response"] = np.where(other, 1 - table["response"], table["response"])
+    with refused("response c: responses must agree with the sign"):
+        design_of(read_choices(table, strength="coh"), pooled=True)
+
+
+def test_a_non_decision_time_above_a_second_is_doubted():
+    monkey = read_choices("roitman_shadlen_2002", strength="coherence", participant="b")
+    late = monkey.where(np.arange(monkey.trials) % 8 == 0)
+    late = replace(late, rt_s=late.rt_s + 0.9)
+    likelihood = likelihood_of(GapModel(), design_of(late))
+    assert any("check that rt begins" in said for said in told(fit_likelihood, likelihood))

@@ -139,7 +139,8 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
     Raises
     ------
     ValueError
-        If the list is empty, or an accuracy is not a number between chance plus ``MARGIN`` and 1.
+        If the list is empty or has a number twice, or an accuracy is not a number between chance
+        plus ``MARGIN`` and 1.
     """
     given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
     require(given.ndim == 1 and given.size, "accuracies", "must hold one number or more", given)
@@ -149,6 +150,8 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
             raise InputError.of(
                 "accuracies", f"must lie above chance, {1 / hypotheses:.3g}, and below 1", value
             )
+    once = len(np.unique(given)) == len(given)
+    require(once, "accuracies", "must differ from each other", given)
     return tuple(given.tolist())
 
 

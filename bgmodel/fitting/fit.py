@@ -29,6 +29,8 @@ SHARE = 0.9
 """Share of the posterior within an interval."""
 SMALL_SHARE = 1 / 3
 """A fit warns if the simulation error over the error from the data exceeds this ratio."""
+LATEST_T0_S = 1.0
+"""A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
 Tell = Callable[[str], None]
 
 
@@ -204,8 +206,8 @@ def fit_likelihood(
 
     Warns if data differ from the fitted model by more than chance (``Misfit.cautions``), if the
     data hardly identify parameters at the optimum or these end at a bound of their range, if the
-    simulation error is more than a third of the standard error, and if there are too few posterior
-    samples.
+    non-decision time is above 1 s, if the simulation error is more than a third of the standard
+    error, and if there are too few posterior samples.
 
     Parameters
     ----------
@@ -228,7 +230,7 @@ def fit_likelihood(
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
     cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
-    cautions += [*_ended(found), *_short(drawn)]
+    cautions += [*_ended(found), *_late(found), *_short(drawn)]
     for caution in cautions:
         FitWarning.warn(caution)
     return Fit(found, there, simulated, apart, drawn)
@@ -240,6 +242,16 @@ def _ended(found: Optimum) -> list[str]:
         f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
         for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
         if ends
+    ]
+
+
+def _late(found: Optimum) -> list[str]:
+    """Return a warning for each non-decision time that is implausibly long."""
+    return [
+        f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
+        "the onset of evidence, not of the trial"
+        for name, value in found.values.items()
+        if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
     ]
 
 

@@ -12,6 +12,9 @@ from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError
 
+CHANCE, ENOUGH = 2.0, 50
+"""Standard errors above chance up to which responses do not show that they follow the strength, and
+the number of responses required."""
 SAME = 0.6
 """If one response exceeds this share for both signs, it may be coded as correct or wrong."""
 
@@ -23,7 +26,7 @@ def name_of(choices: Choices) -> str:
 
 
 def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
-    """Refuse responses on the wrong side; warn of a bias to one response.
+    """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
     Parameters
     ----------
@@ -35,13 +38,16 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
     Raises
     ------
     ValueError
-        If strengths have no sign, or responses are below chance, overall or in one level.
+        If strengths have no sign, or responses are below chance, overall, of one person, or in one
+        level.
     """
     who = name_of(choices)
     check_signs(choices.strength, choices.response)
     if choices.strength is None:
         return
-    _check_right(choices, who)
+    above = _check_right(choices, who)
+    for person in choices.people():
+        _check_right(choices.where(choices.participant == person), person)
     every = choices.conditions[list(by)]
     for levels, part in every.groupby(list(by)) if by else [((), every)]:
         some = choices.where(np.isin(every.index, part.index))
@@ -54,6 +60,13 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
                 f"than if both sides were alike ({abs(z):.1f} standard errors). Models have no "
                 f"such bias: it affects the other parameters{_coded(some, share)}"
             )
+    if above <= CHANCE and np.isfinite(choices.correct).sum() >= ENOUGH:
+        DataWarning.warn(
+            f"{who}: responses agree with the sign of the strength no more often than by chance "
+            f"({np.nanmean(choices.correct):.0%}, {above:.1f} standard errors): check that it is "
+            "the column of the strength, that its rows belong to those of the responses, and that "
+            "responses give the side if the strength has a sign"
+        )
 
 
 def _coded(choices: Choices, share: float) -> str:
@@ -69,8 +82,14 @@ def _coded(choices: Choices, share: float) -> str:
     )
 
 
-def _check_right(choices: Choices, who: str) -> None:
-    """Raise ValueError if fewer responses are correct than by chance."""
+def _check_right(choices: Choices, who: str) -> float:
+    """Return by how many standard errors more responses are correct than by chance.
+
+    Raises
+    ------
+    ValueError
+        If far fewer are.
+    """
     right = choices.correct[np.isfinite(choices.correct)]
     count, trials = int(right.sum()), len(right)
     z = (count - trials / 2) / np.sqrt(max(trials, 1) / 4)
@@ -82,6 +101,7 @@ def _check_right(choices: Choices, who: str) -> None:
             "--upper), or change the sign of the strengths",
             "response",
         )
+    return float(z)
 
 
 def lean(choices: Choices) -> tuple[float, float]:

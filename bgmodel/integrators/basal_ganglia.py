@@ -33,6 +33,7 @@ from bgmodel.support.reprs import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.anatomy import load_circuit as named
 from circuits.circuit import Circuit
+from circuits.declaration.courses import warn_of_late
 from circuits.engines import Algebra, EngineOrName
 from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
 from circuits.ignored import ignored_edits
@@ -306,6 +307,7 @@ class BasalGanglia(Facts):
         """
         level = self.threshold(threshold, posterior)
         self.warn_of_noise(level)
+        warn_of_late(self.circuit.courses, (t_max + 1) * step_ms)
         nothing = np.zeros((1, 1, self.circuit.channels))
         empty = Evidence(nothing, prior=prior, step_ms=step_ms, baseline=baseline)  # type: ignore[arg-type]
 
@@ -345,6 +347,8 @@ class BasalGanglia(Facts):
         """
         self.check_strength(evidence)
         self._warn_of_coarse_samples(evidence)
+        steps = evidence.foreperiod_steps + evidence.steps + 1
+        warn_of_late(self.circuit.courses, steps * evidence.step_ms)
         return self.run_drive(*self._driven(evidence), first_trial)
 
     def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
@@ -467,6 +471,8 @@ class BasalGanglia(Facts):
         """
         self.check_strength(evidence)
         self._warn_of_coarse_samples(evidence)
+        steps = evidence.foreperiod_steps + evidence.steps + 1
+        warn_of_late(self.circuit.courses, steps * evidence.step_ms)
         yield from self._parts(evidence, first_trial)
 
     def _parts(

@@ -12,9 +12,13 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import UNDECIDED, Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
+from bgmodel.readings import are_sums, products
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
-from circuits.errors import DeadlineWarning, InputError, NoiseWarning, user_level
+from circuits.errors import DataWarning, DeadlineWarning, InputError, NoiseWarning, user_level
+
+SHORT = 4
+"""Trials with fewer readings before the decision are not examined for running sums."""
 
 Reader = Callable[[Evidence], Trace]
 """Maps all readings of a trial so far to OUT, up to a step after the last one."""
@@ -26,6 +30,11 @@ class Session:
     Each trial gives the same OUT, choice and time, to the byte, as ``decide`` with all readings at
     once. A reading is held for a step, so a circuit may decide between two readings. No state is
     kept from one trial to the next.
+
+    Readings are added up here: give each reading alone, not the sum so far. Sums are decided much
+    too early and are wrong more often. Once trials of five readings or more add up to a hundred
+    readings, a warning is given if successive readings correlate as sums do. Sums that are decided
+    within fewer readings cannot be distinguished from strong evidence.
 
     Parameters
     ----------
@@ -79,6 +88,7 @@ class Session:
             self._nothing[None, None], prior=prior, step_ms=step_ms, baseline=baseline,  # type: ignore[arg-type]
         )  # fmt: skip
         self._begin, self._premature = begin, False
+        self._products, self._summed = np.zeros(3), False
         self.next()
 
     def next(self) -> None:
@@ -109,6 +119,8 @@ class Session:
         -----
         DeadlineWarning
             If the reading comes more than half a step late.
+        DataWarning
+            Once, if the readings of the trials so far look like running sums.
         """
         if self.decision is not None:
             raise InputError("this trial is decided: session.next() begins another one", "reading")
@@ -152,15 +164,29 @@ class Session:
         self.trace = self._read(evidence)
         found = self._crossed(forced=False)
         if found.choice[0] != UNDECIDED:
-            self.decision = found
+            self._end(found)
             if found.premature[0] and not self._premature:
                 self._premature = True
                 NoiseWarning.warn(
                     "a trial was decided before its first reading could act: by noise or the prior"
                 )
         elif len(self.readings) == self.t_max:
-            self.decision = self.finish()
+            self.finish()
         return self.decision
+
+    def _end(self, decision: Decision) -> None:
+        """End the trial with its decision; warn once if readings look like running sums."""
+        self.decision = decision
+        # The last reading is left out: it is the one that crossed, and so larger than others.
+        readings = np.array(self.readings[:-1])
+        if len(readings) >= SHORT:
+            self._products += products(readings)
+        if are_sums(self._products) and not self._summed:
+            self._summed = True
+            DataWarning.warn(
+                "successive readings of a trial correlate as running sums do: give the "
+                "log-likelihoods of each reading alone, since a session adds them up"
+            )
 
     def _evidence(self) -> Evidence:
         values = np.array(self.readings)[None]
@@ -184,5 +210,6 @@ class Session:
         if self.trace is None:
             raise InputError("a trial without a reading cannot end", "reading")
         if self.decision is None:
-            self.decision = self._crossed(self.forced)
+            self._end(self._crossed(self.forced))
+        assert self.decision is not None
         return self.decision

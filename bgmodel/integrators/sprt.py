@@ -268,7 +268,8 @@ def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) 
 class Stream:
     """One trial of a test, one reading at a time, for use in a robot's control loop.
 
-    The decision is that of the batch form for the same readings.
+    The decision is that of the batch form for the same readings. Readings are added up here: give
+    each one alone, not the sum so far, which one trial does not reveal.
 
     Parameters
     ----------

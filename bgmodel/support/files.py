@@ -187,7 +187,7 @@ def unreadable(path: Path, error: Exception) -> InputError:
     """Return the error for an unreadable table, with the first line of the reason."""
     reason = str(error).strip().splitlines()[0]
     if isinstance(error, UnicodeDecodeError):
-        reason = "it is not text in UTF-8"
+        reason = 'it is not text in UTF-8: save it so, in Excel as "CSV UTF-8"'
     return InputError(f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path", path)
 
 

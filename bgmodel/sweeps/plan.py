@@ -24,7 +24,7 @@ from bgmodel.tables.trials import Trials
 from bgmodel.tactile.source import SHIPPED
 from bgmodel.version import __version__
 from circuits.circuit import Circuit
-from circuits.declaration.edits import VERBS, parsed
+from circuits.declaration.edits import VERBS, Edits, parsed
 from circuits.errors import InputError, within
 
 BLOCK = 10_000
@@ -184,10 +184,19 @@ class Plan(Point):
         Raises
         ------
         ValueError
-            Naming the point, for a key or a value that has no effect there.
+            Naming the point, for a key or a value that has no effect there, or two points that are
+            the same although written differently, such as a lesion of 0.1 and of 10%.
         """
         same = {f.name: getattr(self, f.name) for f in fields(Point)}
-        return [_point(Point(**same), point, folder) for point in self.each]
+        points = [_point(Point(**same), point, folder) for point in self.each]
+        seen: dict[object, Mapping[str, Value]] = {}
+        for point, values in zip(points, self.each, strict=True):
+            edits = frozenset((edit.place, edit.value) for edit in point.edits.parsed())
+            first = seen.setdefault((replace(point, edits=Edits()), edits), values)
+            if first is not values:
+                same_run = f"{point_text(first)!r} and {point_text(values)!r} are the same point"
+                raise InputError(f"{same_run}: give each once", "points")
+        return points
 
 
 def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:

@@ -31,8 +31,15 @@ CORRELATED, ERRORS_OF_R = 0.15, 5.0
 PILE, PILE_SHARE = 5, 0.01
 """Number and share of times exactly equal to the longest, above which trials were probably cut off
 there; the number is also compared with the average number of trials per distinct time."""
+APART, APART_SHARE = 20.0, 0.05
+"""Ratio of successive times, and share of trials on either side of it, from which times can't all
+be response times in one unit: not even times with many slow trials have such a gap."""
+FAST_S, FAST_SHARE = 0.1, 0.01
+"""Times below which responses are anticipations, s, and the share of them that gives a warning."""
 MIXED = 100.0
 """Ratio of the median times of two participants above which their units may differ."""
+CODES = (99.0, 999.0, 9999.0)
+"""Usual codes of missing values."""
 FAR = 10.0
 """Ratio of strengths above which the larger one is doubtful if few trials have it."""
 COPIED, NEAR_S = 0.01, 0.1
@@ -53,11 +60,12 @@ def check_times(rt_s: Array) -> None:
     Raises
     ------
     ValueError
-        If all times are whole numbers with a median above 5.
+        If all times are whole numbers with a median above 5, or times are in two units.
     """
     given = rt_s[np.isfinite(rt_s)]
     if len(given) < FEWEST:
         return
+    _check_one_unit(given)
     median = float(np.median(given))
     whole = bool((given == np.round(given)).all())
     if median > LONG_MEDIAN_S and whole:
@@ -80,6 +88,29 @@ def check_times(rt_s: Array) -> None:
             )
             break
     _warn_of_pile(given)
+    fast = int((given < FAST_S).sum())
+    if median >= SHORT_MEDIAN_S and fast >= max(PILE, FAST_SHARE * len(given)):
+        DataWarning.warn(
+            f"{fast} of {len(given)} times are below {FAST_S:g} s, the shortest {given.min():.3g} "
+            "s: responses to the evidence take longer. Leave such trials out, or begin the window "
+            "of a fit later (rt_window, at the terminal --rt-window)"
+        )
+
+
+def _check_one_unit(given: Array) -> None:
+    """Raise ValueError if times fall into two groups, a factor of 20 or more apart."""
+    times = np.sort(given)
+    ratio = times[1:] / times[:-1]
+    below = int(np.argmax(ratio)) + 1
+    above = len(times) - below
+    if ratio.max() >= APART and min(above, below) >= max(FEWEST, APART_SHARE * len(times)):
+        raise InputError(
+            f"rt must be in seconds in every trial, got {below} times up to {times[below - 1]:.3g} "
+            f"and {above} of {times[below]:.3g} and more, and none between: if one group is in "
+            "another unit, convert it; if it is a code, such as one of missing responses, leave rt "
+            "and response empty",
+            "rt",
+        )
 
 
 def _warn_of_pile(given: Array) -> None:
@@ -96,7 +127,9 @@ def _warn_of_pile(given: Array) -> None:
 
 
 def warn_of_far(strength: Array) -> None:
-    """Warn if few trials have a strength far beyond all others: an error, or a missing value.
+    """Warn if few trials have a strength far beyond all others, or more trials a usual code.
+
+    Either may be an error, or a missing value.
 
     Parameters
     ----------
@@ -107,7 +140,7 @@ def warn_of_far(strength: Array) -> None:
     above = sizes[1:] >= FAR * sizes[:-1]
     for first in np.flatnonzero(above & (sizes[:-1] > 0)) + 1:
         many = int(counts[first:].sum())
-        if many < FEWEST:
+        if many < FEWEST or sizes[first] in CODES:
             DataWarning.warn(
                 f"{many} of {len(strength)} trials have a strength of {sizes[first]:g} or more, "
                 f"and all others of {sizes[first - 1]:g} or less: check them, since few such "
@@ -150,10 +183,11 @@ def warn_of_mixed_units(rt_s: Array, participant: npt.NDArray[np.str_]) -> None:
         )
 
 
-def warn_of_copies(table: pd.DataFrame) -> None:
-    """Warn of more duplicate rows than by chance: standard errors would be too small.
+def warn_of_copies(table: pd.DataFrame, used: Sequence[str]) -> None:
+    """Warn of more duplicate trials than by chance: standard errors would be too small.
 
-    Duplicates are rows with the same values in all columns. Since times are rounded, two trials
+    Duplicates are rows with the same values in all columns in use; numbers of trials or columns
+    that a merge has added do not count. Since times are rounded, two trials
     that differ only in time may have the same time by chance. How often times within 0.1 s of each
     other are equal is estimated from rows that differ in other columns. A warning needs 10
     duplicates, 1 % of all rows, and an excess of a quarter and of 5 standard errors over chance.
@@ -161,17 +195,21 @@ def warn_of_copies(table: pd.DataFrame) -> None:
     Parameters
     ----------
     table : DataFrame
-        A user's table, with all columns.
+        A user's table.
+    used : names
+        Columns of the strength and of conditions.
     """
+    table = table[[name for name in (*OURS, *used) if name in table]]
     copies = int(table.duplicated().sum())
     if copies < max(FEWEST, COPIED * len(table)):
         return
     alike, chance = _alike(table)
     if alike > 1.25 * chance + 5 * np.sqrt(chance) + 5:
+        columns = ", ".join(map(str, table))
         DataWarning.warn(
             f"{copies} of {len(table)} rows are duplicates of earlier ones: {alike:.0f} pairs of "
-            f"rows are equal in all columns; about {chance:.0f} are expected by chance. If trials "
-            "were concatenated twice, remove the duplicates (drop_duplicates in pandas), since "
+            f"rows are equal in {columns}; about {chance:.0f} are expected by chance. If "
+            "trials were concatenated twice, or a merge repeated them, remove the duplicates: "
             "standard errors count each row as an independent trial"
         )
 
@@ -199,6 +237,36 @@ def _pairs(rt_s: Array) -> Array:
     places = np.arange(len(rt_s)) + 1
     ends = [np.searchsorted(rt_s, rt_s + width, side="right") for width in (0.0, NEAR_S)]
     return np.array([(end - places).sum() for end in ends], dtype=float)
+
+
+def warn_of_twins(
+    participant: npt.NDArray[np.str_], rt_s: Array, response: npt.NDArray[np.int8]
+) -> None:
+    """Warn if two participants have the same trials: one of them under two names.
+
+    Parameters
+    ----------
+    participant : (trials,) text
+        The participant of each trial.
+    rt_s, response : (trials,)
+        Times, s, and responses. Trials are compared in the order of their times, and participants
+        of fewer than 10 different times are not compared.
+    """
+    seen: dict[bytes, str] = {}
+    twins = []
+    for who in np.unique(participant).tolist():
+        times, codes = rt_s[participant == who], response[participant == who]
+        if len(np.unique(times[np.isfinite(times)])) < FEWEST:
+            continue
+        order = np.lexsort((codes, times))
+        first = seen.setdefault(times[order].tobytes() + codes[order].tobytes(), who)
+        if first != who:
+            twins.append(f"{first!r} and {who!r}")
+    if twins:
+        DataWarning.warn(
+            f"participants {'; '.join(twins[:3])} have exactly the same times and responses: if "
+            "they are one person under two names, keep one of them"
+        )
 
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:

@@ -22,6 +22,7 @@ from bgmodel.tables.cautions import (
     warn_of_copies,
     warn_of_far,
     warn_of_mixed_units,
+    warn_of_twins,
     warn_of_units,
     warn_without_strength,
     without_rounding,
@@ -30,10 +31,10 @@ from bgmodel.tables.columns import (
     FEWEST,
     NO_RESPONSE,
     answers,
+    levels,
     participants,
     rows,
     strengths,
-    texts,
 )
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
@@ -175,9 +176,10 @@ def read_choices(
     """Read a table of choices and response times; no trial is left out.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
-    possible errors: units of time, a deadline far beyond all responses, coarse times, many times
-    exactly equal to the longest, duplicate rows, a strength far beyond all others, and a column
-    that may hold the strength.
+    possible errors: units of time, a deadline far beyond all responses, coarse times,
+    anticipations, many times exactly equal to the longest, duplicate rows, two participants with
+    the same trials, names that differ only in capitals, a strength far beyond all others, and a
+    column that may hold the strength.
 
     Parameters
     ----------
@@ -216,7 +218,7 @@ def read_choices(
     try:
         used = [*wanted, *([] if strength is None else [strength])]
         table = rows(table, used, participant)
-        warn_of_copies(table)
+        warn_of_copies(table, used)
         rt_s, response = answers(table, deadline_s, upper)
         check_times(rt_s)
         warn_of_mixed_units(rt_s, participants(table))
@@ -231,10 +233,11 @@ def read_choices(
             rt_s,
             response,
             signed,
-            pd.DataFrame({c: texts(table[c]) for c in wanted}, index=range(len(table))),
+            pd.DataFrame({c: levels(table[c]) for c in wanted}, index=range(len(table))),
             deadline_s,
             name,
         )
+        warn_of_twins(found.participant, rt_s, response)
         _check_cells(found)
         _check_both_chosen(found)
         check_signs(signed, response)

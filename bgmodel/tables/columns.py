@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+import unicodedata
+from collections.abc import Hashable, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import check_positive
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """Contents of a cell for a missing number or response."""
@@ -30,7 +31,7 @@ PEOPLE = ("subj_idx", "subj_id", "subj", "subject", "subject_id", "participant",
 """Names of other tools for ids of participants."""
 PERSON = re.compile(
     r"(subj(ect)?|sub|participant|ppt?|person|patient|observer|monkey|animal|rat|mouse|user)s?"
-    r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid"
+    r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid|name|initials"
 )
 """Pattern of names of columns that may hold participants."""
 
@@ -115,9 +116,10 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     own = "and strength must be separate columns, each named once"
     require(not taken, "conditions", own, taken)
     _check_people(table, wanted)
+    who = participants(table)
+    check_alike("participant_id", who)
     if participant is None:
         return table
-    who = participants(table)
     if not isinstance(participant, str) or participant not in who:
         known = ", ".join(sorted(set(who.tolist())))
         raise InputError.of("participant", f"must be one of {known}", participant)
@@ -190,6 +192,57 @@ def texts(column: pd.Series) -> npt.NDArray[np.str_]:
     return found
 
 
+def levels(column: pd.Series) -> npt.NDArray[np.str_]:
+    """Return a column of a condition as text; errors and warnings of ``check_alike``."""
+    found = texts(column)
+    check_alike(column.name, found)
+    return found
+
+
+def check_alike(column: Hashable, names: npt.NDArray[np.str_]) -> None:
+    """Refuse names that differ only in blanks; warn of those that differ only in case or digits.
+
+    Parameters
+    ----------
+    column : str
+        Name of the column.
+    names : (rows,) text
+        Its values.
+
+    Raises
+    ------
+    ValueError
+        If two names are the same but for blanks or the encoding of a character.
+    """
+    doubtful = []
+    for key in (_unblanked, _plain):
+        alike: dict[str, list[str]] = {}
+        for name in np.unique(names).tolist():
+            alike.setdefault(key(name), []).append(name)
+        pairs = [pair for pair in alike.values() if len(pair) > 1]
+        if pairs and key is _unblanked:
+            raise InputError(
+                f"{column} must not hold names that differ only in blanks or in the encoding of a "
+                f"character, got {' and '.join(map(repr, pairs[0]))}: write them alike",
+                column,
+            )
+        doubtful = [" and ".join(map(repr, pair)) for pair in pairs]
+    if doubtful:
+        DataWarning.warn(
+            f"{column} holds names that differ only in capitals or in how a number is written, and "
+            f"count as different: {'; '.join(doubtful[:3])}. If they are the same, write them alike"
+        )
+
+
+def _unblanked(name: str) -> str:
+    return " ".join(unicodedata.normalize("NFKC", name).split())
+
+
+def _plain(name: str) -> str:
+    number = _number(name)
+    return f"{number:.15g}" if np.isfinite(number) else _unblanked(name).casefold()
+
+
 def check_numeric(column: pd.Series) -> None:
     """Raise ValueError for a column of dates or of True and False instead of numbers."""
     require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
@@ -260,6 +313,7 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
         refuse(wrong, column, "1 or 0", hint)
         upper = "1"
     else:
+        check_alike(column.name, names[~missing].astype(str))
         found = list(dict.fromkeys(names[~missing]))
         if len(found) > 2:
             third = ~missing & ~np.isin(names, found[:2])

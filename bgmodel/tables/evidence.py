@@ -19,7 +19,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
-from bgmodel.tables.columns import check_numeric, check_spelt, names_once
+from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
 from bgmodel.tables.text_files import separated
 from bgmodel.tables.trials import RESULT, Trials
 from circuits.errors import DataWarning, InputError, within
@@ -247,6 +247,8 @@ def _numbered(
     table: pd.DataFrame, keys: list[str]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Return the number of each row's trial, in the order of the table, and their first rows."""
+    if "participant_id" in keys:
+        check_alike("participant_id", table["participant_id"].astype(str).to_numpy(dtype=np.str_))
     for name in keys:
         missing = table[name].isna() | (table[name].astype(object) == "")
         if missing.any():

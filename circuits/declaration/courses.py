@@ -129,6 +129,24 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
     return (float(found[low]), float(times[low])), (float(found[high]), float(times[high]))
 
 
+def warn_of_late(courses: Sequence[Course], end_ms: float) -> None:
+    """Warn of courses that begin when trials are over.
+
+    Parameters
+    ----------
+    courses : sequence of Course
+        The courses of a circuit.
+    end_ms : float
+        End of the longest trial, ms from the onset of the drive.
+    """
+    late = [row.name for row in courses if row.from_ms >= end_ms]
+    if late:
+        EditWarning.warn(
+            f"{', '.join(late)}: no effect, since the longest trial ends {end_ms:g} ms after the "
+            "onset of the drive"
+        )
+
+
 def _in_ticks(time_ms: float, dt_ms: float) -> float:
     """Return a time in ticks, rounded if it is whole except for rounding errors."""
     count = time_ms / dt_ms

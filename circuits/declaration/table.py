@@ -16,7 +16,7 @@ from circuits.declaration.network import Network, check_rows
 from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
 from circuits.errors import InputError, require
 
-NOT_WRITTEN = ("unedited",)
+NOT_WRITTEN = ("unedited", "dopamine_edit")
 """Fields of a circuit that record its origin; they are neither written to files nor hashed."""
 
 EDITED = "edited from: "
@@ -87,6 +87,8 @@ class CircuitTable(Network):
     unedited: Self | None = field(default=None, compare=False)
     """The table before its edits, which set it. It is no part of what makes two circuits equal,
     and no file keeps it."""
+    dopamine_edit: float = field(default=1.0, compare=False)
+    """The level of dopamine to which it was edited last, 1 if to none; like ``unedited``."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,7 +16,7 @@ from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import OF_CELLS, OF_TIME, Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
-from circuits.errors import InputError, shown
+from circuits.errors import EditWarning, InputError, shown
 
 NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "published_hz")
 """Fields of rows that do not affect the fixed point."""
@@ -69,12 +69,16 @@ class EditableTable(CircuitTable):
         All of its output is scaled, including its tone. The lesioned cells are still simulated and
         shown, but have no effect. A lesion is more than scaled pathways: see ``scale``.
 
+        Repeated lesions of a nucleus compound, as do clamps, cuts and factors of ``scale``: each
+        fraction is of what is left. Two lesions of 10 % leave 81 %. Edits as text (``edited``)
+        refuse two of the same number.
+
         Parameters
         ----------
         name : str
             The nucleus.
         fraction : float
-            Fraction lost, 0..1.
+            Fraction lost of what is left, 0..1.
         channel : int, optional
             The channel to lesion; by default all.
 
@@ -193,10 +197,28 @@ class EditableTable(CircuitTable):
 
         See ``dopamine_changes``. Courses of dopamine are kept, relative to the new level: the level
         1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2 and 1.5.
+
+        Warns
+        -----
+        EditWarning
+            If no row of the circuit has a receptor, so that a level has no effect. If the circuit
+            was already edited to another level, since two levels do not combine into
+            one: 0.9 and 0.8 multiply weights with D1 receptors by 0.72 and those with D2 receptors
+            by 1.32. For a level of 0.8, edit the circuit from before the first edit.
         """
         check_range(0, 2, level=level)
-        circuit = self
-        for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
+        if level == 1:
+            return self
+        if self.dopamine_edit != 1:
+            EditWarning.warn(
+                f"{self.name} was already edited to a dopamine level of {self.dopamine_edit:g}: "
+                "further levels are relative to that, and two do not combine into one. For an "
+                "absolute level, edit the circuit from before that edit"
+            )
+        if not self.receptors():
+            EditWarning.warn(f"no row of {self.name} has a receptor: dopamine has no effect")
+        circuit = replace(self, dopamine_edit=level)
+        for p, change, nats in self.dopamine_changes(level):
             bias = circuit.population(p.target).bias_nats + nats
             circuit = circuit.scale(p.source, p.target, 1 + change)
             circuit = circuit.with_population(p.target, bias_nats=bias)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import numpy.typing as npt
 
 from circuits.circuit import Circuit
+from circuits.declaration.courses import warn_of_late
 from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
 from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
@@ -73,8 +75,15 @@ def run(
     ------
     ValueError
         For an unknown engine, an engine with noise but no seed, or an unknown option.
+
+    Warns
+    -----
+    EditWarning
+        If a course begins after the end of the run.
     """
     must = "must be a Circuit, as from circuits.anatomy.load_circuit"
     require(isinstance(circuit, Circuit), "circuit", must, circuit)
     chosen = engine_of(engine, **options)
-    return chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)
+    found = chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)
+    warn_of_late(circuit.courses, np.shape(drive)[1] * step_ms)
+    return found

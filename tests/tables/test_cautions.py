@@ -147,8 +147,12 @@ def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
 def test_trials_that_are_all_there_twice_are_doubted():
     (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
     assert text.startswith("400 of 800 rows are duplicates of earlier ones")
+    # Neither new numbers nor columns that a merge has added make them other trials.
     numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
-    assert said(numbered, **NAMED) == []
+    merged = GOOD.merge(pd.DataFrame({"block": [1, 2]}), how="cross")
+    for twice in (numbered, merged):
+        (text,) = said(twice, **NAMED)
+        assert text.startswith("400 of 800 rows are duplicates of earlier ones")
 
 
 @pytest.mark.parametrize("step_s", [None, 0.001, 0.005])

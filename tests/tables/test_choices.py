@@ -272,7 +272,9 @@ def test_the_row_of_an_error_is_that_of_the_users_table():
     assert read_choices(table, participant="007").trials == 30
 
 
-names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(lambda text: text.strip())
+names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(
+    lambda text: text and text == " ".join(text.split())
+)
 
 
 @st.composite
