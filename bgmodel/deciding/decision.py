@@ -51,6 +51,8 @@ class Trace(Facts):
         Number of each trial, as in ``Evidence``: used to break ties. 0, 1, 2, ... if omitted.
     readout : ReadOut, optional
         Resting and lowest possible OUT, against which decisions are checked.
+    truth : array (trials,), int, optional
+        The true hypotheses, if known; decisions keep them.
     """
 
     out_nats: Reals
@@ -60,6 +62,7 @@ class Trace(Facts):
     ends: Integers | None = None
     numbers: Integers | None = None
     readout: ReadOut | None = None
+    truth: Integers | None = None
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock and range of OUT."""
@@ -564,6 +567,7 @@ def _decision(
         reached & (tick < first),
         trace.step_ms,
         relative_ms[last],
+        trace.truth,
     )
 
 

@@ -206,6 +206,7 @@ class BasalGanglia(Facts):
             ends,
             evidence.trial_numbers,
             replace(readout_of(self.circuit), warn_of_noise=self.warn_of_noise),
+            evidence.truth,
         )
 
     def decide(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -77,7 +77,7 @@ class Decides:
         """
         found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
         warn_of_decisions(evidence, found)
-        return replace(found, truth=evidence.truth)
+        return found
 
     def session(
         self,
@@ -261,7 +261,9 @@ def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) 
     time_ms[0] = 0.0
     ends = evidence.readings + 1
     numbers = evidence.trial_numbers
-    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, numbers, readout)
+    return Trace(
+        out, time_ms, evidence.onset_ms, evidence.step_ms, ends, numbers, readout, evidence.truth
+    )
 
 
 @dataclass
