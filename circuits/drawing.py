@@ -155,8 +155,9 @@ def along(ways: Curve) -> Array:
 def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str], Curve]:
     """Return the way of each pathway between two boxes.
 
-    Short pathways choose first. Each takes the shortest way that passes through no nucleus and
-    keeps its distance from the others; where there is none, the one with the fewest crossings.
+    Straight and short pathways choose first. Each takes the shortest way that passes through no
+    nucleus and keeps its distance from the others; where there is none, the one with the fewest
+    crossings.
     """
     names = {p.name for p in circuit.populations}
     ends = dict.fromkeys(
@@ -171,6 +172,10 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
         length = np.hypot(*np.diff(along(ways), axis=1).transpose(2, 0, 1)).sum(axis=1)
         straight = np.hypot(*(ways[:, 3] - ways[:, 0]).T)
         cost = length + 2 * (length - straight)
+        for name, end in zip(pair, (ways[:, 0], ways[:, 3]), strict=True):
+            if name not in WIDE:  # the middle of the upper or lower side, where it is free
+                off = np.abs(end[:, 0] - placed[name].x)
+                cost += 0.1 * np.where(off < placed[name].wide, off, 0)
         for name, box in placed.items():
             cost += (0.3 if name in pair else 1.0) * box.holds(inside, 0 if name in pair else 0.06)
         best = np.argsort(cost, kind="stable")[:200]
@@ -184,10 +189,11 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
     return taken
 
 
-def _gap(a: Box, b: Box) -> float:
-    """Return the distance between two boxes, along the axes."""
+def _gap(a: Box, b: Box) -> tuple[bool, float]:
+    """Return whether no straight pathway joins two boxes, and their distance along the axes."""
     apart_x = max(0.0, abs(a.x - b.x) - a.wide - b.wide)
-    return apart_x + max(0.0, abs(a.y - b.y) - a.high - b.high)
+    apart_y = max(0.0, abs(a.y - b.y) - a.high - b.high)
+    return bool(apart_x and apart_y), apart_x + apart_y
 
 
 def _shown(circuit: CircuitTable) -> list[Projection]:
@@ -315,7 +321,8 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
         )
     )
     parts = [p.name for p in circuit.populations if p.name in {row.name + end for end in PARTS}]
-    note = "".join(f" + {name}" for name in parts)
+    apart = " " if row.name in WIDE else "\n"
+    note = "".join(f"{apart}+ {name}" for name in parts)
     if row.clamped:
         note += "\nclamped"
     elif not alive:

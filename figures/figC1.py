@@ -126,6 +126,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _circuit(ax: Any) -> Any:
     draw_circuit(CIRCUIT, ax)
+    for text in ax.texts:  # boxes are smaller here than in a figure of their own
+        text.set_fontsize(5.5)
     return ax
 
 
