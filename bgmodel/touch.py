@@ -116,7 +116,8 @@ class Story:
         """Draw one reading, speed and accuracy, the learned gap, and one decision in spikes.
 
         Panel a: accuracy of a single reading, mean and range over folds of taps, with the mean
-        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision time.
+        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision
+        time, with pointwise 95 % intervals.
         Panel c: the learned gap, median and 10 to 90 % of runs. Panel d: OUT on one trial;
         vertical lines are decisions.
 
@@ -328,6 +329,9 @@ def _speed(ax: Axes, of: Story) -> None:
     for colour, (name, label) in zip(("k", PALETTE[1], PALETTE[0]), names.items(), strict=True):
         rows = of.curves[of.curves["model"] == name].sort_values("mean_ms")
         ax.plot(rows["mean_ms"] / of.step_ms, rows["accuracy"], label=label, color=colour)
+        if "low" in rows:  # tables of earlier versions have no interval
+            band = (rows["low"], rows["high"])
+            ax.fill_between(rows["mean_ms"] / of.step_ms, *band, color=colour, alpha=0.15, lw=0)
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
     ax.set(xlim=(0, 1.3 * longest), xlabel="Mean decision time (readings)",

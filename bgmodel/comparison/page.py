@@ -17,10 +17,10 @@ from bgmodel.integrators.deciding import CIRCUIT
 WIDTH = 100
 """Largest number of columns of a page."""
 SHOWN = {
-    "agreement": ("same choice", ".3f"),
-    "agreement_chance": ("by chance", ".3f"),
-    "pearson_r": ("r of times", ".3f"),
-    "extra_ms": ("later, ms", ".0f"),
+    "agreement": ("same choice", "z.3f"),
+    "agreement_chance": ("by chance", "z.3f"),
+    "pearson_r": ("r of times", "z.3f"),
+    "extra_ms": ("later, ms", "z.0f"),
 }
 """Measures that a page shows: names and number formats."""
 CHANCE = (
@@ -136,23 +136,23 @@ def page(table: pd.DataFrame) -> str:
     accuracy = (known if len(known) else table)["accuracy"].iloc[0]
     here = table[(table["accuracy"] == accuracy) & table["measure"].isin(SHOWN)]
     by = [name for name in ("reference", "model", "variant") if name in table]
-    rows = {}
-    for names, part in here.groupby(by, sort=False):
+    rows: dict[str, dict[str, dict[str, str]]] = {}
+    for names, some in here.groupby(by, sort=False):
         *group, name = map(str, names)
-        values = part.set_index("measure")
+        values = some.set_index("measure")
         cells = {m: _cell(values.loc[m], m) for m in SHOWN}
         if values["value"].isna().all():
             cells = {m: NOT_REACHED if m == "agreement" else "" for m in SHOWN}
-        rows[", ".join(group), name] = cells
+        rows.setdefault(", ".join(group), {})[name] = cells
     title = f"at an accuracy of {accuracy:g}"
-    wide = 2 + max(len(title) - 2, *(len(name) for _, name in rows))
+    wide = 2 + max(len(title) - 2, *(len(name) for part in rows.values() for name in part))
     columns = "".join(f"{name:<{w}}" for (name, _), w in zip(SHOWN.values(), WIDTHS, strict=True))
     lines = [f"{title:<{wide + 2}}{columns}"]
-    for (of, name), cells in rows.items():
-        if of and f"{of}:" not in lines:
-            lines.append(f"{of}:")
-        texts = "".join(f"{text:<{w}}" for text, w in zip(cells.values(), WIDTHS, strict=True))
-        lines.append(f"  {name:<{wide}}{texts}")
+    for of, part in rows.items():
+        lines += [f"{of}:"] if of else []
+        for name, cells in part.items():
+            texts = "".join(f"{text:<{w}}" for text, w in zip(cells.values(), WIDTHS, strict=True))
+            lines.append(f"  {name:<{wide}}{texts}")
     text = "\n".join(line.rstrip() for line in lines)
     foot = [CHANCE, *([CEILING] if OTHER_NOISE in text else [])]
     foot += [*([UNREACHED] if NOT_REACHED in text else []), *_reasons(here)]

@@ -29,7 +29,7 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
     assert run("experiment", experiment_file, "--trials", 100) == 0
     page = capsys.readouterr().out
     assert page.endswith("100 trials\n")  # no file was written
-    assert page.startswith("A longer delay from STN to GPe\n2 ms more, and a pathway")
+    assert "seed 3\nA longer delay from STN to GPe\n2 ms more, and a pathway" in page
     assert "published" not in page
 
 
@@ -39,7 +39,7 @@ def test_an_experiment_without_a_prediction_reports_and_gives_no_verdict(experim
     assert run("experiment", experiment_file, out) == 0
     shown = capsys.readouterr().out
     assert "no verdict" in shown
-    assert "circuit spiking_msprt, engine algebra, gain 0.7, posterior 0.82, seed 3;" in shown
+    assert "gain 0.7; posterior 0.82; circuit spiking_msprt; seed 3\n" in shown
     table = pd.read_csv(out)
     assert table[["direction", "at_least", "outcome", "reason"]].isna().all(axis=None)
     assert run("experiment", experiment_file, out, "--json", "--force") == 0
