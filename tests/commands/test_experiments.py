@@ -29,7 +29,7 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
     assert run("experiment", experiment_file, "--trials", 100) == 0
     page = capsys.readouterr().out
     assert page.endswith("100 trials\n")  # no file was written
-    assert "seed 3\nA longer delay from STN to GPe\n2 ms more, and a pathway" in page
+    assert "\nA longer delay from STN to GPe\n2 ms more, and a pathway" in page
     assert "published" not in page
 
 
