@@ -12,22 +12,22 @@ from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
-from bgmodel.plots import channel_lines, raster
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Plain
+from circuits.plots import FROM_ONSET, GREY, channel_lines, legend_above, panels, raster, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 NUCLEI = {
-    "ctx": "cortex",
-    "D1": "striatum, D1",
-    "D2": "striatum, D2",
+    "ctx": "Cortex",
+    "D1": "Striatum, D1",
+    "D2": "Striatum, D2",
     "STN": "STN",
     "GPe": "GPe",
-    "SNr": "SNr, the output",
+    "SNr": "SNr (output)",
 }
 POSTERIOR, D_PRIME, READINGS, STEP_MS = 0.85, 0.8, 20, 50.0
 CELLS = 30
@@ -127,31 +127,28 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
     return Demo(evidence, activity.spikes, traces, decisions, table.readable_nats[1], model.gain)
 
 
+@styled
 def draw(found: Demo) -> Figure:
     """Draw evidence, OUT with -ln P, and the spikes of every nucleus."""
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(
+    figure, grid = panels(
         2 + len(NUCLEI),
-        1,
-        figsize=(6.4, 8.2),
+        size=(6.4, 8.2),
         sharex=True,
-        layout="constrained",
         height_ratios=[1.7, 2.2] + [1] * len(NUCLEI),
     )
-    _evidence(panels[0], found.evidence)
-    _out(panels[1], found)
-    for panel, (name, label) in zip(panels[2:], NUCLEI.items(), strict=True):
+    axes = grid[:, 0]
+    _evidence(axes[0], found.evidence)
+    _out(axes[1], found)
+    for panel, (name, label) in zip(axes[2:], NUCLEI.items(), strict=True):
         spikes = found.spikes[name]
         shown = spikes[spikes["time_ms"] > 0]
         raster(panel, shown, channels=found.evidence.hypotheses, neurons=CELLS, ms=1.2)
         panel.set_ylabel(label, rotation=0, ha="right", va="center")
-    title = "vertical lines: decisions of test (dashed) and circuit"
-    panels[2].set_title(f"{CELLS} cells per alternative; {title}", fontsize=9)
-    panels[-1].set_xlabel("time from the onset of evidence (ms)")
-    panels[-1].set_xlim(0, (READINGS + 1) * STEP_MS)
-    for panel in panels:
-        panel.spines[["top", "right"]].set_visible(False)
+    marks = "vertical lines: decisions of test (dashed) and circuit"
+    axes[2].set_title(f"Spikes of {CELLS} cells per alternative; {marks}")
+    axes[-1].set_xlabel(FROM_ONSET)
+    axes[-1].set_xlim(0, (READINGS + 1) * STEP_MS)
+    for panel in axes:
         for name, style in (("MSPRT", "--"), ("circuit", "-")):
             panel.axvline(found.decisions[name].time_ms[0], color="k", lw=0.8, ls=style)
     return figure
@@ -160,11 +157,10 @@ def draw(found: Demo) -> Figure:
 def _evidence(panel: Axes, evidence: Evidence) -> None:
     total = evidence.own_totals[0]
     channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
-    names = [f"{i + 1}" + (" (true)" if i == 0 else "") for i in range(evidence.hypotheses)]
-    panel.legend(panel.lines, names, ncols=len(names), loc="upper left", frameon=False, fontsize=8)
-    panel.margins(y=0.25)
-    panel.set_ylabel("evidence\n(nats)")
-    panel.set_title("summed evidence for each alternative, the input of its channel", fontsize=9)
+    for i, line in enumerate(panel.lines):
+        line.set_label(f"Alternative {i + 1}" + (" (true)" if i == 0 else ""))
+    panel.set_ylabel("Evidence\n(nats)")
+    legend_above(panel, 4, "Summed evidence for each alternative, the input of its channel")
 
 
 def _out(panel: Axes, found: Demo) -> None:
@@ -175,13 +171,16 @@ def _out(panel: Axes, found: Demo) -> None:
         label = "OUT of the circuit" if name == "circuit" else "−ln P, MSPRT at its gain"
         panel.plot([], [], color="0.3", label=label, **style)
     panel.axhline(
-        -np.log(POSTERIOR), color="k", lw=0.8, ls=":", label=f"criterion −ln {POSTERIOR:g}"
+        -np.log(POSTERIOR), color="k", lw=0.8, ls=":", label=f"Criterion −ln {POSTERIOR:g}"
     )
-    panel.axhspan(found.readable_nats, 2.0, color="0.94", lw=0, zorder=0)
+    top = max(2.0, 1.2 * found.readable_nats)
+    panel.axhspan(found.readable_nats, top, color="0.94", lw=0, zorder=0)
     right = (READINGS + 1) * STEP_MS - 8
-    panel.text(right, 1.95, "beyond the read-out", ha="right", va="top", fontsize=8, color="0.4")
-    panel.set(ylabel="OUT (nats)", ylim=(0, 2.0))
-    panel.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False, fontsize=8)
+    panel.text(
+        right, 0.975 * top, "Beyond the read-out", ha="right", va="top", fontsize=7, color=GREY
+    )
+    panel.set(ylabel="OUT (nats)", ylim=(0, top))
+    legend_above(panel)
 
 
 def _long(time_ms: np.ndarray, values: np.ndarray) -> pd.DataFrame:

@@ -30,6 +30,7 @@ from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_NATS = 1e6
 """Beyond this, sums of log-likelihoods lose the differences between hypotheses to rounding."""
@@ -161,15 +162,22 @@ class Evidence(Facts):
         mean = float((true - others).sum() / self.readings.sum())
         return found | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
 
-    def plot(self, trial: int = 0, ax: Axes | None = None) -> Axes:
+    def plot(self, trial: int = 0, ax: Axes | None = None) -> Figure:
         """Draw the posterior of each hypothesis after every reading of one trial.
+
+        The line of the true hypothesis is thick.
 
         Parameters
         ----------
         trial : int
             Position of the trial.
         ax : Axes, optional
-            Axes to draw on, by default those of a new figure; returned.
+            Axes to draw on; by default those of a new figure.
+
+        Returns
+        -------
+        Figure
+            One panel.
 
         Raises
         ------

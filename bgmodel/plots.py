@@ -1,106 +1,238 @@
-"""Plots: each draws a table on an Axes and returns the Axes."""
+"""Plots of decisions and evidence: those of results, and parts that figures share.
+
+Functions that take Axes draw on them and return them; the others return a ``Figure``, which is what
+every ``plot`` method returns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from circuits.plots import (
+    FROM_ONSET,
+    GREY,
+    PALETTE,
+    Look,
+    legend_above,
+    look,
+    mark_onset,
+    one_panel,
+    styled,
+)
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Grating orientation thresholds at 75 % correct: groove width, mm (Van Boven & Johnson 1994).
 HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
+CORRECT, ERROR = PALETTE[0], PALETTE[1]
+Tops = dict[int, npt.NDArray[np.float64]]
+"""Heights of the bins above (1) and below (-1) the axis."""
+BINS = 30
+"""Number of bins of a histogram of times."""
+LABELS = {
+    "accuracy": "Accuracy",
+    "choice_0": "Choice of alternative 0",
+    "mean_ms": "Mean decision time",
+    "median_ms": "Median decision time",
+    "accuracy_all": "Accuracy, missed as errors",
+    "accuracy_best": "Accuracy, missed as correct",
+    "mean_all_ms": "Mean time of all trials",
+    "premature": "Premature responses",
+    "anticipatory": "Anticipatory responses",
+    "missed": "Missed trials",
+    "decided": "Decided trials",
+    "mean_posterior": "Mean posterior",
+    "drift": "Drift",
+    "boundary_separation": "Boundary separation",
+    "non_decision_ms": "Non-decision time",
+}
+"""Measures of ``deciding.measures`` as a figure names them."""
+UNITS = {"decided": "trials", "drift": "1/s"}
 
 
-def new_axes(ax: Axes | None = None) -> Axes:
-    """Return the given Axes, or those of a new figure.
-
-    Raises
-    ------
-    ValueError
-        If something other than Axes is given.
-    ImportError
-        If Matplotlib is not installed.
-    """
-    from circuits.plots import panels
-
-    found: Axes = panels(1, ax)[0]
-    return found
+def labelled(measure: str) -> str:
+    """Return a measure as the label of an axis, with its unit."""
+    unit = "ms" if measure.endswith("_ms") else UNITS.get(measure, "")
+    return LABELS.get(measure, measure) + (f" ({unit})" if unit else "")
 
 
-def output(ax: Axes, time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating]) -> Axes:
+@styled
+def output(
+    time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating], ax: Axes | None = None
+) -> Figure:
     """Draw OUT (ticks, hypotheses) of a trial against the time from the onset of evidence."""
+    figure, ax = one_panel(ax)
     for hypothesis, values in enumerate(out_nats.T):
-        ax.plot(np.asarray(time_ms), values, label=f"hypothesis {hypothesis}")
-    ax.axvline(0, color="0.8", lw=0.8, zorder=0)
-    ax.set(xlabel="time from the onset of evidence (ms)", ylabel="OUT (nats)")
-    ax.legend()
-    return ax
+        ax.plot(np.asarray(time_ms), values, label=f"Hypothesis {hypothesis}", **look(hypothesis))
+    mark_onset(ax)
+    ax.set(xlabel=FROM_ONSET, ylabel="OUT (nats)")
+    legend_above(ax)
+    return figure
 
 
+@styled
 def posteriors(
     time_ms: npt.ArrayLike,
     posterior: npt.NDArray[np.floating],
     truth: int | None = None,
     ax: Axes | None = None,
-) -> Axes:
+) -> Figure:
     """Draw posteriors (readings, hypotheses) of a trial; the true hypothesis is the thick line."""
-    ax = new_axes(ax)
+    figure, ax = one_panel(ax)
     for hypothesis, values in enumerate(posterior.T):
-        label = f"hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
-        ax.step(time_ms, values, where="post", lw=2.5 if hypothesis == truth else 1, label=label)
-    ax.set(xlabel="time from the onset of evidence (ms)", ylabel="posterior", ylim=(-0.02, 1.02))
-    ax.legend(frameon=False)
-    return ax
+        label = f"Hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
+        width = 2.5 if hypothesis == truth else 1.0
+        ax.step(time_ms, values, where="post", lw=width, label=label, **look(hypothesis))
+    ax.set(xlabel=FROM_ONSET, ylabel="Posterior probability", ylim=(-0.02, 1.02))
+    legend_above(ax)
+    return figure
 
 
-def choice_times(ax: Axes, choice: npt.ArrayLike, time_ms: npt.ArrayLike) -> Axes:
-    """Draw a histogram of decision times (trials,), stacked by choice; below 0 is undecided."""
-    chosen, times = np.asarray(choice), np.asarray(time_ms)
-    found = np.unique(chosen[chosen >= 0])
-    parts = [times[chosen == c] for c in found]
-    if parts:
-        ax.hist(parts, bins=30, stacked=True, label=[f"chose {c}" for c in found])
-        ax.legend()
-    left = int((chosen < 0).sum())
-    ax.set(xlabel="decision time from the onset of evidence (ms)", ylabel="trials")
-    ax.set_title(f"{left} of {len(chosen)} undecided" if left else "")
-    return ax
-
-
-def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> Any:
-    """Draw measures of conditions with their intervals, one panel per measure.
+@styled
+def choice_times(
+    choice: npt.ArrayLike,
+    time_ms: npt.ArrayLike,
+    forced: npt.ArrayLike,
+    truth: npt.ArrayLike | None = None,
+    ax: Axes | None = None,
+) -> Figure:
+    """Draw histograms of decision times: errors below correct responses, or one per choice.
 
     Parameters
     ----------
-    table : DataFrame
-        Columns condition, measure, value, low, high; measures without a value are left out.
-    ax : Axes, one per measure, optional
-        Axes to draw on; those of a new figure by default.
+    choice, time_ms, forced : arrays (trials,)
+        As in ``Decision``; a choice below 0 is undecided.
+    truth : array (trials,), optional
+        The true hypotheses. Without them there is one histogram per choice, stacked.
+    ax : Axes, optional
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
-    array of Axes
-        One per measure.
+    Figure
+        Hatched parts are trials that the deadline decided. The title has the proportion correct of
+        decided trials with Wilson's 95 % interval, and the numbers of trials.
     """
-    from circuits.plots import panels
+    figure, ax = one_panel(ax)
+    chosen, times, late = np.asarray(choice), np.asarray(time_ms), np.asarray(forced, dtype=bool)
+    decided = chosen >= 0
+    ax.set(xlabel=FROM_ONSET.replace("Time", "Decision time"), ylabel="Trials")
+    said = [f"n = {len(chosen)}"]
+    if truth is None:
+        groups = [
+            (f"Chose {c}", chosen == c, look(int(c))["color"], 1)
+            for c in np.unique(chosen[decided])
+        ]
+    else:
+        right = decided & (chosen == np.asarray(truth))
+        groups = [
+            ("Correct", right, CORRECT, 1),
+            ("Error", decided & ~right, ERROR, -1),
+        ]
+        if decided.any():
+            low, high = (float(end) for end in wilson(right.sum(), decided.sum()))
+            share = right.sum() / decided.sum()
+            said.insert(0, f"Accuracy {share:.3f} [{low:.3f}, {high:.3f}]")
+    if not decided.all():
+        said.append(f"{int((~decided).sum())} undecided")
+    if not decided.any():
+        ax.set_title(", ".join(said))
+        ax.text(0.5, 0.5, "No trial was decided", transform=ax.transAxes, ha="center", color=GREY)
+        ax.set(xticks=[], yticks=[])
+        return figure
+    edges = np.histogram_bin_edges(times[decided], BINS)
+    late &= decided
+    tops: Tops = {1: np.zeros(len(edges) - 1), -1: np.zeros(len(edges) - 1)}
+    bars: Look = {"x": edges[:-1], "width": np.diff(edges), "align": "edge", "lw": 0.5}
+    for label, some, colour, side in groups:
+        counts = side * np.histogram(times[some & ~late], edges)[0]
+        named = f"{label} (n = {int(some.sum())})"
+        ax.bar(height=counts, bottom=tops[side], color=colour, label=named, **bars)
+        tops[side] = tops[side] + counts
+    highest = max(np.abs(top).max() for top in tops.values())
+    for _, some, colour, side in groups:
+        counts = side * np.histogram(times[some & late], edges)[0]
+        ax.bar(height=counts, bottom=tops[side], fc="w", ec=colour, hatch="/////", **bars)
+        tops[side] = tops[side] + counts
+    if late.any():
+        named = f"At the deadline (n = {int(late.sum())})"
+        ax.bar(edges[0], 0, fc="w", ec=GREY, hatch="/////", label=named)
+    _limit(ax, edges, tops, highest, {side for *_, side in groups})
+    ax.axhline(0, color="k", lw=0.8)
+    ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    ax.locator_params(axis="y", integer=True)
+    legend_above(ax, title=", ".join(said))
+    return figure
 
-    known = table[table["value"].notna()]
-    measures = list(known["measure"].unique())
-    axes = panels(len(measures), ax, 0.8)
-    names = list(table["condition"].unique())
-    for panel, measure in zip(axes, measures, strict=True):
-        rows = known[known["measure"] == measure]
-        error = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
-        at = [names.index(name) for name in rows["condition"]]
-        panel.errorbar(rows["value"], at, xerr=error, fmt="o", ms=4, capsize=3)
-        panel.set_yticks(range(len(names)), names)
-        panel.set(xlabel=measure, ylim=(len(names) - 0.5, -0.5))
-    return axes
+
+def _limit(
+    ax: Axes,
+    edges: npt.NDArray[np.floating],
+    tops: Tops,
+    highest: float,
+    sides: set[int],
+) -> None:
+    """Set the limits by decisions before the deadline; write the number on a bar that is cut off.
+
+    Parameters
+    ----------
+    ax : Axes
+        The histogram.
+    edges : array (bins + 1,)
+        Edges of its bins.
+    tops : dict of arrays (bins,)
+        Height of all trials on each side, 1 above and -1 below.
+    highest : float
+        Largest height without trials that the deadline decided.
+    sides : set of int
+        The sides in use.
+    """
+    limits = [0.0, 0.0]
+    for side in sides:
+        most = np.abs(tops[side]).max()
+        limit = min(most, 1.5 * highest) if highest else most
+        limits[(side + 1) // 2] = side * 1.05 * limit
+        for k in np.flatnonzero(np.abs(tops[side]) > 1.05 * limit):
+            said = f"{abs(tops[side][k]):.0f} "
+            vertical = "top" if side > 0 else "bottom"
+            ax.text(edges[k], side * limit, said, ha="right", va=vertical, fontsize=7)
+    ax.set_ylim(*limits)
+
+
+@styled
+def tradeoff(
+    mean_ms: npt.ArrayLike,
+    correct: npt.ArrayLike,
+    decided: npt.ArrayLike,
+    ax: Axes | None = None,
+) -> Figure:
+    """Draw accuracy against mean decision time, a point per threshold, with Wilson intervals.
+
+    Parameters
+    ----------
+    mean_ms, correct, decided : arrays (thresholds,)
+        Mean time, and numbers of correct and of decided trials.
+    ax : Axes, optional
+        Axes to draw on; by default those of a new figure.
+    """
+    figure, ax = one_panel(ax)
+    order = np.argsort(mean_ms)
+    x, k, n = (np.asarray(values, dtype=float)[order] for values in (mean_ms, correct, decided))
+    low, high = wilson(k, n)
+    ends = np.clip(np.stack([k / n - low, high - k / n]), 0, None)
+    ax.errorbar(x, k / n, ends, fmt="o-", ms=3, capsize=2, elinewidth=0.8, color=PALETTE[0])
+    ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
+    if len(n):
+        least, most = int(n.min()), int(n.max())
+        many = f"{most}" if least == most else f"{least} to {most}"
+        ax.set_title(f"{many} decided trials per threshold; bars: 95 % intervals")
+    return figure
 
 
 def wilson(
@@ -190,37 +322,4 @@ def reliability(ax: Axes, table: pd.DataFrame, **line: Any) -> Axes:
     error = np.clip(np.stack([table["observed"] - low, high - table["observed"]]), 0, None)
     ax.errorbar(table["stated"], table["observed"], yerr=error, fmt="o", ms=3, **line)
     ax.set(xlabel="stated posterior", ylabel="observed frequency")
-    return ax
-
-
-def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line: Any) -> Axes:
-    """Draw one line per channel over time (columns channel, time_ms, value), in colours C0, C1, ...
-
-    With ``steps`` a value holds until the next.
-    """
-    for channel, rows in table.groupby("channel"):
-        style = {"color": f"C{channel}", **line}
-        how = "steps-post" if steps else "default"
-        ax.plot(rows["time_ms"], rows["value"], drawstyle=how, **style)
-    return ax
-
-
-def raster(ax: Axes, spikes: pd.DataFrame, *, channels: int, neurons: int, **dots: Any) -> Axes:
-    """Draw the spikes of the first neurons of each channel, one row per neuron, channel 0 on top.
-
-    Parameters
-    ----------
-    ax : Axes
-        Dots are rasterized: many of them make a vector file large.
-    spikes : DataFrame
-        One row per spike: channel, neuron and time_ms.
-    channels, neurons : int
-        Number of channels, and of neurons shown of each.
-    """
-    shown = spikes[spikes["neuron"] < neurons]
-    for channel in range(channels):
-        rows = shown[shown["channel"] == channel]
-        style = {"color": f"C{channel}", "marker": "s", "ms": 0.7, "mew": 0, "ls": "", **dots}
-        ax.plot(rows["time_ms"], channel * neurons + rows["neuron"], rasterized=True, **style)
-    ax.set(ylim=(channels * neurons - 0.5, -0.5), yticks=[])
     return ax

@@ -30,6 +30,7 @@ from bgmodel.tactile.source import Folds, Source, folds
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
+from circuits.plots import PALETTE, look, panels, saved, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,11 +111,22 @@ class Story:
         values = dict(zip(numbers["measure"], numbers["value"], strict=True))
         return cls(axis, numbers=values, step_ms=step_ms, **given)  # type: ignore[arg-type]
 
+    @styled
     def plot(self) -> Figure:
-        """Draw one reading, speed and accuracy, the learned gap, and one decision in spikes."""
-        import matplotlib.pyplot as plt
+        """Draw one reading, speed and accuracy, the learned gap, and one decision in spikes.
 
-        figure, axes = plt.subplots(2, 2, figsize=(8.4, 6.0), layout="constrained")
+        Panel a: accuracy of a single reading, mean and range over folds of taps, with the mean
+        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision
+        time, with pointwise 95 % intervals.
+        Panel c: the learned gap, median and 10 to 90 % of runs. Panel d: OUT on one trial;
+        vertical lines are decisions.
+
+        Returns
+        -------
+        Figure
+            Four panels.
+        """
+        figure, axes = panels(2, 2, size=(7.2, 5.4))
         self.draw(axes.flat)
         return figure
 
@@ -124,7 +136,7 @@ class Story:
             panel(ax, self)
             title = ax.get_title("left") or ax.get_title()
             ax.set_title("", loc="center")
-            ax.set_title(f"{letter}{title}", loc="left", fontsize=9)
+            ax.set_title(f"{letter}{title}", loc="left")
             ax.spines[["top", "right"]].set_visible(False)
 
 
@@ -301,40 +313,48 @@ def _psychometric(ax: Axes, of: Story) -> None:
 
     rows = of.psychometric
     ends = [rows["accuracy"] - rows["low"], rows["high"] - rows["accuracy"]]
-    ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o", label="right")
-    ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="claimed (posterior)")
+    ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o", ms=4,
+                color=PALETTE[0], label="Observed (mean, range over folds)")  # fmt: skip
+    ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="Stated by the posterior")
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
-    ax.set(xlabel=of.axis, title="single reading")
-    ax.legend(frameon=False, fontsize=8, loc="lower right")
+    ax.set(xlabel=of.axis[:1].upper() + of.axis[1:], ylabel="Proportion correct",
+           title="Single reading")  # fmt: skip
+    ax.legend(frameon=False, fontsize=7, loc="lower right")
 
 
 def _speed(ax: Axes, of: Story) -> None:
     from bgmodel.plots import accuracy_axis
 
-    names = {"MSPRT": "test (MSPRT)", CIRCUIT: "circuit", DECODER: "decoder of its cortical rates"}
-    for name, label in names.items():
+    names = {"MSPRT": "Test (MSPRT)", CIRCUIT: "Circuit", DECODER: "Decoder of its cortical rates"}
+    for colour, (name, label) in zip(("k", PALETTE[1], PALETTE[0]), names.items(), strict=True):
         rows = of.curves[of.curves["model"] == name].sort_values("mean_ms")
-        ax.plot(rows["mean_ms"] / of.step_ms, rows["accuracy"], label=label)
+        ax.plot(rows["mean_ms"] / of.step_ms, rows["accuracy"], label=label, color=colour)
+        if "low" in rows:  # tables of earlier versions have no interval
+            band = (rows["low"], rows["high"])
+            ax.fill_between(rows["mean_ms"] / of.step_ms, *band, color=colour, alpha=0.15, lw=0)
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
-    ax.set(xlim=(0, 1.3 * longest), xlabel="mean decision time (readings)",
-           title="speed-accuracy tradeoff")  # fmt: skip
-    ax.legend(frameon=False, fontsize=8)
+    ax.set(xlim=(0, 1.3 * longest), xlabel="Mean decision time (readings)",
+           ylabel="Expected accuracy",
+           title="Speed and accuracy")  # fmt: skip
+    ax.legend(frameon=False, fontsize=7)
 
 
 def _learning(ax: Axes, of: Story) -> None:
     if not len(of.learning):
-        ax.set(xticks=[], yticks=[], title="learning")
-        why = "a gap is learned only for two\nhypotheses that taps distinguish"
+        ax.set(xticks=[], yticks=[], title="Learning")
+        why = "A gap is learned only for two\nhypotheses that taps distinguish"
         ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
 
     every = of.learning[of.learning["episode"] % 50 == 0]
-    acquisition(ax, every.pivot(index="run", columns="episode", values="mean_delta"))
-    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="optimal gap")
-    ax.set_title("learned from reward")
-    ax.legend(frameon=False, fontsize=8)
+    acquisition(
+        ax, every.pivot(index="run", columns="episode", values="mean_delta"), color=PALETTE[0]
+    )
+    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="Optimal gap")
+    ax.set(xlabel="Trial", ylabel="Gap δ (nats)", title="Gap learned from reward")
+    ax.legend(frameon=False, fontsize=7)
 
 
 def _decision(ax: Axes, of: Story) -> None:
@@ -342,15 +362,16 @@ def _decision(ax: Axes, of: Story) -> None:
         dashed, steps = ("--", "steps-post") if who == "test" else ("-", "default")
         rows = of.courses[of.courses["who"] == who]
         for channel, course in rows.groupby("channel"):
-            ax.plot(course["time_ms"] / of.step_ms, course["out_nats"], color=f"C{channel:g}",
+            colour = look(int(channel))["color"]
+            ax.plot(course["time_ms"] / of.step_ms, course["out_nats"], color=colour,
                     ls=dashed, lw=1.1, drawstyle=steps)  # fmt: skip
-        ax.plot([], [], color="0.3", label=who, ls=dashed)
+        ax.plot([], [], color="0.3", label=who[0].upper() + who[1:], ls=dashed)
         if choice >= 0:
             ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
-    ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="time (readings)",
-           ylabel="OUT (nats)", title="example decision")  # fmt: skip
-    ax.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
+    ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="Time (readings)",
+           ylabel="OUT (nats)", title="Example decision")  # fmt: skip
+    ax.legend(fontsize=7, frameon=True, framealpha=0.9, edgecolor="none")
 
 
 PANELS = (_psychometric, _speed, _learning, _decision)
@@ -369,7 +390,7 @@ def page(of: Story, title: str, made: str) -> str:
         Provenance: command and version.
     """
     picture = io.BytesIO()
-    of.plot().savefig(picture, format="png", dpi=150)
+    saved(of.plot(), picture, format="png")
     encoded = base64.b64encode(picture.getvalue()).decode()
     remarks = "".join(f"<li>{html.escape(text)}</li>" for text in of.remarks)
     numbers, curve = (

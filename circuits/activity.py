@@ -11,15 +11,15 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from circuits import plots
 from circuits.arrays import Array
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
 from circuits.errors import InputError, RangeWarning, require
-from circuits.plots import rates
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -109,34 +109,46 @@ class Activity:
         return f"<p>{escape(repr(self))}</p>\n{page if means else ''}"
 
     def plot(
-        self, trial: int = 0, ax: Axes | Sequence[Axes] | None = None
-    ) -> npt.NDArray[np.object_]:
-        """Draw the rates of one trial, a panel per nucleus and a line per channel.
+        self, trial: int = 0, *, threshold: float | None = None, smooth_ms: float = 20.0
+    ) -> Figure:
+        """Draw one trial: rates and recorded spikes of each nucleus, and OUT.
 
         Parameters
         ----------
         trial : int
             Index of the trial.
-        ax : Axes, one per nucleus, optional
-            Axes to draw on; by default a new figure.
+        threshold : float, optional
+            Threshold on OUT, in its unit; the first crossing is marked.
+        smooth_ms : float
+            Standard deviation of the Gaussian kernel that smooths rates, ms; 0 draws them as
+            recorded. The read-out's OUT is never smoothed.
 
         Returns
         -------
-        array of Axes
-            One per nucleus.
+        Figure
+            A row per nucleus, a line per channel (a pooled nucleus is grey), and OUT below. If
+            spikes were recorded, rasters of up to 48 cells per nucleus on the left.
 
         Raises
         ------
         ValueError
-            If no rates were recorded, the trial does not exist, or the number of Axes is wrong.
+            If no rates were recorded or the trial does not exist.
         """
         if not self.rates_hz:
             said = f"the {self.engine} engine recorded no rates: run it again with rates=True"
             raise InputError(said, "rates")
         trials = len(self.output_nats)
         require(trial in range(trials), "trial", f"must be within 0..{trials - 1}", trial)
-        one = {name: values[trial] for name, values in self.rates_hz.items()}
-        return rates(self.time_ms, one, ax)
+        spikes = self.spikes or {}
+        return plots.activity(
+            self.time_ms,
+            {name: values[trial] for name, values in self.rates_hz.items()},
+            self.output_nats[trial],
+            unit=self.circuit.unit,
+            spikes={name: rows[rows["trial"] == trial] for name, rows in spikes.items()},
+            threshold=threshold,
+            smooth_ms=smooth_ms,
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """Return labelled rates and output, as in ``.rate_hz.sel(nucleus="STN", channel=0)``.

@@ -13,12 +13,13 @@ from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
 from circuits.declaration.table_files import digest
 from circuits.declaration.verbs import EditableTable
+from circuits.drawing import draw
 from circuits.errors import InputError
 from circuits.laws.homeostasis import balanced_weight, biases
-from circuits.plots import draw, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 class Circuit(EditableTable):
@@ -53,16 +54,25 @@ class Circuit(EditableTable):
 
         return html(self)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, reference: CircuitTable | None = None) -> Figure:
         """Draw the circuit: arrows excite, bars inhibit, and width follows the weight.
+
+        Lesioned nuclei have a dashed border with the share that is left, or are hatched if all of
+        them is silenced; pathways that transmit nothing are grey and dotted.
 
         Parameters
         ----------
         ax : Axes, optional
-            Axes to draw on, which are returned; by default a new figure.
+            Axes to draw on; by default those of a new figure.
+        reference : Circuit, optional
+            The circuit before its edits: a star marks each row that differs from it or is new.
+
+        Returns
+        -------
+        Figure
+            One panel.
         """
-        (only,) = panels(1, ax, height=4.0)
-        return draw(self, only)
+        return draw(self, ax, reference)
 
     def add(self, *rows: Population | Projection | Course | str, keep_rest: bool = False) -> Self:
         """Return the circuit with new nuclei, pathways or courses.

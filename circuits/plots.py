@@ -1,155 +1,334 @@
-"""Plots of a circuit and of its rates."""
+"""Style and parts shared by all plots, and the plot of a circuit's activity.
+
+Every ``plot`` method returns a Matplotlib ``Figure``. Colours are those of Okabe & Ito (2008),
+which people with a colour vision deficiency can tell apart.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from circuits.arrays import Array
-from circuits.declaration.rows import GABA
-from circuits.declaration.table import CircuitTable
 from circuits.errors import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-# Positions of the textbook nuclei in a drawing; others are placed in a row below.
-PLACES = {
-    "ctx": (1.2, 3.0),
-    "common": (2.8, 3.0),
-    "D1": (0.0, 2.0),
-    "D2": (1.2, 2.1),
-    "STN": (2.8, 2.0),
-    "GPe": (1.3, 1.2),
-    "SNr": (0.5, 0.0),
-    "ctx_inh": (0.0, 3.0),
-    "GPe_ctx": (2.4, 0.6),
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+Look = dict[str, Any]
+"""Options of something drawn."""
+
+PALETTE = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7"),
+    *("#E69F00", "#56B4E9", "#000000", "#999999"),
+)
+"""Colours of channels, conditions and models."""
+GREY = "0.45"
+"""Colour of marks that are not data: onset, thresholds, chance."""
+STYLE: Any = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "figure.titlesize": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "lines.linewidth": 1.2,
+    "figure.dpi": 120.0,
 }
-COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
+EDITABLE: Any = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "bgmodel"}
+"""Settings with which text in a vector file stays text."""
+FROM_ONSET = "Time from the onset of evidence (ms)"
+ROWS = 48
+"""Largest number of cells per nucleus in a raster, over all channels."""
 
 
-def draw(circuit: CircuitTable, ax: Axes) -> Axes:
-    """Draw the circuit: arrows excite, bars inhibit, width follows the weight.
+def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Draw in the common style, whatever the user's settings are.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        Completely lesioned nuclei are grey, their pathways dotted.
-    ax : Axes
-        Axes to draw on, which are returned.
+    Raises
+    ------
+    ImportError
+        If Matplotlib is not installed.
     """
-    others = [p.name for p in circuit.populations if p.name not in PLACES]
-    places = PLACES | {name: (0.8 * i, -1.0) for i, name in enumerate(others)}
-    joined = {(p.source, p.target) for p in circuit.projections}
-    for p in circuit.projections:
-        source = circuit.population(p.source)
-        both = (p.target, p.source) in joined
-        alive = circuit.intact_of(p.source).any() and circuit.axons_of(p).any() and p.weight != 0
-        ax.annotate(
-            "",
-            xy=places[p.target],
-            xytext=places[p.source],
-            arrowprops={
-                "arrowstyle": "-|>" if source.transmitter != GABA else "|-|,widthA=0,widthB=.35",
-                "color": COLOURS[source.transmitter] if alive else "#999999",
-                "linewidth": 0.6 + 1.2 * np.sqrt(min(abs(p.weight), 4.0)),
-                "linestyle": "-" if alive else ":",
-                "connectionstyle": f"arc3,rad={0.18 if both else 0.0}",
-                "shrinkA": 16,
-                "shrinkB": 17,
-            },
-        )
-    for row in circuit.populations:
-        left = np.unique(intact := circuit.intact_of(row.name))
-        colour = COLOURS[row.transmitter] if intact.any() else "#999999"
-        shown = intact[: 1 if len(left) == 1 else None]
-        label = " ".join(f"{part:.0%}" for part in shown)
-        ax.text(
-            *places[row.name],
-            row.name if left.tolist() in ([0], [1]) else f"{row.name}\n{label}",
-            ha="center",
-            va="center",
-            bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": colour},
-        )
-    points = np.array([places[p.name] for p in circuit.populations])
-    ax.set_xlim(points[:, 0].min() - 0.6, points[:, 0].max() + 0.6)
-    ax.set_ylim(points[:, 1].min() - 0.4, points[:, 1].max() + 0.4)
-    ax.set_axis_off()
+
+    @wraps(function)
+    def inner(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        try:
+            import matplotlib.pyplot as plt
+        except ImportError as error:
+            raise ImportError("a plot needs Matplotlib: pip install matplotlib") from error
+        with plt.rc_context(STYLE):
+            return function(*args, **kwargs)
+
+    return inner
+
+
+def panels(
+    rows: int, columns: int = 1, *, size: tuple[float, float], **options: Any
+) -> tuple[Figure, Any]:
+    """Return a new figure of a size in inches, and its Axes (rows, columns)."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        rows, columns, figsize=size, squeeze=False, layout="constrained", **options
+    )
+    for ax in axes.flat:
+        # Ticks are made only when they are drawn, with the settings of that time.
+        ax.tick_params(labelsize=STYLE["xtick.labelsize"])
+    return figure, axes
+
+
+def one_panel(
+    ax: Axes | None = None, size: tuple[float, float] = (4.8, 3.0)
+) -> tuple[Figure, Axes]:
+    """Return the given Axes and their figure, or those of a new figure.
+
+    Raises
+    ------
+    ValueError
+        If something other than Axes is given.
+    """
+    from matplotlib.axes import Axes
+
+    if ax is None:
+        figure, axes = panels(1, size=size)
+        return figure, axes[0, 0]
+    require(isinstance(ax, Axes), "ax", "must be Matplotlib Axes, as from plt.subplots()", ax)
+    root: Any = ax.get_figure(root=True)
+    return root, ax
+
+
+def saved(figure: Figure, path: Any, **options: Any) -> None:
+    """Write a figure to a file, 200 dots per inch if it consists of pixels; text stays text."""
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context(EDITABLE):
+        figure.savefig(path, dpi=200, **options)
+    plt.close(figure)
+
+
+def look(channel: int) -> Look:
+    """Return the colour and the line style of a channel, the same in every plot."""
+    styles = ("-", "--", ":")
+    return {
+        "color": PALETTE[channel % len(PALETTE)],
+        "ls": styles[channel // len(PALETTE) % len(styles)],
+    }
+
+
+def legend_above(ax: Axes, columns: int = 3, title: str = "", **options: Any) -> None:
+    """Put the legend of Axes above them, where it covers no data, and a title above both."""
+    handles, labels = ax.get_legend_handles_labels()
+    columns = min(columns, max(1, len(labels)))
+    ax.legend(
+        handles,
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(0, 1.0),
+        borderaxespad=0.2,
+        ncols=columns,
+        columnspacing=1.0,
+        handlelength=1.4,
+        **options,
+    )
+    if title:
+        rows = -(-len(labels) // columns)
+        ax.set_title(title, pad=6 + 11 * rows)
+
+
+def mark_onset(ax: Axes, **options: Any) -> None:
+    """Mark the onset of evidence, time 0, by a thin line."""
+    ax.axvline(0, color=GREY, lw=0.8, zorder=0, **options)
+
+
+def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line: Any) -> Axes:
+    """Draw one line per channel over time (columns channel, time_ms, value), each in its colour.
+
+    With ``steps`` a value holds until the next.
+    """
+    for channel in sorted(table["channel"].unique()):
+        rows = table[table["channel"] == channel]
+        style = {**look(int(channel)), **line}
+        how = "steps-post" if steps else "default"
+        ax.plot(rows["time_ms"], rows["value"], drawstyle=how, **style)
     return ax
 
 
-def rates(
+def raster(ax: Axes, spikes: pd.DataFrame, *, channels: int, neurons: int, **dots: Any) -> Axes:
+    """Draw the spikes of the first neurons of each channel, one row per neuron, channel 0 on top.
+
+    Parameters
+    ----------
+    ax : Axes
+        Dots are rasterized: many of them make a vector file large.
+    spikes : DataFrame
+        One row per spike: channel, neuron and time_ms.
+    channels, neurons : int
+        Number of channels, and of neurons shown of each.
+    **dots
+        Style of the dots.
+    """
+    shown = spikes[spikes["neuron"] < neurons]
+    for channel in range(channels):
+        rows = shown[shown["channel"] == channel]
+        colour = look(channel)["color"] if channels > 1 else GREY
+        style: Look = {"color": colour, "marker": "s", "ms": 0.7, "mew": 0, "ls": "", **dots}
+        ax.plot(rows["time_ms"], channel * neurons + rows["neuron"], rasterized=True, **style)
+    ax.set(ylim=(channels * neurons - 0.5, -0.5), yticks=[])
+    return ax
+
+
+def smoothed(values: npt.NDArray[np.floating], apart_ms: float, sd_ms: float) -> Array:
+    """Return time courses (ticks, channels) after a Gaussian kernel; NaN stays NaN.
+
+    The kernel is cut off where the data end, so that the ends are not pulled towards 0.
+    """
+    # Importing scipy takes a while, so it is done only here.
+    from scipy.ndimage import gaussian_filter1d
+
+    known = np.isfinite(values)
+    weights = known.astype(np.float64)
+    parts = (np.where(known, values, 0.0).astype(np.float64), weights)
+    total, weight = (
+        gaussian_filter1d(part, sd_ms / apart_ms, axis=0, mode="constant") for part in parts
+    )
+    return np.where(known, total / np.where(weight > 0, weight, 1.0), np.nan)
+
+
+@styled
+def activity(
     time_ms: Array,
     rates_hz: Mapping[str, npt.NDArray[np.floating]],
-    ax: Axes | Sequence[Axes] | None = None,
-) -> npt.NDArray[np.object_]:
-    """Draw the rates of one trial, a panel per nucleus and a line per channel.
+    output: npt.NDArray[np.floating],
+    *,
+    unit: str = "nats",
+    spikes: Mapping[str, pd.DataFrame] | None = None,
+    threshold: float | None = None,
+    smooth_ms: float = 20.0,
+) -> Figure:
+    """Draw one trial: rates of each nucleus, OUT, and a raster of its recorded spikes.
 
     Parameters
     ----------
     time_ms : array (ticks,)
         Times of the samples, ms from the onset of evidence.
     rates_hz : mapping of arrays (ticks, channels)
-        The rates of each nucleus, Hz.
-    ax : Axes, one per nucleus, optional
-        Axes to draw on; by default a new figure.
-
-    Returns
-    -------
-    array of Axes
-        One per nucleus.
-
-    Raises
-    ------
-    ValueError
-        If the number of Axes is wrong.
+        The rates of each nucleus, Hz; a pooled nucleus has one channel.
+    output : array (ticks, channels)
+        OUT.
+    unit : str
+        Unit of OUT.
+    spikes : mapping of DataFrame, optional
+        Spikes of some nuclei: channel, neuron, time_ms.
+    threshold : float, optional
+        Threshold on OUT; its first crossing after the onset of evidence is marked.
+    smooth_ms : float
+        Standard deviation of the Gaussian kernel that smooths rates, ms; 0 draws them as recorded.
     """
-    axes = panels(len(rates_hz), ax)
-    for panel, (name, values) in zip(axes, rates_hz.items(), strict=True):
-        for channel in range(values.shape[1]):
-            panel.plot(time_ms, values[:, channel], label=f"channel {channel}")
-        panel.set_ylabel(f"{name}\n(Hz)")
-        panel.tick_params(labelbottom=panel is axes[-1])
-    axes[0].legend(loc="upper left", fontsize="small")
-    axes[-1].set_xlabel("time from the onset of evidence (ms)")
-    return axes
+    columns = 2 if spikes else 1
+    count = len(rates_hz) + 1
+    figure, axes = panels(
+        count,
+        columns,
+        size=(4.8 if columns == 1 else 7.2, 0.62 * count + 0.9),
+        sharex=True,
+        height_ratios=[1.0] * len(rates_hz) + [1.5],
+    )
+    apart_ms = float(np.median(np.diff(time_ms))) if len(time_ms) > 1 else 0.0
+    smooth = bool(len(time_ms) > 2 and smooth_ms > apart_ms)
+    for row, (name, values) in zip(axes, rates_hz.items(), strict=False):
+        shown = smoothed(values, apart_ms, smooth_ms) if smooth else values
+        _lines(row[-1], time_ms, shown)
+        row[-1].set_ylim(bottom=0)
+        row[-1].locator_params(axis="y", nbins=3)
+        row[0].set_ylabel(name, rotation=0, ha="right", va="center", labelpad=8)
+        if spikes:
+            _spikes(row[0], spikes.get(name), values.shape[1])
+    below = axes[-1, -1]
+    _lines(below, time_ms, output)
+    below.set_ylabel(f"OUT\n({unit})", rotation=0, ha="right", va="center", labelpad=8)
+    below.set_xlabel(FROM_ONSET)
+    if len(time_ms) > 1:
+        below.set_xlim(time_ms[0], time_ms[-1])
+    if spikes:
+        axes[-1, 0].set_axis_off()
+        axes[-2, 0].set_xlabel(FROM_ONSET)
+        axes[-2, 0].tick_params(labelbottom=True)
+        axes[0, 0].set_title(f"Spikes of up to {ROWS} cells, channel 0 on top")
+    kernel = f", smoothed (Gaussian kernel, s.d. {smooth_ms:g} ms)" if smooth else ""
+    axes[0, -1].set_title(f"Rate (Hz){kernel}")
+    handles = _key(output.shape[1], rates_hz)
+    handles += _marks([ax for ax in axes.flat if ax.axison], time_ms, output, threshold, below)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2 + columns)
+    return figure
 
 
-def panels(
-    count: int, ax: Axes | Sequence[Axes] | None = None, height: float = 1.2
-) -> npt.NDArray[np.object_]:
-    """Return Axes to draw on, one below the other.
+def _spikes(ax: Axes, spikes: pd.DataFrame | None, channels: int) -> None:
+    """Draw the raster of one nucleus, or say that it has none."""
+    if spikes is not None:
+        raster(ax, spikes, channels=channels, neurons=max(2, ROWS // channels), ms=1.0)
+        return
+    ax.set(yticks=[])
+    style: Look = {"ha": "center", "va": "center", "color": GREY, "fontsize": 7}
+    ax.text(0.5, 0.5, "No spikes recorded", transform=ax.transAxes, **style)
 
-    Parameters
-    ----------
-    count : int
-        Number of panels.
-    ax : Axes or sequence of Axes, optional
-        Existing Axes; by default a new figure.
-    height : float
-        Height per panel of a new figure, inches.
 
-    Raises
-    ------
-    ValueError
-        If something other than Axes, or the wrong number of them, is given.
-    ImportError
-        If Matplotlib is not installed.
-    """
-    try:
-        import matplotlib.pyplot as plt
-        from matplotlib.axes import Axes
-    except ImportError as error:
-        raise ImportError("a plot needs Matplotlib: pip install matplotlib") from error
-    if ax is not None:
-        given = np.ravel(np.asarray(ax, dtype=object))
-        are_axes = all(isinstance(each, Axes) for each in given)
-        require(are_axes, "ax", "must be Matplotlib Axes, as from plt.subplots()", ax)
-        require(len(given) == count, "ax", f"must be {count} Axes, one per panel", len(given))
-        return given
-    size = (6.0, max(3.0, height * count))
-    _, axes = plt.subplots(count, squeeze=False, figsize=size, layout="constrained")
-    return np.asarray(axes[:, 0])
+def _marks(
+    axes: list[Axes],
+    time_ms: Array,
+    output: npt.NDArray[np.floating],
+    threshold: float | None,
+    below: Axes,
+) -> list[Any]:
+    """Mark onset, threshold and first crossing; return their entries of a legend."""
+    handles = []
+    if time_ms[0] < 0:
+        for ax in axes:
+            mark_onset(ax)
+        handles.append(_line("Onset of evidence", color=GREY, lw=0.8))
+    if threshold is None:
+        return handles
+    below.axhline(threshold, color=GREY, lw=0.8, ls="--")
+    handles.append(_line(f"Threshold, {threshold:.2g}", color=GREY, lw=0.8, ls="--"))
+    at = np.flatnonzero((time_ms > 0) & (output <= threshold).any(axis=1))
+    said = f"First crossing, {time_ms[at[0]]:.0f} ms" if len(at) else "Never crossed"
+    for ax in axes if len(at) else []:
+        ax.axvline(time_ms[at[0]], color="k", lw=0.9, ls=":", zorder=3)
+    handles.append(_line(said, color="k", lw=0.9, ls=":"))
+    return handles
+
+
+def _line(label: str, **style: Any) -> Any:
+    """Return an entry of a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
+
+
+def _lines(ax: Axes, time_ms: Array, values: npt.NDArray[np.floating]) -> None:
+    """Draw a line per channel; a pooled nucleus is grey."""
+    for channel in range(values.shape[1]):
+        style: Look = look(channel) if values.shape[1] > 1 else {"color": GREY}
+        ax.plot(time_ms, values[:, channel], **style)
+
+
+def _key(channels: int, rates_hz: Mapping[str, npt.NDArray[np.floating]]) -> list[Any]:
+    """Return the entries of a legend of channels."""
+    handles = [_line(f"Channel {k}", **look(k)) for k in range(channels)]
+    if channels > 1 and any(values.shape[1] == 1 for values in rates_hz.values()):
+        handles.append(_line("Pooled nucleus", color=GREY))
+    return handles

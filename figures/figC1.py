@@ -19,10 +19,9 @@ from matplotlib.figure import Figure
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
+from circuits.drawing import draw as draw_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import Algebra, Engine, Ensemble
-from circuits.plots import COLOURS
-from circuits.plots import draw as draw_circuit
 from figures.common import Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT)
@@ -110,7 +109,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the table's circuit, and each nonlinearity above the deviations of the cells."""
     table = read_table(data)
     figure = plt.figure(figsize=(7.2, 2.9))
-    grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[1, 1, 1])
+    grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[1.5, 1, 1])
     letter(_circuit(figure.add_subplot(grid[:, 0])), "a  circuit of the table")
     laws = (
         (1, "STN", _stn, "b  STN cells alone"),
@@ -127,15 +126,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _circuit(ax: Any) -> Any:
     draw_circuit(CIRCUIT, ax)
-    for text in ax.texts:
-        text.set_fontsize(7)
-        arrow = getattr(text, "arrow_patch", None)
-        if arrow is not None:
-            # Boxes are smaller here than the space that the drawing leaves for them.
-            arrow.shrinkA, arrow.shrinkB = 10, 12
-    for colour, name in zip(COLOURS.values(), ("excites", "inhibits"), strict=True):
-        ax.plot([], [], color=colour, lw=2, label=name)
-    ax.legend(loc="lower right", handlelength=1.2)
+    for text in ax.texts:  # boxes are smaller here than in a figure of their own
+        text.set_fontsize(5.5)
     return ax
 
 

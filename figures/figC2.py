@@ -21,10 +21,10 @@ from scipy.ndimage import gaussian_filter1d
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.plots import channel_lines, raster
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Ensemble
+from circuits.plots import channel_lines, raster
 from figures.common import GAIN, Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT, 4)

@@ -55,7 +55,7 @@ def test_the_demo_shows_the_trial_that_it_describes(found):
 def test_the_picture_is_as_large_as_in_the_docs_and_shaded_to_the_top_where_out_is_not_read(found):
     figure = demos.draw(found)
     high, wide = plt.imread(ROOT / "docs" / "demo.png").shape[:2]
-    assert np.allclose(150 * figure.get_size_inches(), (wide, high))
+    assert np.allclose(200 * figure.get_size_inches(), (wide, high))
     panel = figure.axes[1]
     (shade,) = panel.patches
     low, top = shade.get_extents().transformed(panel.transData.inverted()).get_points()[:, 1]
@@ -73,7 +73,7 @@ def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title
             [line.get_xdata() for line in panel.lines if line.get_marker() == "s"]
         )
         assert sorted(drawn) == sorted(late["time_ms"])
-    assert f"{demos.CELLS} cells per alternative" in figure.axes[2].get_title()
+    assert f"{demos.CELLS} cells per alternative" in figure.axes[2].get_title("left")
     plt.close(figure)
 
 

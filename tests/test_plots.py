@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
 from bgmodel import plots
+from circuits.plots import PALETTE, channel_lines, raster
 
 
 @pytest.fixture
@@ -20,16 +21,48 @@ def test_the_wilson_interval_is_that_of_scipy(k, n):
     assert plots.wilson(k, n) == pytest.approx((interval.low, interval.high), abs=1e-4)
 
 
+def heights(ax, count):
+    """Return the summed heights of the first groups of bars."""
+    return [sum(bar.get_height() for bar in bars) for bars in ax.containers[:count]]
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+TIMES = [100.0, 300.0, np.nan, 200.0]
+
+
 def test_times_are_drawn_by_choice_and_the_undecided_are_counted(ax):
-    plots.choice_times(ax, [0, 2, -1, 0], [100.0, 300.0, np.nan, 200.0])
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["chose 0", "chose 2"]
-    counts = [sum(bar.get_height() for bar in bars) for bars in ax.containers]
-    assert counts == [2, 1]
-    assert ax.get_title() == "1 of 4 undecided"
+    assert plots.choice_times([0, 2, -1, 0], TIMES, np.zeros(4), ax=ax) is ax.figure
+    assert texts(ax) == ["Chose 0 (n = 2)", "Chose 2 (n = 1)"]
+    assert heights(ax, 2) == [2, 1]
+    assert ax.get_title("left") == "n = 4, 1 undecided"
+
+
+def test_errors_are_below_correct_decisions_and_those_of_the_deadline_are_hatched(ax):
+    forced = [False, False, False, True]
+    plots.choice_times([0, 2, -1, 0], TIMES, forced, [0, 0, 0, 0], ax)
+    assert texts(ax) == ["Correct (n = 2)", "Error (n = 1)", "At the deadline (n = 1)"]
+    assert heights(ax, 4) == [1, -1, 1, 0]
+    assert [bars[0].get_hatch() for bars in ax.containers[:3]] == [None, None, "/////"]
+    assert ax.get_title("left").startswith("Accuracy 0.667 [0.208, 0.939], n = 4")
+
+
+def test_a_high_bar_of_the_deadline_is_cut_off_and_has_its_number(ax):
+    times = np.r_[np.linspace(100, 900, 60), np.full(40, 1000.0)]
+    plots.choice_times(np.zeros(100, int), times, times == 1000, np.zeros(100, int), ax)
+    assert ax.get_ylim()[1] < 40
+    assert "40" in {text.get_text().strip() for text in ax.texts}
+
+
+def test_without_a_decision_a_histogram_says_so(ax):
+    plots.choice_times([-1], [np.nan], [False], [0], ax)
+    assert [text.get_text() for text in ax.texts] == ["No trial was decided"]
 
 
 def test_out_is_drawn_a_line_per_hypothesis(ax):
-    plots.output(ax, [-10.0, 0.0], np.array([[0.7, 0.6], [0.1, 2.0]]))
+    plots.output([-10.0, 0.0], np.array([[0.7, 0.6], [0.1, 2.0]]), ax)
     assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[0.7, 0.1], [0.6, 2.0]]
     assert ax.lines[0].get_xdata().tolist() == [-10.0, 0.0]
 
@@ -93,7 +126,7 @@ def test_lines_that_are_no_data_have_one_width():
     table = pd.DataFrame({"stated": [0.2], "observed": [0.25], "count": [40]})
     z = np.zeros((1, 2))
     drawn = (
-        plots.output(Figure().subplots(), [0.0], np.zeros((1, 2))).lines[-1:],
+        plots.output([0.0], np.zeros((1, 2)), Figure().subplots()).axes[0].lines[-1:],
         plots.accuracy_axis(Figure().subplots()).lines,
         plots.trajectories(Figure().subplots(), z, np.ones(1), 4.0, color="k").lines[-2:],
         plots.reliability(Figure().subplots(), table).lines[:1],
@@ -102,24 +135,17 @@ def test_lines_that_are_no_data_have_one_width():
     assert len({line.get_linewidth() for lines in drawn for line in lines}) == 1
 
 
-def test_each_condition_has_a_row_as_high_as_the_others():
-    table = pd.DataFrame({"condition": ["a", "b", "c"], "measure": "m", "value": [1.0, 2.0, 3.0]})
-    (panel,) = plots.conditions(table.assign(low=0.5, high=4.0))
-    assert panel.get_ylim() == (2.5, -0.5)
-    assert [text.get_text() for text in panel.get_yticklabels()] == ["a", "b", "c"]
-
-
 def test_channels_are_lines_in_their_own_colours(ax):
     table = pd.DataFrame({"channel": [0, 1, 0, 1], "time_ms": [0, 0, 5, 5], "value": [1, 2, 3, 4]})
-    assert plots.channel_lines(ax, table, steps=True) is ax
+    assert channel_lines(ax, table, steps=True) is ax
     assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 3], [2, 4]]
-    assert [line.get_color() for line in ax.lines] == ["C0", "C1"]
+    assert [line.get_color() for line in ax.lines] == list(PALETTE[:2])
     assert {line.get_drawstyle() for line in ax.lines} == {"steps-post"}
 
 
 def test_raster_shows_the_first_neurons_of_each_channel(ax):
     spikes = pd.DataFrame({"channel": [0, 1, 1], "neuron": [1, 0, 2], "time_ms": [1.0, 2.0, 3.0]})
-    assert plots.raster(ax, spikes, channels=2, neurons=2) is ax
+    assert raster(ax, spikes, channels=2, neurons=2) is ax
     assert [line.get_ydata().tolist() for line in ax.lines] == [[1], [2]]
     assert ax.get_ylim() == (3.5, -0.5)
     assert all(line.get_rasterized() for line in ax.lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
@@ -11,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, progress
-from circuits.errors import InputError, require
+from circuits.errors import BgmodelWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -172,6 +174,31 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
 def say(text: str) -> None:
     """Print a sentence on stderr, prefixed by the program's name."""
     print(f"bgmodel: {text}", file=sys.stderr)
+
+
+@contextmanager
+def kept_warnings() -> Iterator[list[str]]:
+    """Yield a list to which warnings of bgmodel within the block are added, instead of printing.
+
+    Other warnings are issued again after the block.
+    """
+    kept: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", BgmodelWarning)
+        yield kept
+    for one in caught:
+        if issubclass(one.category, BgmodelWarning):
+            kept.append(str(one.message))
+        else:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure to a .pdf, .svg or .png file, whole or not at all."""
+    from circuits.plots import saved
+
+    with files.replacing(path) as partial:
+        saved(figure, partial, format=path.suffix[1:])
 
 
 def say_of_edits(*edits: Edits) -> None:

@@ -17,6 +17,7 @@ from bgmodel.commands.checks import (
     check_ending,
     check_whole,
     made_with,
+    save_figure,
     say_before,
     say_of_edits,
 )
@@ -72,15 +73,9 @@ class CircuitShow(Writes):
         table = load_circuit(self.circuit, self.channels).edited(*self.edits)
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from circuits.plots import draw
-
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
-            import matplotlib.pyplot as plt
-
-            figure, ax = plt.subplots(figsize=(4, 4))
-            draw(table, ax)
-            with files.replacing(self.drawing) as beside:
-                figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
+            before = load_circuit(self.circuit, self.channels)
+            save_figure(table.plot(reference=before), self.drawing)
         print(table)
         if edits := self.edits.text():
             print(f"\nedited, in this order: {edits}")

@@ -13,7 +13,9 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
+    kept_warnings,
     made_with,
+    save_figure,
     say,
     say_before,
     say_of_edits,
@@ -68,6 +70,9 @@ class Compare(Comparison):
     bgmodel compare clamped.csv --channels 4 --edits "clamp GPe"
     """
 
+    drawing: Path | None = None
+    """File for a figure of speed and accuracy, decision times and same choices, .pdf, .svg or .png.
+    """
     noise_ceiling: bool = False
     """Whether to run the circuit again with noise of another seed: its agreement with itself is the
     highest that can be expected."""
@@ -75,8 +80,10 @@ class Compare(Comparison):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison.compare import compare
-        from bgmodel.comparison.page import page
+        from bgmodel.comparison.page import page, verdicts
 
+        if self.drawing is not None:
+            check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         model, evidence = _model(self)
         gaussian = self.task.evidence is None and self.task.task == "gaussian"
         # Other evidence has an arbitrary zero.
@@ -89,7 +96,7 @@ class Compare(Comparison):
         runs = 1 + (intact is not None) + again
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
-        with bar(runs * evidence.trials):
+        with bar(runs * evidence.trials), kept_warnings() as cautions:
             found = compare(
                 model,
                 evidence,
@@ -100,7 +107,21 @@ class Compare(Comparison):
             )
         table = found.table
         files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
-        self.show(page(table), table, **self._about(evidence))
+        about = (
+            f"{model.circuit.name} on {model.engine}, gain {model.gain:g}, seed "
+            f"{self.setup.seed}, {evidence.trials} trials; [95 % intervals: bootstrap over trials]"
+        )
+        if self.json:
+            for text in cautions:
+                say(text)
+        self.show(
+            f"{about}\n{verdicts(table, cautions)}\n\n{page(table)}",
+            table,
+            **self._about(evidence),
+        )
+        if self.drawing is not None:
+            save_figure(found.plot(), self.drawing)
+            self.note(f"figure -> {self.drawing}")
         self.note(f"{evidence.trials} trials -> {self.output}")
 
 
@@ -147,7 +168,7 @@ class CircuitCompareEdits(Comparison):
         files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
         text = (
             f"at the threshold of the circuit {before} (a prediction):\n{behaviour(table)}\n\n"
-            "against the MSPRT, thresholds matched again:\n"
+            "against the MSPRT, thresholds matched again [95 % intervals]:\n"
             f"{page(table[table['kind'] == 'value'].drop(columns='kind'))}"
         )
         self.show(text, table, **self._about(evidence))

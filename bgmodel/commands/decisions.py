@@ -225,7 +225,7 @@ class GapLearn(Writes):
         )
         learned = np.asarray(summary["learned_delta"])
         print(
-            f"learned delta {learned.mean():.2f} (sd {learned.std():.2f} over {self.runs} runs), "
-            f"exact optimum {summary['optimal_delta']:.2f}, regret "
+            f"learned gap {learned.mean():.2f} nats (sd {learned.std():.2f} over {self.runs} "
+            f"runs), exact optimum {summary['optimal_delta']:.2f} nats, regret "
             f"{100 * np.mean(summary['regret']):.2f} % -> {self.output}"
         )

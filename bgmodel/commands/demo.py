@@ -7,8 +7,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, check_ending, say
-from bgmodel.support.files import replacing
+from bgmodel.commands.checks import Writes, check_ending, save_figure, say
 from circuits.errors import require
 
 
@@ -35,7 +34,6 @@ class DemoRun(Writes):
 
         found = demo(self.seed, self.alternatives)
         figure = draw(found)
-        with replacing(self.drawing) as partial:
-            figure.savefig(partial, dpi=150, format=self.drawing.suffix[1:])
+        save_figure(figure, self.drawing)
         print(found.summary())
         print(f"-> {self.drawing}")

@@ -210,11 +210,9 @@ def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
 
 
 def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:
-    import matplotlib.pyplot as plt
-
     from bgmodel.fitting.drawing import draw_fits
+    from circuits.plots import saved
 
     figure = draw_fits(cells, title)
     with files.replacing(path) as partial:
-        figure.savefig(partial, metadata={"Software": None}, dpi=150)
-    plt.close(figure)
+        saved(figure, partial, format="png", metadata={"Software": None})

@@ -234,13 +234,11 @@ def _remove_outdated(plan: Plan, points: list[Point], folder: Path) -> None:
 
 
 def _draw(plan: Plan, table: pd.DataFrame, folder: Path) -> None:
-    import matplotlib.pyplot as plt
-
     from bgmodel.sweeps.outcome import draw
+    from circuits.plots import saved
 
     figure = draw(plan, table)
     for ending, metadata in FIGURES.items():
         with files.replacing(folder / f"outcome{ending}") as partial_file:
-            figure.savefig(partial_file, metadata=metadata, dpi=150)
-    plt.close(figure)
+            saved(figure, partial_file, format=ending[1:], metadata=metadata)
     print(f"drawn: {folder / 'outcome.png'}")

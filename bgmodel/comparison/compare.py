@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
+from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials, resampled
 from bgmodel.comparison.cautions import warn_of_ceiling, warn_of_own_ceiling
 from bgmodel.comparison.edited import check_edit_of
 from bgmodel.comparison.matched import (
@@ -19,6 +19,7 @@ from bgmodel.comparison.matched import (
     OTHER_NOISE,
     checked_accuracies,
     matched_measures,
+    paired,
 )
 from bgmodel.comparison.thresholds import (
     MSPRT,
@@ -33,6 +34,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
+from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
@@ -40,7 +42,7 @@ from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_gap")
 """Measures of ``Comparison.summary``."""
@@ -77,14 +79,18 @@ class Comparison(Facts):
         One row per model, reference, accuracy and measure: the columns of ``matched_measures``, and
         model and reference.
     curves : DataFrame
-        Speed-accuracy tradeoff: model, threshold, accuracy (expected), mean_ms, one row per model
-        and threshold.
+        Speed-accuracy tradeoff: model, threshold, accuracy (expected), low, high (its pointwise
+        95 % interval, the same bootstrap), mean_ms, one row per model and threshold.
+    pairs : DataFrame
+        Choices and times of the circuit and of the first reference, trial by trial, at each
+        accuracy that is reached: the columns of ``paired``.
     """
 
     model: BasalGanglia
     trials: int
     table: pd.DataFrame
     curves: pd.DataFrame
+    pairs: pd.DataFrame
 
     def facts(self) -> dict[str, str]:
         """Return the circuit, and agreement and extra time at each accuracy."""
@@ -110,22 +116,23 @@ class Comparison(Facts):
         """Return ``table``."""
         return self.table
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw accuracy against mean decision time, one line per model.
+    def plot(self) -> Figure:
+        """Draw speed against accuracy, decision times trial by trial, and same choices.
 
-        Parameters
-        ----------
-        ax : Axes, optional
-            Axes to draw on, by default those of a new figure; returned.
+        Panel a: expected accuracy over mean decision time, one line per model, with pointwise 95 %
+        intervals (bootstrap over trials). Panel b: decision times of the circuit over those of
+        the first reference, with thresholds matched at the lowest accuracy that is reached; a
+        point per trial, or a density of more than 2000. Panel c: share of trials with the same
+        choice at each accuracy, and by chance, with 95 % intervals.
+
+        Returns
+        -------
+        Figure
+            Three panels.
         """
-        from bgmodel.plots import accuracy_axis, new_axes
+        from bgmodel.comparison.drawing import draw
 
-        ax = new_axes(ax)
-        for name, rows in self.curves.groupby("model", sort=False):
-            ax.plot(rows["mean_ms"], rows["accuracy"], label=name)
-        ax.set_xlabel("mean decision time (ms)")
-        ax.legend(frameon=False)
-        return accuracy_axis(ax, 1 / self.model.circuit.channels)
+        return draw(self.curves, self.pairs, self.table, 1 / self.model.circuit.channels)
 
 
 def compare(
@@ -218,7 +225,8 @@ def compare(
         found[name] = tradeoff(BASELINES[name]().run(evidence), evidence)
         warn_of_own_ceiling(name, found[name], allowed)
         pairs.append((name, MSPRT))
-    curves = _curves(tests | found)
+    weights = resampled(evidence.trials, resamples, stream(seed, "bootstrap"), groups)
+    curves = _curves(tests | found, weights)
     before = None
     if intact is not None:
         unedited = replace(model, circuit=intact)
@@ -245,7 +253,15 @@ def compare(
         table = without_accuracies(table, lost) if of_circuit else table
         parts.append(table.assign(model=name, reference=reference))
     whole = pd.concat(parts, ignore_index=True)
-    return Comparison(model, evidence.trials, whole, curves)
+    choices = paired(tests[first], found[CIRCUIT], _reached(whole, first))
+    return Comparison(model, evidence.trials, whole, curves, choices)
+
+
+def _reached(table: pd.DataFrame, reference: str) -> list[float]:
+    """Return the accuracies at which the circuit is compared with a reference."""
+    of = (table["model"] == CIRCUIT) & (table["reference"] == reference)
+    known = table[of & (table["measure"] == "agreement") & table["value"].notna()]
+    return [float(accuracy) for accuracy in known["accuracy"]]
 
 
 def _checked(evidence: Evidence, baselines: Sequence[str] | str) -> Sequence[str]:
@@ -270,14 +286,18 @@ def _checked(evidence: Evidence, baselines: Sequence[str] | str) -> Sequence[str
     return baselines
 
 
-def _curves(models: Mapping[str, Tradeoff]) -> pd.DataFrame:
-    """Return expected accuracy and mean time of every model at every threshold."""
+def _curves(models: Mapping[str, Tradeoff], weights: Array) -> pd.DataFrame:
+    """Return expected accuracy with its interval, and mean time, at every threshold."""
+    share = weights / weights.sum(axis=1, keepdims=True)
     parts = []
     for name, swept in models.items():
         if name != OTHER_NOISE:
+            low, high = np.quantile(share[1:] @ swept.posterior.T, [0.025, 0.975], axis=0)
             columns = {
                 "threshold": swept.settings,
                 "accuracy": swept.posterior.mean(axis=1),
+                "low": low,
+                "high": high,
                 "mean_ms": swept.time_ms.mean(axis=1),
             }
             parts.append(pd.DataFrame(columns).assign(model=name))

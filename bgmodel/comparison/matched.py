@@ -165,6 +165,8 @@ def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
     return (gaps["low"] > -margin) & (gaps["high"] < margin)
 
 
+PAIRED = ["accuracy", "trial", "test_choice", "test_ms", "circuit_choice", "circuit_ms"]
+"""Columns of ``paired``."""
 Measures = dict[tuple[float, str], Array]
 
 
@@ -203,6 +205,31 @@ def _measures(
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
         found |= {(accuracy, name): value for name, value in values.items()}
     return found
+
+
+def paired(test: Tradeoff, other: Tradeoff, accuracies: Sequence[float]) -> pd.DataFrame:
+    """Return choices and times of both, trial by trial, at the thresholds of each accuracy.
+
+    Returns
+    -------
+    DataFrame
+        One row per accuracy and trial: accuracy, trial, test_choice, test_ms, circuit_choice,
+        circuit_ms.
+    """
+    reached = [curve(one, np.ones((1, one.trials)))[0][0] for one in (test, other)]
+    parts = []
+    for accuracy in accuracies:
+        i, j = _matched(reached, accuracy)
+        columns = {
+            "accuracy": accuracy,
+            "trial": np.arange(test.trials),
+            "test_choice": test.choice[i],
+            "test_ms": test.time_ms[i],
+            "circuit_choice": other.choice[j],
+            "circuit_ms": other.time_ms[j],
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=PAIRED)
 
 
 def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:

@@ -2,14 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+import textwrap
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.comparison.matched import MINUS_INTACT, MOST_FORCED, OTHER_NOISE, equivalent
+from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE, equivalent
 from bgmodel.deciding.tradeoff import MARGIN
+from bgmodel.integrators.deciding import CIRCUIT
+
+WIDTH = 100
+"""Largest number of columns of a page."""
+SHOWN = {
+    "agreement": ("same choice", "z.3f"),
+    "agreement_chance": ("by chance", "z.3f"),
+    "pearson_r": ("r of times", "z.3f"),
+    "extra_ms": ("later, ms", "z.0f"),
+}
+"""Measures that a page shows: names and number formats."""
+CHANCE = (
+    "by chance: the trials of one model are shuffled among those with the same truth; the file has "
+    "more measures, each with its chance level"
+)
+CEILING = (
+    f"{OTHER_NOISE}: the circuit compared with itself under noise of another seed, the highest "
+    "agreement to be expected of anything without its noise"
+)
+NOT_REACHED = "not reached"
+UNREACHED = (
+    f"{NOT_REACHED}: no threshold at which evidence decides has this accuracy, or the deadline "
+    "decides most trials there; ask for other accuracies (--accuracies), or give more readings"
+)
+UNKNOWN = {
+    "pearson_r": "all times are equal",
+    "extra_ms": (
+        "an accuracy is reached within 0.01 but not exceeded, so that the time at this accuracy is "
+        "unknown: ask for a lower accuracy (--accuracies), or give more readings"
+    ),
+}
+"""Reasons why a measure may be unknown at an accuracy that is reached."""
+NO_INTERVAL = (
+    "[unknown]: more than 5 % of the bootstrap's resamples have no value; give more trials"
+)
 
 
 def behaviour(table: pd.DataFrame) -> str:
@@ -38,131 +75,106 @@ def _plain(form: str) -> Callable[[float], str]:
     return lambda value: f"{value:{form}}" if np.isfinite(value) else "-"
 
 
-def page(table: pd.DataFrame) -> str:
-    """Return a comparison as text, one column per accuracy, 95 % intervals in brackets.
+def verdicts(table: pd.DataFrame, cautions: Sequence[str] = ()) -> str:
+    """Return one line per accuracy on the circuit and the first reference, warnings below them.
 
-    Each row ends with the measure's name in the table, in round brackets. What is unknown is
-    explained below.
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``compare``.
+    cautions : sequence of str
+        Warnings of the run. One that names an accuracy is shown below the line of the first that it
+        names, the others at the end.
+    """
+    reference = table["reference"].iloc[0]
+    of = table[(table["model"] == CIRCUIT) & (table["reference"] == reference)]
+    same = equivalent(of)
+    lines, left = [f"circuit against {reference}:"], list(cautions)
+    for accuracy in same.index:
+        rows = of[of["accuracy"] == accuracy].set_index("measure")["value"]
+        lines.append(f"  at {accuracy:g}: {_verdict(rows, bool(same[accuracy]))}")
+        here = [text for text in left if f"{accuracy:g}" in _accuracies_in(text)]
+        left = [text for text in left if text not in here]
+        lines += [_wrapped(f"warning: {text}", "    ") for text in here]
+    return "\n".join([*lines, *(_wrapped(f"warning: {text}", "  ") for text in left)])
+
+
+def _verdict(rows: pd.Series, same: bool) -> str:
+    """Return a sentence on the values of measures at one accuracy."""
+    if rows.isna().all():
+        return NOT_REACHED
+    equal = f"as accurate in equal time (within {MARGIN:g})"
+    if not same:
+        equal = f"equal accuracy in equal time is not established (within {MARGIN:g})"
+    chance = rows["agreement_chance"]
+    return f"same choice {rows['agreement']:.3f} ({chance:.3f} by chance), {equal}"
+
+
+def _accuracies_in(text: str) -> list[str]:
+    """Return the accuracies that a warning says cannot be compared, as written there."""
+    found = re.search(r"accuracy (?:of )?((?:[\d.]+, )*[\d.]*\d)", text)
+    return found[1].split(", ") if found else []
+
+
+def _wrapped(text: str, indent: str = "") -> str:
+    """Return a text in lines of at most ``WIDTH`` characters."""
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent)
+
+
+def page(table: pd.DataFrame) -> str:
+    """Return the main measures at one accuracy as text, one line per model or variant.
+
+    The accuracy is the first at which the circuit is compared. What is unknown is explained below.
 
     Parameters
     ----------
     table : DataFrame
         As from ``compare``, or the rows of kind "value" from ``compare_edits``.
     """
+    table = table[table["accuracy"].notna()]
+    known = table[(table["measure"] == "agreement") & table["value"].notna()]
+    accuracy = (known if len(known) else table)["accuracy"].iloc[0]
+    here = table[(table["accuracy"] == accuracy) & table["measure"].isin(SHOWN)]
     by = [name for name in ("reference", "model", "variant") if name in table]
-    parts = ["value [95 % interval, by a bootstrap over trials] (name in the table)\n"]
-    for names, part in table.groupby(by, sort=False):
-        whole = part[part["accuracy"].isna()].set_index("measure").T
-        same = equivalent(part)
-        change = MINUS_INTACT in names
-        columns = {
-            f"at {accuracy:g}": _column(part, accuracy, None if change else bool(same[accuracy]))
-            for accuracy in same.index
-        }
-        what = ", ".join(map(str, names))
-        parts.append(f"{what}: {_line(whole, change)}")
-        parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
-    text = "\n".join(parts).rstrip()
-    reasons = [*([UNREACHED] if NOT_REACHED in text else []), *_reasons(table)]
-    return "\n".join([text, "", *_legend(table), *reasons])
+    rows: dict[str, dict[str, dict[str, str]]] = {}
+    for names, some in here.groupby(by, sort=False):
+        *group, name = map(str, names)
+        values = some.set_index("measure")
+        cells = {m: _cell(values.loc[m], m) for m in SHOWN}
+        if values["value"].isna().all():
+            cells = {m: NOT_REACHED if m == "agreement" else "" for m in SHOWN}
+        rows.setdefault(", ".join(group), {})[name] = cells
+    title = f"at an accuracy of {accuracy:g}"
+    wide = 2 + max(len(title) - 2, *(len(name) for part in rows.values() for name in part))
+    columns = "".join(f"{name:<{w}}" for (name, _), w in zip(SHOWN.values(), WIDTHS, strict=True))
+    lines = [f"{title:<{wide + 2}}{columns}"]
+    for of, part in rows.items():
+        lines += [f"{of}:"] if of else []
+        for name, cells in part.items():
+            texts = "".join(f"{text:<{w}}" for text, w in zip(cells.values(), WIDTHS, strict=True))
+            lines.append(f"  {name:<{wide}}{texts}")
+    text = "\n".join(line.rstrip() for line in lines)
+    foot = [CHANCE, *([CEILING] if OTHER_NOISE in text else [])]
+    foot += [*([UNREACHED] if NOT_REACHED in text else []), *_reasons(here)]
+    return "\n".join([text, *map(_wrapped, foot)])
 
 
-def _legend(table: pd.DataFrame) -> list[str]:
-    """Return the meaning of chance levels and ceilings, one line each."""
-    found = [CHANCE]
-    if "reference" in table and (table["reference"] == OTHER_NOISE).any():
-        found.append(CEILING)
-    return found
+WIDTHS = (22, 11, 24, 0)
+"""Widths of the columns of ``SHOWN``."""
 
 
-BY_CHANCE, BEYOND = "by chance", "beyond chance"
-CHANCE = (
-    f"{BY_CHANCE}: the same measure if the trials of one model are shuffled among those with the "
-    f"same truth; {BEYOND}: (share - chance) / (1 - chance), 0 at chance and 1 where all agree"
-)
-CEILING = (
-    f"{OTHER_NOISE}: the circuit compared with itself under noise of another seed, the highest "
-    "agreement to be expected of anything without its noise; r without the circuit's noise: r / "
-    "square root of the circuit's r with itself"
-)
-NOT_REACHED = "not reached"
-UNREACHED = (
-    f"{NOT_REACHED}: no threshold at which evidence decides has this accuracy, or the deadline "
-    "decides most trials there; ask for other accuracies (--accuracies), or give more readings"
-)
-
-
-UNKNOWN = {
-    "error_agreement": "the reference makes no errors in these trials: give more",
-    "pearson_r": "all times are equal",
-    "extra_ms": (
-        "an accuracy is reached within 0.01 but not exceeded, so that the time at this accuracy is "
-        "unknown: ask for a lower accuracy (--accuracies), or give more readings"
-    ),
-    "accuracy_gap": (
-        "in equal time the accuracy is outside the range of the thresholds: ask for other "
-        "accuracies (--accuracies), or give more readings"
-    ),
-}
-"""Reasons why a measure may be unknown at an accuracy that is reached."""
-NO_INTERVAL = (
-    "[unknown]: more than 5 % of the bootstrap's resamples have no value; give more trials"
-)
-
-
-def _reasons(table: pd.DataFrame) -> list[str]:
-    """Return why measures are unknown at accuracies that are reached, one line per measure."""
-    at = table[table["accuracy"].notna() & table["measure"].isin(SHOWN)]
-    by = [name for name in ("reference", "model", "variant", "accuracy") if name in at]
-    at = at[at.groupby(by)["value"].transform(lambda values: values.notna().any())]
-    lost = set(at.loc[at["value"].isna(), "measure"])
+def _reasons(here: pd.DataFrame) -> list[str]:
+    """Return why measures are unknown at an accuracy that is reached, one line per measure."""
+    by = [name for name in ("reference", "model", "variant") if name in here]
+    here = here[here.groupby(by)["value"].transform(lambda values: values.notna().any())]
+    lost = set(here.loc[here["value"].isna(), "measure"])
     found = [f"{SHOWN[name][0]} unknown: {why}" for name, why in UNKNOWN.items() if name in lost]
-    loose = (at["value"].notna() & at["low"].isna()).any()
-    return [*found, NO_INTERVAL] if loose else found
+    loose = here["measure"].ne("agreement_chance") & here["value"].notna() & here["low"].isna()
+    return [*found, NO_INTERVAL] if loose.any() else found
 
 
-def _line(whole: pd.DataFrame, change: bool) -> str:
-    """Return the extra time as text: offset and slope of a line over accuracies."""
-    if whole["offset_ms"].isna()["value"]:
-        return "too few accuracies from 0.85 to 0.98 are reached to estimate the extra time"
-    late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
-    if change:
-        return f"offset_ms {late}, slope {slope}: differences from the intact circuit"
-    return (
-        f"{late} ms (offset_ms) later, and {slope} (slope) of the reference's time (a line over "
-        "accuracies 0.85 to 0.98)"
-    )
-
-
-SHOWN = {
-    "agreement": ("same choice", ".3f"),
-    "agreement_chance": (BY_CHANCE, ".3f"),
-    "agreement_corrected": (BEYOND, ".3f"),
-    "error_agreement": ("same where the reference errs", ".2f"),
-    "error_agreement_chance": (BY_CHANCE, ".2f"),
-    "within_50_ms": ("within 50 ms of the median lag", ".2f"),
-    "within_50_ms_chance": (BY_CHANCE, ".2f"),
-    "pearson_r": ("r of times", ".3f"),
-    "pearson_r_chance": (BY_CHANCE, ".3f"),
-    "r_noise_corrected": ("without the circuit's noise", ".3f"),
-    "spearman_r": ("r of their ranks", ".3f"),
-    "extra_ms": ("later, ms", ".0f"),
-    "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
-}
-"""Measures at an accuracy: names and number formats used by ``page``."""
-
-
-def _column(part: pd.DataFrame, accuracy: float, same: bool | None) -> dict[str, str]:
-    """Return the rows shown at one accuracy; same: whether accuracies are equivalent there."""
-    here = part[part["accuracy"] == accuracy].set_index("measure").T
-    measures = {m: f"{name} ({m})" for m, (name, _) in SHOWN.items() if m in here}
-    if here.loc["value"].isna().all():
-        return dict.fromkeys(measures.values(), NOT_REACHED)
-    known = {name: _cell(here[m], SHOWN[m][1]) for m, name in measures.items()}
-    if same is None:
-        return known
-    return known | {f"equal within {MARGIN:g}": "yes" if same else "not established"}
-
-
-def _cell(row: pd.Series, form: str) -> str:
+def _cell(row: pd.Series, measure: str) -> str:
+    form = SHOWN[measure][1]
+    if measure == "agreement_chance":
+        return _plain(form)(row["value"])
     return shown(row["value"], row["low"], row["high"], form)

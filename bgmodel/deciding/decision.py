@@ -28,6 +28,7 @@ from circuits.errors import InputError, require
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 UNDECIDED = -1
 
@@ -77,23 +78,28 @@ class Trace(Facts):
             "out_nats": span(self.out_nats),
         }
 
-    def plot(self, trial: int = 0, ax: Axes | None = None) -> Axes:
-        """Draw OUT of one trial, a line per hypothesis.
+    def plot(self, trial: int = 0, ax: Axes | None = None) -> Figure:
+        """Draw OUT of one trial, a line per hypothesis; the onset of evidence is marked.
 
         Parameters
         ----------
         trial : int
             Number of the trial.
         ax : Axes, optional
-            Axes to draw on, by default those of a new figure; returned.
+            Axes to draw on; by default those of a new figure.
+
+        Returns
+        -------
+        Figure
+            One panel.
         """
-        from bgmodel.plots import new_axes, output
+        from bgmodel.plots import output
 
         last = len(self.out_nats) - 1
         require(trial in range(last + 1), "trial", f"must be within 0..{last}", trial)
         ticks = self.of_trials()[0][trial]
         relative_ms = self.time_ms[:ticks] - self.onset_ms
-        return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
+        return output(relative_ms, self.out_nats[trial, :ticks], ax)
 
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the number of ticks of each trial, and the number used to break its ties.
@@ -213,35 +219,45 @@ class Decision(Facts):
         }
         return pd.DataFrame(found)
 
-    def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Axes:
-        """Draw the times of each choice; of several thresholds, accuracy against mean time.
+    def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Figure:
+        """Draw the distribution of decision times; of several thresholds, accuracy against time.
+
+        At one threshold, errors are drawn below correct responses, and trials that the deadline
+        decided are hatched; without a truth there is one histogram per choice. The title has
+        accuracy with Wilson's 95 % interval and the numbers of trials. Of several thresholds,
+        each point is the accuracy of decided trials with that interval.
 
         Parameters
         ----------
         ax : Axes, optional
-            Axes to draw on, by default those of a new figure; returned.
+            Axes to draw on; by default those of a new figure.
         truth : int array (trials,), optional
-            The true hypotheses; needed for several thresholds if the decisions lack them.
+            The true hypotheses, by default those of the decisions.
+
+        Returns
+        -------
+        Figure
+            One panel.
 
         Raises
         ------
         ValueError
             If there are several thresholds and no truth.
         """
-        from bgmodel.plots import choice_times, new_axes, speed_accuracy
+        from bgmodel.plots import choice_times, tradeoff
 
-        if self.choice.ndim == 1:
-            return choice_times(new_axes(ax), self.choice, self.time_ms)
         truth = self.truth if truth is None else truth
+        if truth is not None:
+            truth = one_per_trial("truth", truth, self.choice.shape[-1])
+        if self.choice.ndim == 1:
+            return choice_times(self.choice, self.time_ms, self.forced, truth, ax)
         if truth is None:
             raise InputError("several thresholds need the truth: plot(truth=...)", "truth")
-        decided = (self.choice >= 0).sum(axis=1)
-        right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
-        accuracy = right.sum(axis=1) / np.maximum(decided, 1)
-        # If all trials are undecided there is no mean time.
-        known = (self.choice != UNDECIDED).any(axis=1)
-        mean_steps = np.nanmean(self.steps[known], axis=1)
-        return speed_accuracy(new_axes(ax), mean_steps, accuracy[known], None, marker=".")
+        decided = (self.choice != UNDECIDED).sum(axis=1)
+        right = (self.choice == truth).sum(axis=1)
+        known = decided > 0  # if all trials are undecided there is no mean time
+        mean_ms = np.nanmean(self.time_ms[known], axis=1)
+        return tradeoff(mean_ms, right[known], decided[known], ax)
 
     @property
     def steps(self) -> Array:

@@ -37,9 +37,7 @@ from bgmodel.tables.trials import Trials, trial_table
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 
@@ -237,22 +235,27 @@ class Outcome(Facts):
         """Return ``measures``."""
         return self.measures
 
-    def plot(self, ax: Axes | Sequence[Axes] | None = None) -> Any:
-        """Draw each measure of both conditions with its 95 % interval.
+    def plot(self) -> Figure:
+        """Draw the change of each measure with its 95 % interval, as a forest plot.
 
-        Parameters
-        ----------
-        ax : Axes, one per measure that is not NaN, optional
-            Axes to draw on; those of a new figure by default.
+        Intervals are a bootstrap over trials that keeps both conditions of a trial together. A grey
+        box is the range of changes that a prediction allows, from its smallest change on. The
+        marker's shape and a word on the right are the verdict; between them are the values of
+        both conditions. Published effects in the unit of the measure are diamonds.
 
         Returns
         -------
-        array of Axes
-            One per measure.
+        Figure
+            A panel per unit. The title has the numbers of trials.
         """
-        from bgmodel.plots import conditions
+        from bgmodel.experiments.drawing import forest
 
-        return conditions(self.measures[self.measures["condition"].isin(CONDITIONS[:2])], ax)
+        trials = self.given.evidence.trials
+        title = (
+            f"{self.experiment.name}: manipulation minus control with 95 % intervals, "
+            f"{trials} trials per condition"
+        )
+        return forest(self.measures, self.verdicts(), self.published(), title)
 
 
 def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from bgmodel.deciding.measures import (
     DIFFUSION_S,
     MEASURES,
     NO_DIFFUSION,
+    OF_ALL,
     OF_DECIDED,
     OF_DIFFUSION,
     SHARES,
@@ -38,6 +39,7 @@ from bgmodel.experiments.record import (
     unchanged,
 )
 from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.stimuli import OF_TASK, Stimuli
 from circuits.anatomy import load_circuit
 
 VERDICTS = {
@@ -49,6 +51,8 @@ VERDICTS = {
 """Wording of each verdict on a page."""
 COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
 """Comparison of a published effect with the model's: whether their difference includes 0."""
+PREDICTED = ("predicted before the run", "change", "trials", "verdict")
+"""Heading of the verdicts on a page."""
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
@@ -288,54 +292,68 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """
     wide = 2 + table["measure"].str.len().max()
     lines = [
+        _setting(experiment, table),
         f"{experiment.name} ({experiment.source})" if experiment.source else experiment.name,
         *([f"published: {experiment.published}"] if experiment.published else []),
         experiment.note,
-        _setting(experiment, table),
         *_edits(experiment),
+        "",
+        *_verdicts(experiment, table),
+        *_effects(experiment, table),
         "",
         "value [95 % interval, by a bootstrap over trials]",
         f"{'':<{wide}}" + "".join(f"{name:<26}" for name in CONDITIONS),
     ]
+    # Without missed trials these repeat the measures of decided ones.
+    repeated = OF_ALL if not any(_both(table, "missed")) else ()
     for measure in table["measure"].unique():
         rows = table[table["measure"] == measure]
-        if rows["value"].notna().any():
+        if measure not in repeated and rows["value"].notna().any():
             cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
             lines.append(f"{measure:<{wide}}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
     said = uncalibrated(experiment, table)
-    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else []), ""]
-    lines += _verdicts(experiment, table)
-    return "\n".join(line.rstrip() for line in [*lines, *_effects(experiment, table)])
+    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else [])]
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
-    """Return circuit, engine, gain, posterior, seed and trials, as text."""
+    """Return task, engine, trials, gain, posterior, circuit and seed in one line."""
     gain = experiment.gain
     if gain is None:
         gain = gain_of(load_circuit(experiment.circuit, _channels(experiment)))
     trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
     return (
-        f"circuit {experiment.circuit}, engine {experiment.engine}, gain {gain:g}, posterior "
-        f"{experiment.stopping}, seed {experiment.seed}; {trials} trials per condition"
+        f"task {_task(experiment.task)}; engine {experiment.engine}; {trials} trials per "
+        f"condition; gain {gain:g}; posterior {experiment.stopping}; circuit "
+        f"{experiment.circuit}; seed {experiment.seed}"
     )
+
+
+def _task(task: Stimuli) -> str:
+    """Return the task with its most important setting."""
+    if task.evidence is not None:
+        return task.evidence.name
+    name = next(name for name in OF_TASK[task.task] if name != "channels")
+    return f"{task.task}, {task.channels} alternatives, {name} {getattr(task, name):g}"
 
 
 def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return predictions and outcomes, one line per prediction."""
     if not experiment.predictions:
         return ["no prediction was made before the run, so there is no verdict"]
-    lines = ["predicted before the run:"]
+    rows = [PREDICTED]
+    reasons = []
     for row in outcomes(experiment, table).to_dict("records"):
-        by = "to within" if row["direction"] == "none" else "by"
+        within = "within" if row["direction"] == "none" else "by"
         found = _cell(row["measure"], row["value"], row["low"], row["high"])
-        of = [f"{row[f'{name}_trials']:.0f}" for name in CONDITIONS[:2]]
-        which = "decided trials" if row["measure"] in OF_DECIDED else "trials"
-        lines.append(
-            f"{row['measure']} {row['direction']}, {by} {row['at_least']:g}: the model "
-            f"{VERDICTS[row['outcome']]} ({found}; {of[0]} and {of[1]} {which})"
-            + (f": {row['reason']}" if row["reason"] else "")
-        )
-    return lines
+        trials = " and ".join(f"{row[f'{name}_trials']:.0f}" for name in CONDITIONS[:2])
+        asked = f"{row['measure']} {row['direction']}, {within} {row['at_least']:g}"
+        rows.append((asked, found, trials, f"the model {VERDICTS[row['outcome']]}"))
+        if row["reason"]:
+            reasons.append(f"{asked}: {row['reason']}")
+    widths = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["".join(f"{t:<{w}}" for t, w in zip(row, widths, strict=True)) for row in rows]
+    return [*lines, *reasons]
 
 
 def _effects(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:

@@ -84,10 +84,17 @@ class Fit(Facts):
         return self.parameters()
 
     def plot(self) -> Figure:
-        """Draw data and model: accuracy, times and their quantiles over strength."""
+        """Draw data and model over strength: choices, and mean, spread and quantiles of times.
+
+        Returns
+        -------
+        Figure
+            Four panels; markers are data with 95 % intervals, lines the model. The title has the
+            number of trials.
+        """
         from bgmodel.fitting.drawing import draw_fits
 
-        return draw_fits({"model": self.cells()}, self.optimum.likelihood.design.who)
+        return draw_fits({"Model": self.cells()}, self.optimum.likelihood.design.who)
 
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.

@@ -16,17 +16,22 @@ from bgmodel.deciding.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, O
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.predictions import FEWEST_DECIDED
 from bgmodel.experiments.record import MANY_MISSED
+from bgmodel.plots import labelled
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
 from circuits.declaration.edits import FRACTION, VERBS
 from circuits.errors import EditWarning, InputError
+from circuits.plots import look, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+LINES = 4
+"""Largest number of lines in a panel."""
+MARKERS = "os^D"
 AT_ONCE = 20_000_000
 """Largest number of bootstrap weights in memory at a time."""
 
@@ -171,32 +176,39 @@ def _idle(table: pd.DataFrame, key: str, axes: list[str]) -> bool:
     return bool(len(compared) and (compared["nunique"] == 1).all())
 
 
+@styled
 def draw(plan: Plan, table: pd.DataFrame) -> Figure:
     """Draw the selected measures of a sweep over one key or two.
+
+    Over one key, or two of which one has at most ``LINES`` values, measures are lines with 95 %
+    intervals (bootstrap over trials), one per value of the key with fewer. Other grids are maps
+    without intervals.
 
     Raises
     ------
     ValueError
         If more than two keys change.
     """
-    import matplotlib.pyplot as plt
-
     axes = plan.axes
     if len(axes) > 2:
         raise InputError(f"a figure has one key or two, got {', '.join(axes)}", "axes", axes)
-    figure, panels = plt.subplots(
-        1, len(plan.show), figsize=(4.2 * len(plan.show), 3.6), squeeze=False
-    )
-    for panel, measure in zip(panels[0], plan.show, strict=True):
+    lines = len(axes) == 1 or min(map(len, axes.values())) <= LINES
+    count = len(plan.show)
+    figure, grid = panels(1, count, size=(max(3.4, (2.5 if lines else 3.0) * count), 2.8))
+    for panel, measure in zip(grid[0], plan.show, strict=True):
         rows = table[table["measure"] == measure]
-        (_line if len(axes) == 1 else _map)(panel, axes, rows, measure)
+        (_lines if lines else _map)(panel, axes, rows, measure)
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    if lines and len(axes) == 2:
+        columns = 4 if count > 1 else 2
+        figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     few, most = table["trials"].min(), table["trials"].max()
     many = f"{most}" if few == most else f"{few} to {most}"
-    bars = "; bars: 95 % interval, bootstrap" if len(axes) == 1 else ""
-    marked = "; *: see `remark` in the table" if (table[REMARK] != "").any() else ""
-    what = f"{many} trials per point{bars}{marked}"
-    figure.suptitle(f"{plan.name or plan.circuit} ({what})", fontsize=9)
-    figure.tight_layout()
+    bars = "; bars: 95 % intervals" if lines else ""
+    marked = "; *: see remark in the table" if (table[REMARK] != "").any() else ""
+    figure.suptitle(
+        f"{plan.name or plan.circuit}\n{many} trials per point{bars}{marked}", x=0.01, ha="left"
+    )
     return figure
 
 
@@ -210,34 +222,40 @@ def _places(values: list[Any]) -> list[float]:
 def _label(key: str) -> str:
     """Return the axis label of a key."""
     verb = VERBS.get(key.partition(" ")[0])
-    return f"{key}, fraction" if verb is not None and verb.takes == FRACTION else key
+    return f"{key} (fraction)" if verb is not None and verb.takes == FRACTION else key
 
 
-def _measure(name: str) -> str:
-    """Return a measure with its unit."""
-    return name.removesuffix("_ms") + " (ms)" if name.endswith("_ms") else name
-
-
-def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
-    ((key, values),) = axes.items()
-    place = _places(values)
-    ends = np.abs(rows[["low", "high"]].to_numpy() - rows[["value"]].to_numpy()).T
-    order = np.argsort(place)
-    panel.errorbar(
-        np.asarray(place)[order],
-        rows["value"].to_numpy()[order],
-        np.nan_to_num(ends[:, order]),
-        fmt="o-",
-        ms=4,
-        capsize=2,
-    )
-    if place != values:
-        panel.set_xticks(place, [str(v) for v in values])
-    for x, y, remark in zip(place, rows["value"], rows[REMARK], strict=True):
-        if remark and np.isfinite(y):
-            panel.annotate("*", (x, y), xytext=(4, 4), textcoords="offset points")
-    panel.set_xlabel(_label(key))
-    panel.set_ylabel(_measure(measure))
+def _lines(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
+    """Draw a measure over the key with more values, a line per value of the other."""
+    across = max(axes, key=lambda key: len(axes[key]))
+    (other,) = [key for key in axes if key != across] or [""]
+    places = _places(axes[across])
+    spread = 0.0
+    if other:
+        apart = np.ptp(places) / max(1, len(places) - 1) or 1.0
+        spread = 0.06 * apart
+    for k, value in enumerate(axes.get(other, [None])):
+        here = rows[rows[other] == value] if other else rows
+        shift = spread * (k - (len(axes.get(other, [None])) - 1) / 2)
+        place = [places[axes[across].index(each)] + shift for each in here[across]]
+        order = np.argsort(place)
+        ends = np.abs(here[["low", "high"]].to_numpy() - here[["value"]].to_numpy()).T
+        style = {**look(k), "marker": MARKERS[k % len(MARKERS)], "ms": 4, "capsize": 2}
+        panel.errorbar(
+            np.asarray(place)[order],
+            here["value"].to_numpy()[order],
+            np.nan_to_num(ends[:, order]),
+            elinewidth=0.8,
+            label=f"{_label(other)} = {value}",
+            **style,
+        )
+        for x, y, remark in zip(place, here["value"], here[REMARK], strict=True):
+            if remark and np.isfinite(y):
+                panel.annotate("*", (x, y), xytext=(4, 4), textcoords="offset points")
+    if places != axes[across]:
+        panel.set_xticks(places, [str(v) for v in axes[across]])
+    panel.set_xlabel(_label(across))
+    panel.set_ylabel(labelled(measure))
 
 
 def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
@@ -249,7 +267,7 @@ def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: s
         place = rights.index(first), values.index(second)
         seen[place], marks[place] = number, "*" if remark else ""
     shown = panel.imshow(seen, origin="lower", aspect="auto", cmap="viridis")
-    panel.figure.colorbar(shown, ax=panel, label=_measure(measure))
+    panel.figure.colorbar(shown, ax=panel, label=labelled(measure))
     panel.set_xticks(range(len(values)), [str(v) for v in values])
     panel.set_yticks(range(len(rights)), [str(v) for v in rights])
     panel.set_xlabel(_label(across))
@@ -257,7 +275,7 @@ def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: s
     if seen.size <= 60:
         middle = np.nanmean(seen) if np.isfinite(seen).any() else 0.0
         for (row, column), value in np.ndenumerate(seen):
-            text = f"{value:.{3 if abs(value) < 10 else 0}f}" if np.isfinite(value) else "-"
+            text = f"{value:.{2 if abs(value) < 10 else 0}f}" if np.isfinite(value) else "-"
             colour = "w" if value < middle else "k"
             text += str(marks[row, column])
-            panel.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
+            panel.text(column, row, text, ha="center", va="center", fontsize=6, color=colour)

@@ -177,6 +177,14 @@ class SweepOutcome(Facts):
     def plot(self) -> Figure:
         """Draw the measures that the plan shows, over one key or two.
 
+        Lines have 95 % intervals (bootstrap over trials); a grid of more than four values of both
+        keys is a map without intervals. An asterisk marks a point with a remark in the table.
+
+        Returns
+        -------
+        Figure
+            A panel per measure. The title has the number of trials per point.
+
         Raises
         ------
         ValueError

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from scipy.special import logsumexp
 
-from circuits import anatomy
+from circuits import anatomy, plots
 from circuits.activity import checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
 from circuits.cells.phase import phase_spectrum
@@ -111,14 +111,38 @@ def activity():
 
 
 def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
-    axes = activity.plot(1)
-    assert len(axes) == len(activity.circuit.populations)
-    drawn = dict(zip(activity.rates_hz, axes, strict=True))
+    figure = activity.plot(1, smooth_ms=0)
+    assert len(figure.axes) == len(activity.circuit.populations) + 1
+    drawn = {ax.get_ylabel(): ax for ax in figure.axes}
     assert len(drawn["STN"].lines) == 2
     assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
-    again = activity.plot(0, axes)
-    assert (again == axes).all()
-    plt.close(axes[0].figure)
+    assert (drawn["OUT\n(nats)"].lines[0].get_ydata() == activity.output_nats[1, :, 0]).all()
+    plt.close(figure)
+
+
+def test_spikes_are_rasters_beside_the_rates_and_the_first_crossing_is_marked(activity):
+    rows = pd.DataFrame({"trial": [0, 1], "channel": 0, "neuron": 0, "time_ms": [5.0, 9.0]})
+    spiking = replace(activity, spikes={"STN": rows})
+    threshold = float(activity.output_nats[1, 10].min())
+    figure = spiking.plot(1, threshold=threshold)
+    assert len(figure.axes) == 2 * (len(activity.circuit.populations) + 1)
+    (raster,) = [ax for ax in figure.axes if ax.get_ylabel() == "STN"]
+    assert raster.lines[0].get_xdata().tolist() == [9.0]
+    at = activity.time_ms[(activity.output_nats[1] <= threshold).any(axis=1)]
+    first = at[at > 0][0]
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert f"First crossing, {first:.0f} ms" in said
+    assert list(raster.lines[-1].get_xdata()) == [first, first]
+    plt.close(figure)
+
+
+def test_smoothing_keeps_a_constant_and_what_is_unknown():
+    values = np.full((50, 1), 7.0)
+    values[40:] = np.nan
+    found = plots.smoothed(values, 1.0, 5.0)
+    assert found[:40] == pytest.approx(7.0)
+    assert np.isnan(found[40:]).all()
 
 
 def test_what_cannot_be_drawn_is_said(activity):
@@ -126,8 +150,6 @@ def test_what_cannot_be_drawn_is_said(activity):
         activity.plot(2)
     with refused("rates"):
         replace(activity, rates_hz={}).plot(0)
-    with refused("ax"):
-        activity.plot(0, Figure().subplots())
 
 
 def test_labelled_arrays_hold_what_the_activity_holds():

@@ -1,89 +1,123 @@
-"""Drawings of a circuit and of its rates."""
+"""Drawings of a circuit, and the parts that plots share."""
 
 import sys
 from dataclasses import replace
+from itertools import combinations
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
 
-from circuits import anatomy, plots
-from circuits.declaration.rows import GABA, Population, Projection
+from circuits import anatomy, drawing, plots
+from circuits.declaration.rows import Population, Projection
 from tests.helpers import refused
+
+MACAQUE = anatomy.macaque()
+NAMES = ("macaque", "spiking_msprt", "appendix_b", "humphries", "stewart")
+
+
+def drawn(circuit, **given):
+    """Return the texts and the pathways of a drawing, by name."""
+    figure = circuit.plot(**given)
+    (ax,) = figure.axes
+    said = {text.get_text() for text in ax.texts}
+    arrows = {p.get_gid(): p for p in ax.patches if isinstance(p, FancyArrowPatch)}
+    plt.close(figure)
+    return said, arrows, ax
 
 
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
     circuit = anatomy.spiking_msprt().add(extra, Projection("PPN", "STN", 1, cite="test"))
-    figure, ax = plt.subplots()
-    assert plots.draw(circuit, ax) is ax
-    labels = {text.get_text() for text in ax.texts}
-    assert {row.name for row in circuit.populations} <= labels
-    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
-    assert len(arrows) == len(circuit.projections)
-    assert circuit.population("GPe").transmitter == GABA
-    plt.close(figure)
+    said, arrows, _ = drawn(circuit)
+    assert {row.name for row in circuit.populations} <= said
+    assert set(arrows) == {p.name for p in circuit.projections}
 
 
-def test_nuclei_stand_in_rows_and_columns_with_even_margins():
-    """Cortex above striatum, pooled nuclei next to it; nuclei without a position in a row below."""
-    rows = [replace(anatomy.spiking_msprt().population("STN"), name=name) for name in "AB"]
-    circuit = anatomy.macaque().add(*rows)
-    figure, ax = plt.subplots()
-    plots.draw(circuit, ax)
-    names = {row.name for row in circuit.populations}
-    x, y = ({t.get_text(): t.get_position()[k] for t in ax.texts} for k in (0, 1))
-    assert names <= set(x)
-    assert y["ctx"] == y["ctx_inh"] == plots.PLACES["common"][1] > y["D1"] == y["STN"] > y["GPe"]
-    assert x["D1"] == x["ctx_inh"] == x["A"] < x["D2"] == x["ctx"] < x["STN"]
-    assert x["STN"] == plots.PLACES["common"][0]
-    assert y["A"] == y["B"] == y["SNr"] - 1
-    for of, (low, high) in ((x, ax.get_xlim()), (y, ax.get_ylim())):
-        inside = [of[name] for name in names]
-        assert min(inside) - low == pytest.approx(high - max(inside))
-    plt.close(figure)
+def points(ways):
+    return {pair: drawing.along(way[None])[0] for pair, way in ways.items()}
 
 
-@pytest.mark.parametrize(
-    ("count", "given", "inches"), [(1, {}, 3), (5, {}, 6), (5, {"height": 2}, 10)]
-)
-def test_a_new_figure_has_room_for_every_panel(count, given, inches):
-    """Six inches wide; 1.2 for a panel unless told otherwise, three at least."""
-    axes = plots.panels(count, **given)
-    assert axes[0].figure.get_size_inches() == pytest.approx((6, inches))
-    assert len(axes) == count
-    plt.close(axes[0].figure)
+@pytest.mark.parametrize("name", NAMES)
+def test_no_pathway_passes_through_a_nucleus_or_another_pathway(name):
+    circuit = anatomy.load_circuit(name)
+    placed = drawing.boxes(circuit)
+    ways = points(drawing.routes(circuit, placed))
+    for (source, target), path in ways.items():
+        for other, box in placed.items():
+            if other not in (source, target):
+                assert not box.holds(path[None], margin=0)[0], (source, target, other)
+    for (a, one), (b, other) in combinations(ways.items(), 2):
+        apart = np.hypot(*np.moveaxis(one[:, None] - other[None], 2, 0)).min()
+        assert apart > 0.09, (a, b)
+
+
+def test_nuclei_lie_as_in_textbooks():
+    """Cortex above striatum, GPe beside STN, SNr below; others at free places."""
+    placed = drawing.boxes(MACAQUE.add("TRN like=STN", "TRN->GPe weight=0.1"))
+    y = {name: box.y for name, box in placed.items()}
+    assert y["ctx"] > y["D1"] == y["D2"] > y["GPe"] == y["STN"] > y["SNr"]
+    assert placed["D1"].x < placed["D2"].x < placed["STN"].x
+    assert len({(box.x, box.y) for box in placed.values()}) == len(placed)
+
+
+def test_many_new_nuclei_have_room():
+    rows = [replace(MACAQUE.population("STN"), name=f"N{k}") for k in range(20)]
+    placed = drawing.boxes(MACAQUE.add(*rows))
+    assert len({(box.x, box.y) for box in placed.values()}) == len(placed)
+
+
+def test_a_row_for_a_second_receptor_shares_the_box_of_its_nucleus():
+    said, arrows, _ = drawn(anatomy.load_circuit("humphries"))
+    assert "ctx + ctx_NMDA" in said
+    assert {"GPe->GPe", "SNr->SNr"} <= set(arrows)
+    assert "ctx->ctx_NMDA" not in arrows
 
 
 def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_passes():
-    """From 0.6 points at 0 to 3 at 4 nats, no further; a lesion of the whole source leaves dots."""
+    """From 0.6 points at 0 to 2.6 at 4 nats, no further; a lesion of the source leaves dots."""
     weights = {"D1": 1.0, "D2": 4.0, "STN": 9.0}
     circuit = anatomy.spiking_msprt()
     for name, weight in weights.items():
         circuit = circuit.with_projection("ctx", name, weight=weight)
     circuit = circuit.with_projection("common", "ctx", weight=0.0).lesion("D2")
-    figure, ax = plt.subplots()
-    plots.draw(circuit, ax)
-    arrows = [text.arrow_patch for text in ax.texts if getattr(text, "arrow_patch", None)]
-    drawn = {p.name: arrow for p, arrow in zip(circuit.projections, arrows, strict=True)}
-    width = {name: arrow.get_linewidth() for name, arrow in drawn.items()}
-    assert [width[f"ctx->{name}"] for name in weights] == pytest.approx([1.8, 3.0, 3.0])
+    _, arrows, _ = drawn(circuit)
+    width = {name: arrow.get_linewidth() for name, arrow in arrows.items()}
+    assert [width[f"ctx->{name}"] for name in weights] == pytest.approx([1.6, 2.6, 2.6])
     assert width["common->ctx"] == pytest.approx(0.6)
-    dotted = {name for name, arrow in drawn.items() if arrow.get_linestyle() in (":", "dotted")}
-    assert dotted == {"common->ctx", *(name for name in drawn if name.startswith("D2->"))}
-    plt.close(figure)
+    dotted = {name for name, arrow in arrows.items() if arrow.get_linestyle() in (":", "dotted")}
+    assert dotted == {"common->ctx", *(name for name in arrows if name.startswith("D2->"))}
+
+
+def test_lesions_and_edits_are_marked():
+    edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx", "D1", 0.5)
+    said, _, ax = drawn(edited, reference=MACAQUE)
+    assert {"STN\n50 % left", "D2\nsilenced", "GPe\nclamped"} <= said
+    assert sum(line.get_marker() == "*" for line in ax.lines) == 4
+    legend = {text.get_text() for text in ax.get_legend().get_texts()}
+    assert {"Edited or new", "Partial lesion", "Clamped or silenced"} <= legend
+    _, _, ax = drawn(MACAQUE)
+    assert not ax.lines
 
 
 def test_a_circuit_plots_itself_on_a_new_figure_or_on_given_axes():
-    ax = anatomy.spiking_msprt().plot()
-    assert anatomy.spiking_msprt().lesion("STN", 0.5).plot(ax) is ax
-    assert "STN\n50%" in {text.get_text() for text in ax.texts}
-    plt.close(ax.figure)
+    figure = MACAQUE.plot()
+    (ax,) = figure.axes
+    assert isinstance(figure, Figure)
+    assert MACAQUE.lesion("STN", 0.5).plot(ax) is figure
+    plt.close(figure)
     with refused("ax"):
-        anatomy.spiking_msprt().plot(Figure().subplots(2))
+        MACAQUE.plot(Figure().subplots(2))
+
+
+def test_channels_differ_in_colour_or_line():
+    looks = {tuple(plots.look(k).values()) for k in range(12)}
+    assert len(looks) == 12
 
 
 def test_without_matplotlib_a_plot_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     with pytest.raises(ImportError, match="a plot needs Matplotlib: pip install matplotlib"):
-        plots.panels(1)
+        MACAQUE.plot()

@@ -19,7 +19,10 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     out = tmp_path / "a.csv"
     assert run("compare", out, *SMALL, "--accuracies", 0.9) == 0
     shown = capsys.readouterr().out
-    assert "MSPRT at its gain, circuit: " in shown
+    assert "circuit against MSPRT at its gain:\n  at 0.9: " in shown
+    lines = shown.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 100
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
     behind = json.loads(provenance_path(out).read_text())
@@ -28,7 +31,20 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
     assert run("compare", out, *FIXED_POINT, "--trials", 100, "--force") == 0
-    assert re.search(r"same choice \(agreement\) +1.000", capsys.readouterr().out)
+    assert "at 0.9: same choice 1.000 (" in capsys.readouterr().out
+
+
+def test_compare_draws_a_figure_and_warns_next_to_the_verdict(tmp_path, capsys):
+    drawing = tmp_path / "a.svg"
+    asked = (*FIXED_POINT[:-1], 0.9, 0.999, "--trials", 100, "--drawing", drawing)
+    assert run("compare", tmp_path / "a.csv", *asked) == 0
+    told = capsys.readouterr()
+    assert "at 0.999: not reached\n    warning: " in told.out
+    assert "no comparison is possible" not in told.err
+    assert "<text" in drawing.read_text()
+    assert f"figure -> {drawing}" in told.out
+    assert run("compare", tmp_path / "b.csv", *asked[:-1], tmp_path / "a.doc") == 2
+    assert "drawing must end in .pdf or .svg or .png" in capsys.readouterr().err
 
 
 def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys, monkeypatch):
@@ -71,7 +87,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
     plain = (*FIXED_POINT, "--trials", 100, "--force")
     assert run("circuit", "compare-edits", out, "lesion STN 20%", *plain) == 0
     shown = capsys.readouterr().out
-    assert "value [95 % interval, by a bootstrap over trials]" in shown
+    assert "against the MSPRT, thresholds matched again [95 % intervals]" in shown
     assert "mean_ms in ms" in shown
 
 
@@ -89,7 +105,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
     shown = capsys.readouterr().out
     assert re.search(r"intact +0.8 +by evidence", shown)
     assert re.search(r"scale ctx->STN 0.5 0.8 +without evidence", shown)
-    assert re.search(r"scale ctx->STN 0.5: too few accuracies", shown)
+    assert re.search(r"scale ctx->STN 0.5 +not reached", shown)
     assert "nan" not in shown
 
 
@@ -164,7 +180,7 @@ def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     small = (*FIXED_POINT, "--trials", 200)
     assert run("compare", tmp_path / "a.csv", *small, "--edits", "lesion STN 10%") == 0
     shown = capsys.readouterr().out
-    assert "MSPRT at its gain, circuit minus intact: offset_ms" in shown
+    assert re.search(r"MSPRT at its gain:(\n  .+)+\n  circuit minus intact +-?0\.\d{3} \[", shown)
     found = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")
     values = found.pivot(index=["accuracy", "measure"], columns="model", values="value")
     assert run("compare", tmp_path / "b.csv", *small) == 0

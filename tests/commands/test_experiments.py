@@ -29,7 +29,7 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
     assert run("experiment", experiment_file, "--trials", 100) == 0
     page = capsys.readouterr().out
     assert page.endswith("100 trials\n")  # no file was written
-    assert page.startswith("A longer delay from STN to GPe\n2 ms more, and a pathway")
+    assert "\nA longer delay from STN to GPe\n2 ms more, and a pathway" in page
     assert "published" not in page
 
 
@@ -39,7 +39,7 @@ def test_an_experiment_without_a_prediction_reports_and_gives_no_verdict(experim
     assert run("experiment", experiment_file, out) == 0
     shown = capsys.readouterr().out
     assert "no verdict" in shown
-    assert "circuit spiking_msprt, engine algebra, gain 0.7, posterior 0.82, seed 3;" in shown
+    assert "gain 0.7; posterior 0.82; circuit spiking_msprt; seed 3\n" in shown
     table = pd.read_csv(out)
     assert table[["direction", "at_least", "outcome", "reason"]].isna().all(axis=None)
     assert run("experiment", experiment_file, out, "--json", "--force") == 0
@@ -84,7 +84,7 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
     assert page.endswith(f"120 trials -> {out}\n")
     row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
     assert f"control: {row}\nmanipulation: {row}; set STN->GPe.delay_ms 4\n" in page
-    assert "accuracy none, to within 0.05: the model agrees" in page
+    assert re.search(r"accuracy none, within 0\.05 .*the model agrees", page)
     made = read_provenance(out)["parameters"]["experiment"]["manipulation"]
     assert made["edits"] == ["set STN->GPe.delay_ms 4", row]
     experiment_file.write_text(DELAY.replace("GPe.delay_ms 4", "GPe.delay_ms 2"))
@@ -124,7 +124,7 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
     out = experiment_file.with_name("out.csv")
     assert run("experiment", experiment_file, out) == 0
     shown = capsys.readouterr().out
-    assert "mean_ms down, by 20: the model decides without evidence" in shown
+    assert re.search(r"mean_ms down, by 20 .*the model decides without evidence", shown)
     assert "agrees" not in shown
     said = pd.read_csv(out)["outcome"].dropna()
     assert list(said) == [WITHOUT]
@@ -225,7 +225,7 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     assert all(name in shown for name in SHIPPED)
     out, again = tmp_path / "a.csv", tmp_path / "b.csv"
     assert run("experiment", experiment_file, out, "--trials", 100, "--seed", 5) == 0
-    assert "mean_ms down, by 20: the model agrees" in capsys.readouterr().out
+    assert re.search(r"mean_ms down, by 20 .*the model agrees", capsys.readouterr().out)
     table = pd.read_csv(out)
     said = table.set_index(["condition", "measure"])["outcome"].dropna()
     assert dict(said) == {("change", "mean_ms"): AGREES}

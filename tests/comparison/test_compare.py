@@ -1,6 +1,8 @@
 """A single call gives the same table as its parts, for unedited and edited circuits."""
 
+import matplotlib.pyplot as plt
 import pandas as pd
+import pytest
 
 from bgmodel import BasalGanglia, compare, stream
 from bgmodel.evidence import separated_evidence
@@ -29,8 +31,21 @@ def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
     assert len(short) == len(found.table.drop_duplicates(["model", "reference"]))
     assert found.to_dataframe() is found.table
     assert "agreement" in repr(found)
-    labels = [line.get_label() for line in found.plot().get_lines()]
-    assert {"MSPRT", "MSPRT at its gain", "circuit", "race"} <= set(labels)
+    figure = found.plot()
+    labels = [line.get_label() for line in figure.axes[0].get_lines()]
+    assert {"MSPRT", "MSPRT at its gain", "Circuit", "Race"} <= set(labels)
+    pairs = found.pairs
+    assert len(pairs) == EVIDENCE.trials
+    (value,) = short.loc[
+        (short["model"] == "circuit") & (short["reference"] != "MSPRT"), "agreement"
+    ]
+    assert (pairs["test_choice"] == pairs["circuit_choice"]).mean() == pytest.approx(
+        value, abs=1e-3
+    )
+    curves = found.curves
+    assert (curves["low"] <= curves["accuracy"] + 1e-9).all()
+    assert (curves["high"] >= curves["accuracy"] - 1e-9).all()
+    plt.close(figure)
 
 
 def test_an_unknown_baseline_and_a_circuit_of_other_channels_are_refused():

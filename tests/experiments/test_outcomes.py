@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bgmodel.deciding.measures import MEASURES, OF_DECIDED
+from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
@@ -55,8 +55,9 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     assert said["drift"] != DISAGREES
     assert changes(table).loc["mean_ms", "low"] > 0
     shown = page(experiment, table)
-    assert "boundary_separation up, by 0.005: the model agrees" in shown
-    assert all(name in shown for name in MEASURES)
+    assert re.search(r"boundary_separation up, by 0\.005 .*the model agrees", shown)
+    # No trial is missed: measures of all trials are those of decided ones.
+    assert {name for name in MEASURES if name not in shown} == {*OF_ALL}
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
         assert re.search(rf"^{measure} +{form}( |$)", shown, re.MULTILINE)
     assert "drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
@@ -271,15 +272,17 @@ def test_a_page_says_what_ran_and_how_many_trials_a_verdict_rests_on(monkeypatch
     both = ((0.75, 0.08, 600.0), (0.85, 0.36, 600.0))
     experiment, table = arms(monkeypatch, *both, (UP, Prediction("missed", "up", 0.05)))
     shown = page(experiment, table)
-    ran = "circuit macaque, engine population, gain 0.55, posterior 0.66, seed 206; 1000 trials"
-    assert ran in shown
-    assert "; 920 and 640 decided trials): agrees on decided trials" in shown
+    first = shown.splitlines()[0]
+    assert first.startswith("task gaussian, 2 alternatives, d_prime 0.5; engine population; 1000 ")
+    assert first.endswith("gain 0.55; posterior 0.66; circuit macaque; seed 206")
+    assert re.search("  920 and 640 +the model leaves it open", shown)
+    assert ": agrees on decided trials" in shown
     assert "the control misses 8.0% of trials, the manipulation 36.0%" in shown
-    assert "; 1000 and 1000 trials)" in shown
+    assert "  1000 and 1000  " in shown
     other = replace(
         experiment, gain=0.4, manipulation=replace(experiment.manipulation, posterior=0.7)
     )
-    assert "gain 0.4, posterior 0.66 (control), 0.7, seed" in page(other, table)
+    assert "gain 0.4; posterior 0.66 (control), 0.7; circuit" in page(other, table)
 
 
 def test_an_experiment_without_a_prediction_has_no_verdict(monkeypatch):

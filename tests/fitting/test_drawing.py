@@ -12,7 +12,9 @@ from bgmodel.fitting.responses import QUANTILES
 def cells(shift):
     rng = np.random.default_rng(1)
     names = ["accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES)]
-    table = pd.DataFrame({"strength": [0.1, 0.1, 0.4], "dbs": ["off", "on", "off"], "trials": 9})
+    table = pd.DataFrame(
+        {"strength": [0.1, 0.1, 0.4], "dbs": ["off", "on", "off"], "trials": 9, "answered": 9}
+    )
     for name in names:
         table[name] = rng.random(3)
         table[f"model_{name}"] = table[name] + shift
@@ -44,13 +46,15 @@ def test_strengths_are_on_the_axis_and_conditions_in_the_key(drawn):
     assert labels == ["0.1", "0.4"]
     (legend,) = drawn.legends
     said = {text.get_text() for text in legend.get_texts()}
-    assert said == {"one", "other", "data, off", "data, on"}
-    assert drawn.get_suptitle() == "somebody: bars are one standard error"
+    assert said == {"one", "other", "Data, off", "Data, on"}
+    assert (
+        drawn.get_suptitle() == "somebody: 27 trials, 9 per point; bars: 95 % intervals of the data"
+    )
 
 
 def test_at_one_strength_conditions_are_on_the_axis():
     table = cells(0.1).assign(strength=1.0)[1:]
     figure = draw_fits({"one": table}, "somebody")
     assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["on", "off"]
-    assert figure.axes[0].get_xlabel() == "condition"
+    assert figure.axes[0].get_xlabel() == "Condition"
     plt.close(figure)

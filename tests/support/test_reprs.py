@@ -5,13 +5,14 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing, tally
 from bgmodel.deciding.decision import Decision
+from bgmodel.deciding.measures import OF_ALL
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.plots import LABELS
 from bgmodel.support.reprs import Facts, span
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
@@ -99,7 +100,7 @@ def test_a_table_of_facts_is_escaped():
 def test_a_trace_is_drawn_up_to_the_end_of_its_trial():
     ax = Figure().subplots()
     short = replace(TRACE, ends=np.full(EVIDENCE.trials, 7))
-    assert short.plot(3, ax) is ax
+    assert short.plot(3, ax) is ax.figure
     assert len(ax.lines) == 4
     assert (ax.lines[1].get_ydata() == TRACE.out_nats[3, :7, 1]).all()
     assert ax.lines[1].get_xdata()[0] == TRACE.time_ms[0] - 100
@@ -111,21 +112,22 @@ def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
     decision = first_crossing(TRACE, 0.05, forced=False)
     left = int((decision.choice < 0).sum())
     assert 0 < left < EVIDENCE.trials
-    ax = decision.plot(Figure().subplots())
-    top = ax.containers[-1]
-    height = sum(bar.get_y() + bar.get_height() for bar in top)
+    (ax,) = decision.plot(Figure().subplots()).axes
+    height = sum(bar.get_height() for bars in ax.containers for bar in bars)
     assert height == EVIDENCE.trials - left
-    assert ax.get_title() == f"{left} of {EVIDENCE.trials} undecided"
+    assert ax.get_title("left") == f"n = {EVIDENCE.trials}, {left} undecided"
     blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot(Figure().subplots())
-    assert blank.get_title() == "120 of 120 undecided"
+    assert blank.axes[0].get_title("left") == "n = 120, 120 undecided"
 
 
 def test_several_thresholds_are_drawn_as_speed_and_accuracy():
     decision = first_crossing(TRACE, THRESHOLDS)
-    ax = decision.plot(Figure().subplots(), EVIDENCE.truth)
+    (ax,) = decision.plot(Figure().subplots(), EVIDENCE.truth).axes
     counts = tally(TRACE, EVIDENCE.truth, THRESHOLDS)
-    assert ax.lines[0].get_ydata() == pytest.approx(counts.accuracy)
-    assert ax.lines[0].get_xdata() == pytest.approx(counts.mean_steps)
+    order = np.argsort(counts.mean_steps)
+    assert ax.lines[0].get_ydata() == pytest.approx(np.asarray(counts.accuracy)[order])
+    times = np.nanmean(decision.time_ms, axis=1)
+    assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
     with refused("truth several thresholds need the truth"):
         decision.plot()
 
@@ -141,26 +143,29 @@ def test_speed_and_accuracy_are_those_of_decided_trials():
         step_ms=10.0,
         deadline_ms=np.full(3, 50.0),
     )
-    line = decision.plot(Figure().subplots(), np.zeros(3, int)).lines[0]
-    assert line.get_xdata().tolist() == [3, 1]
-    assert line.get_ydata().tolist() == [0.5, 1]
+    line = decision.plot(Figure().subplots(), np.zeros(3, int)).axes[0].lines[0]
+    assert line.get_xdata().tolist() == [10, 30]
+    assert line.get_ydata().tolist() == [1, 0.5]
     found = decision.facts()
     assert (found["thresholds"], found["trials"]) == ("3", "3")
     assert (found["mean_time_ms"], found["undecided"]) == ("10 to 30", "1 to 3")
 
 
-def test_an_outcome_is_drawn_a_panel_per_measure(outcome):
-    axes = outcome.plot()
-    shown = outcome.measures[outcome.measures["condition"] != "change"]
-    known = shown[shown["value"].notna()]["measure"].unique()
-    assert [ax.get_xlabel() for ax in axes] == list(known)
-    assert all(isinstance(ax, Axes) for ax in axes)
-    labels = [label.get_text() for label in axes[0].get_yticklabels()]
-    assert labels == ["control", "manipulation"]
-    plt.close(axes[0].figure)
+def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
+    figure = outcome.plot()
+    measures = outcome.measures
+    change = measures[(measures["condition"] == "change") & measures["value"].notna()]
+    shown = set(change["measure"]) - {"decided"}
+    if not measures.loc[measures["measure"] == "missed", "value"].any():
+        shown -= set(OF_ALL)
+    rows = [text.get_text() for ax in figure.axes for text in ax.get_yticklabels()]
+    assert sorted(rows) == sorted(LABELS[name] for name in shown)
+    said = [text.get_text().lower() for ax in figure.axes for text in ax.texts]
+    assert all(verdict in said for verdict in outcome.verdicts()["outcome"])
+    plt.close(figure)
 
 
 def test_a_plot_makes_a_figure_of_its_own_where_no_axes_are_given():
-    ax = TRACE.plot()
-    assert ax.figure in map(plt.figure, plt.get_fignums())
-    plt.close(ax.figure)
+    figure = TRACE.plot()
+    assert figure in map(plt.figure, plt.get_fignums())
+    plt.close(figure)

@@ -99,7 +99,8 @@ def test_lines_stand_at_their_values_and_names_beside_each_other(tmp_path):
     assert [text.get_text() for text in panel.get_xticklabels()] == ["algebra", "rate"]
 
 
-def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
+def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path, monkeypatch):
+    monkeypatch.setattr(outcome, "LINES", 0)
     plan, table = swept(tmp_path, grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.8, 0.9)})
     panel = outcome.draw(plan, table).axes[0]
     seen = panel.images[0].get_array()
@@ -110,14 +111,14 @@ def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
         & (table["measure"] == "accuracy")
     )
     assert seen[1, 0] == pytest.approx(table[at]["value"].item())
-    assert (panel.get_ylabel(), panel.get_xlabel()) == ("lesion STN, fraction", "posterior")
+    assert (panel.get_ylabel(), panel.get_xlabel()) == ("lesion STN (fraction)", "posterior")
 
 
 @pytest.mark.parametrize(
     ("key", "label"),
     [
-        ("lesion STN", "lesion STN, fraction"),
-        ("cut STN->GPe", "cut STN->GPe, fraction"),
+        ("lesion STN", "lesion STN (fraction)"),
+        ("cut STN->GPe", "cut STN->GPe (fraction)"),
         ("scale STN->GPe", "scale STN->GPe"),
         ("set STN.bias_nats", "set STN.bias_nats"),
         ("add D1->GPe delay_ms=4 weight", "add D1->GPe delay_ms=4 weight"),
@@ -128,7 +129,7 @@ def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
 def test_an_axis_says_what_its_numbers_are_of(key, label):
     plan = Plan(grid={key: (0.1, 0.2)}, show=("mean_ms",))
     panel = outcome.draw(plan, points_of(plan, [300.0, 200.0])).axes[0]
-    assert (panel.get_xlabel(), panel.get_ylabel()) == (label, "mean (ms)")
+    assert (panel.get_xlabel(), panel.get_ylabel()) == (label, "Mean decision time (ms)")
 
 
 def points_of(plan, values, remarks=None):
@@ -143,10 +144,22 @@ def test_a_star_stands_at_every_number_that_has_a_remark():
     said = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
     (panel,) = (figure := outcome.draw(plan, said)).axes
     assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
-    assert "*: see `remark`" in figure.get_suptitle()
+    assert "*: see remark" in figure.get_suptitle()
     (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
     assert not panel.texts
     assert "*" not in figure.get_suptitle()
+
+
+def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
+    plan = Plan(
+        grid={"engine": ("rate", "algebra"), "posterior": (0.7, 0.8, 0.9)}, show=("accuracy",)
+    )
+    figure = outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8, 0.5, 0.6, 0.7]))
+    lines = [bars.lines[0] for bars in figure.axes[0].containers]
+    assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == ["engine = rate", "engine = algebra"]
 
 
 def test_a_line_has_bars_from_the_lower_to_the_upper_end():
@@ -157,36 +170,38 @@ def test_a_line_has_bars_from_the_lower_to_the_upper_end():
     np.testing.assert_allclose(
         bars.get_segments(), [[[0.7, 0.5], [0.7, 0.65]], [[0.9, 0.75], [0.9, 0.9]]]
     )
-    said = "(80 trials per point; bars: 95 % interval, bootstrap)"
-    assert figure.get_suptitle() == f"macaque {said}"
+    said = "80 trials per point; bars: 95 % intervals"
+    assert figure.get_suptitle() == f"macaque\n{said}"
     named = replace(plan, name="who decides")
-    assert outcome.draw(named, table).get_suptitle() == f"who decides {said}"
+    assert outcome.draw(named, table).get_suptitle() == f"who decides\n{said}"
     some = outcome.draw(plan, table.assign(trials=[60, 80])).get_suptitle()
-    assert some.startswith("macaque (60 to 80 trials per point;")
+    assert some.startswith("macaque\n60 to 80 trials per point;")
 
 
 @pytest.mark.parametrize(("across", "written"), [(30, True), (31, False)])
-def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written):
+def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written, monkeypatch):
     """Below the mean is dark; a star has a remark, a dash no number, and 60 numbers are few."""
+    monkeypatch.setattr(outcome, "LINES", 0)
     posteriors = tuple(0.6 + 0.01 * k for k in range(across))
     plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": posteriors}, show=("mean_ms",))
     values = np.r_[np.full(across, 9.5), np.full(across, 300.4)]
     remarks = np.full(2 * across, "", dtype=object)
     remarks[[1, across]], values[2] = "few decide", np.nan
     figure = outcome.draw(plan, points_of(plan, values, list(remarks)))
-    assert figure.get_suptitle() == "macaque (80 trials per point; *: see `remark` in the table)"
+    assert figure.get_suptitle() == "macaque\n80 trials per point; *: see remark in the table"
     found = [text.get_text() for text in figure.axes[0].texts]
     if not written:
         assert found == []
         return
-    assert found[:4] == ["9.500", "9.500*", "-", "9.500"]
+    assert found[:4] == ["9.50", "9.50*", "-", "9.50"]
     assert found[across : across + 2] == ["300*", "300"]
     colours = [text.get_color() for text in figure.axes[0].texts]
     assert set(colours[:2]) == {"w"}
     assert set(colours[across:]) == {"k"}
 
 
-def test_a_map_without_any_number_is_a_map_of_dashes():
+def test_a_map_without_any_number_is_a_map_of_dashes(monkeypatch):
+    monkeypatch.setattr(outcome, "LINES", 0)
     plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
     figure = outcome.draw(plan, points_of(plan, [np.nan] * 4, ["rates run away"] * 4))
     assert [text.get_text() for text in figure.axes[0].texts] == ["-*"] * 4

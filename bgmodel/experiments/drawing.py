@@ -1,0 +1,144 @@
+"""The figure of an experiment: a forest plot of changes, with predictions and published effects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.deciding.measures import OF_ALL, SHARES
+from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT
+from bgmodel.plots import LABELS
+from circuits.plots import GREY, PALETTE, Look, panels, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MARKERS: dict[str, Look] = {
+    "": {"marker": "o", "ms": 3, "color": "k", "label": "No prediction"},
+    AGREES: {"marker": "o", "ms": 6, "color": PALETTE[0], "label": "Agrees"},
+    DISAGREES: {"marker": "X", "ms": 7, "color": PALETTE[1], "label": "Disagrees"},
+    OPEN: {"marker": "o", "ms": 6, "color": GREY, "mfc": "w", "label": "Left open"},
+    WITHOUT: {
+        "marker": "s",
+        "ms": 6,
+        "color": GREY,
+        "mfc": "w",
+        "label": "Decides without evidence",
+    },
+}
+"""Marker of a change for each verdict, which differ in shape or filling, not only in colour."""
+GROUPS = {
+    "Change (share of trials or probability)": SHARES,
+    "Change (ms)": tuple(name for name in LABELS if name.endswith("_ms")),
+    "Change (1/s)": ("drift",),
+    "Change (no unit)": ("boundary_separation",),
+}
+"""Measures that share an axis, by its label."""
+
+
+@styled
+def forest(
+    measures: pd.DataFrame, verdicts: pd.DataFrame, published: pd.DataFrame, title: str
+) -> Figure:
+    """Draw the change of each measure with its interval.
+
+    Parameters
+    ----------
+    measures, verdicts, published : DataFrame
+        As from ``Outcome.measures``, ``Outcome.verdicts()`` and ``Outcome.published()``.
+    title : str
+        Title of the figure.
+    """
+    by = {name: rows.set_index("measure") for name, rows in measures.groupby("condition")}
+    change = by["change"].join(
+        verdicts.set_index("measure")[["direction", "at_least", "outcome"]], how="left"
+    )
+    change["from"], change["to"] = by["control"]["value"], by["manipulation"]["value"]
+    effects = published[published["condition"] == "change"].set_index("measure")
+    groups = {}
+    for label, names in GROUPS.items():
+        rows = change.reindex([name for name in LABELS if name in names]).dropna(subset=["value"])
+        if not by["control"]["value"]["missed"] and not by["manipulation"]["value"]["missed"]:
+            rows = rows.drop(index=[name for name in OF_ALL if name in rows.index])
+        if len(rows):
+            groups[label] = rows
+    heights = [len(rows) for rows in groups.values()]
+    size = (7.2, 0.26 * sum(heights) + 0.5 * len(groups) + 0.9)
+    figure, axes = panels(len(groups), size=size, height_ratios=[0.4 + h for h in heights])
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(0, 0, 0.62, 1))  # numbers and verdicts are on the right
+    for ax, (label, rows) in zip(axes[:, 0], groups.items(), strict=True):
+        _panel(ax, rows, effects)
+        ax.set_xlabel(label, labelpad=1)
+    for x, text in ((1.03, "Control → manipulation"), (1.42, "Verdict")):
+        axes[0, 0].text(x, -0.95, text, **_right_of(axes[0, 0]))
+    shown = [k for k in MARKERS if k in set(change["outcome"].fillna(""))]
+    handles = [_entry(ls="", **MARKERS[k]) for k in shown]
+    if len(verdicts):
+        from matplotlib.patches import Patch
+
+        handles.append(Patch(fc="0.88", ec=GREY, label="Predicted"))
+    if len(effects):
+        handles.append(_entry(ls="", marker="D", ms=4, color=GREY, mfc="w", label="Published"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=1.2)
+    figure.suptitle(f"{title}\n", x=0.01, ha="left")  # the second line is for the headings
+    return figure
+
+
+def _entry(**style: Any) -> Any:
+    """Return an entry of the legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], **style)
+
+
+def _right_of(ax: Axes) -> Look:
+    """Return the options of a text in the row of a measure, on the right of the Axes."""
+    style = {"va": "center", "fontsize": 7, "in_layout": False}
+    return {"transform": ax.get_yaxis_transform(), **style}
+
+
+def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
+    """Draw the changes that share a unit, one row each."""
+    here = effects[effects.index.isin(rows.index)]
+    least = rows["at_least"].to_numpy(dtype=float)
+    published = here[["published", "published_low", "published_high"]].to_numpy(dtype=float)
+    values = rows[["low", "high", "value"]].to_numpy(dtype=float)
+    known = np.concatenate([values.ravel(), [0.0], least, -least, published.ravel()])
+    known = known[np.isfinite(known)]
+    room = 0.06 * (np.ptp(known) or 1.0)
+    limits = known.min() - room, known.max() + room
+    for y, (name, row) in enumerate(rows.iterrows()):
+        said = row["outcome"] if isinstance(row["outcome"], str) else ""
+        if said:
+            low, high = _predicted(row["direction"], row["at_least"], limits)
+            ax.barh(y, high - low, left=low, height=0.76, fc="0.88", ec=GREY, lw=0.6, zorder=0)
+        mark = {key: value for key, value in MARKERS[said].items() if key != "label"}
+        ends_of = [[max(0.0, row["value"] - row["low"])], [max(0.0, row["high"] - row["value"])]]
+        ax.errorbar(row["value"], y, xerr=np.nan_to_num(ends_of), capsize=2, lw=1.0, **mark)
+        if name in here.index:
+            e = here.loc[str(name)]
+            span = [[e["published"] - e["published_low"]], [e["published_high"] - e["published"]]]
+            style: Look = {"fmt": "D", "ms": 4, "color": GREY, "mfc": "w", "capsize": 2, "lw": 0.8}
+            ax.errorbar(e["published"], y + 0.28, xerr=np.nan_to_num(span), **style)
+        form = ".0f" if str(name).endswith("_ms") else ".3f"
+        numbers = f"{row['from']:{form}} → {row['to']:{form}}"
+        ax.text(1.03, y, numbers, **_right_of(ax))
+        ax.text(1.42, y, said.capitalize(), **_right_of(ax))
+    ax.axvline(0, color=GREY, lw=0.8, zorder=1)
+    ax.set_yticks(range(len(rows)), [LABELS[str(name)] for name in rows.index])
+    ax.tick_params(axis="y", length=0)
+    ax.locator_params(axis="x", nbins=6)
+    ax.set(xlim=limits, ylim=(len(rows) - 0.5, -0.5))
+
+
+def _predicted(direction: str, at_least: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of changes that a prediction allows, within the limits of an axis."""
+    return {
+        "up": (at_least, limits[1]),
+        "down": (limits[0], -at_least),
+        "none": (-at_least, at_least),
+    }[direction]
