@@ -319,7 +319,7 @@ def _psychometric(ax: Axes, of: Story) -> None:
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     ax.set(xlabel=of.axis[:1].upper() + of.axis[1:], ylabel="Proportion correct",
            title="Single reading")  # fmt: skip
-    ax.legend(frameon=False, fontsize=7, loc="lower right")
+    ax.legend(frameon=False, fontsize=7, loc="lower right", bbox_to_anchor=(1, 0.12))
 
 
 def _speed(ax: Axes, of: Story) -> None:
