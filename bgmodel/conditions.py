@@ -270,6 +270,11 @@ class Observed(Condition):
             needed_truth(read_once(self.task).evidence)
         super().check(control)
 
+    @property
+    def waited_ms(self) -> float:
+        """Duration in which responses count as anticipatory: an informative foreperiod's, ms."""
+        return self.task.expectancy_ms if self.task.expectancy_nats else self.foreperiod_ms
+
     def behaviour(self, model: BasalGanglia, evidence: Evidence) -> Behaviour:
         """Return the decisions of a model on evidence, at this condition's threshold."""
         from bgmodel.integrators.deciding import behaviour_of

@@ -131,7 +131,7 @@ class Experiment(ExperimentRecord):
         trials = []
         for (name, condition), model in zip(both.items(), models, strict=True):
             behaviour = condition.behaviour(model, evidence)
-            _check_decided(name, behaviour, self.foreperiod_ms)
+            _check_decided(name, behaviour, self.waited_ms)
             found.append(behaviour.measures(weights))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()

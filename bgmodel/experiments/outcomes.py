@@ -185,7 +185,7 @@ def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
     shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
     return bool(
         decides_without_evidence(
-            shares["premature"], shares["anticipatory"], experiment.foreperiod_ms
+            shares["premature"], shares["anticipatory"], experiment.waited_ms
         )
     )
 

@@ -276,3 +276,9 @@ def test_where_something_is_expected_its_foreperiod_counts(experiment_file):
     found = experiment.run().trials.groupby("condition")["anticipatory"].mean()
     assert found["control"] <= 0.01
     assert found["manipulation"] >= 0.2
+
+
+def test_anticipations_are_judged_over_the_foreperiod_in_which_they_are_counted():
+    """An informative foreperiod replaces that without evidence, and may last longer."""
+    assert SHIPPED["stn_lesion_anticipation"].waited_ms == 800
+    assert SHIPPED["stn_lesion_partial"].waited_ms == 500
