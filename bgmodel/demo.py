@@ -65,19 +65,19 @@ class Demo:
         """Return a description of the trial in a few sentences."""
         test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
         return (
-            f"{self.evidence.hypotheses} alternatives, the first is true, a reading every "
-            f"{STEP_MS:g} ms. The MSPRT at the circuit's gain (it takes each nat of evidence for "
-            f"{self.gain:g}) {test}; the spiking circuit, given the same readings, {own}. OUT, the "
-            "rate of SNr on a scale of nats, follows the test's -ln P of the alternative that "
-            f"leads, once it is in reach; the first to fall to -ln {POSTERIOR:g} is chosen. "
-            "Another --seed is another trial."
+            f"One trial with {self.evidence.hypotheses} alternatives, of which alternative 1 is "
+            f"true, and a reading of evidence every {STEP_MS:g} ms. The optimal test (MSPRT, on "
+            f"evidence scaled by the circuit's gain of {self.gain:g}) {test}; the spiking circuit, "
+            f"on the same readings, {own}. OUT is the firing rate of SNr in nats. For the leading "
+            "alternative it follows the test's -ln P, and the first alternative whose OUT falls to "
+            f"-ln {POSTERIOR:g} is chosen. Use --seed N for another trial."
         )
 
 
 def _outcome(decision: Decision) -> str:
     choice = int(decision.choice[0])
     if choice < 0:
-        return "is not sure enough at the end"
+        return "made no choice before the end"
     right = "right" if choice == 0 else "wrong"
     return f"chose alternative {choice + 1} ({right}) after {decision.time_ms[0]:.0f} ms"
 

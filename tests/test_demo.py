@@ -39,8 +39,8 @@ def test_it_says_and_draws_both_decisions(found):
 
 def test_the_demo_shows_the_trial_that_it_describes(found):
     """Readings of unit noise, every 50 ms, the true one's mean so far off that d' is 0.8."""
-    assert "a reading every 50 ms" in found.summary()
-    assert "fall to -ln 0.85 is chosen" in found.summary()
+    assert "evidence every 50 ms" in found.summary()
+    assert "OUT falls to -ln 0.85 is chosen" in found.summary()
     apart = 0.8 / np.sqrt(2)
     noise = found.evidence.log_likelihood / apart - apart * np.array([1, 0, 0])
     assert np.allclose(noise, stream(1, "demo").standard_normal((1, 20, 3)))

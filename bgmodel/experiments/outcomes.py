@@ -184,9 +184,7 @@ def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
     """Whether the manipulated circuit decides without evidence."""
     shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
     return bool(
-        decides_without_evidence(
-            shares["premature"], shares["anticipatory"], experiment.waited_ms
-        )
+        decides_without_evidence(shares["premature"], shares["anticipatory"], experiment.waited_ms)
     )
 
 

@@ -179,7 +179,10 @@ def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
 
 def test_a_warning_is_below_the_verdict_at_the_accuracy_that_it_names(table):
     lost = table.assign(value=table["value"].mask(table["accuracy"] == 0.95))
-    cautions = ["no comparison is possible at accuracy 0.95: because", "posteriors are not calibrated"]
+    cautions = [
+        "no comparison is possible at accuracy 0.95: because",
+        "posteriors are not calibrated",
+    ]
     lines = verdicts(lost, cautions).splitlines()
     assert lines[0] == "circuit against MSPRT at its gain:"
     assert re.match(r"  at 0.9: same choice 0\.\d{3} \(0\.\d{3} by chance\), ", lines[1])
