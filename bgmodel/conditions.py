@@ -37,7 +37,7 @@ two to eight alternatives."""
 STREAM = "circuit run"
 """Name of the random-number stream from which the evidence of a condition is drawn."""
 ENGINE = EngineName("population")
-"""Default engine: it includes spiking noise and is about fifty times as fast as spikes."""
+"""Default engine: it includes spiking noise and is about fifty times as fast as spiking cells."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The captions of all figures: `captions.toml`, with the numbers of a run filled in."""
+"""The captions of all figures: ``captions.toml``, with the numbers of a run filled in."""
 
 from __future__ import annotations
 

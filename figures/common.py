@@ -1,4 +1,4 @@
-"""Shared by all figures: settings, the command line of the scripts, and saving of pictures."""
+"""Code shared by all figures: settings, the scripts' command line, and saving of pictures."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The gallery of the site: every figure with its question, picture, caption, answer and command.
 
 Small pictures of the released version are kept in ``docs/pictures``. ``make pictures`` copies them
-there from a full run of the figures; the page is written whenever the site is built, and says which
-pictures are not what the present code draws.
+there from a full run of the figures. The page is written whenever the site is built, and lists what
+has changed since a picture was drawn.
 """
 
 from __future__ import annotations

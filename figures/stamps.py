@@ -1,8 +1,8 @@
-"""The stamp of a picture: the version and the code and tables that it was drawn from.
+"""The stamp of a picture: the version, the code and the tables that it was drawn from.
 
-A stamp is stored in the PNG file itself, so that a picture that is kept with the documentation can
-be compared with the present code: if its script, one of its result tables or the default circuit
-has changed since, the gallery says so.
+A stamp is stored in the PNG file, so that a picture stored with the documentation can be compared
+with the present code: the gallery says if its script (comments included), one of its result tables
+or the default circuit has changed since.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every gap on every grating, on six folds of held-out taps: the table behind figures 4a and 4b."""
+"""The table of figures 4a and 4b: every gap on every grating, on six folds of held-out taps."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_g
 
 
 def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return the decisions of a circuit with noise of another seed; unchanged without noise.
+    """Return a circuit's decisions with noise of another seed, or ``found`` if it has no noise.
 
     Parameters
     ----------
@@ -76,14 +76,14 @@ class Comparison(Facts):
     trials : int
         Number of trials.
     table : DataFrame
-        One row per model, reference, accuracy and measure: the columns of ``matched_measures``, and
-        model and reference.
+        One row per model, reference, accuracy and measure: the columns of ``matched_measures``
+        plus model and reference.
     curves : DataFrame
         Speed-accuracy tradeoff: model, threshold, accuracy (expected), low, high (its pointwise
         95 % interval, the same bootstrap), mean_ms, one row per model and threshold.
     pairs : DataFrame
         Choices and times of the circuit and of the first reference, trial by trial, at each
-        accuracy that is reached: the columns of ``paired``.
+        accuracy that is reached, with the columns of ``paired``.
     """
 
     model: BasalGanglia
@@ -117,13 +117,13 @@ class Comparison(Facts):
         return self.table
 
     def plot(self) -> Figure:
-        """Draw speed against accuracy, decision times trial by trial, and same choices.
+        """Draw the speed-accuracy trade-off, decision times trial by trial, and agreement.
 
         Panel a: expected accuracy over mean decision time, one line per model, with pointwise 95 %
         intervals (bootstrap over trials). Panel b: decision times of the circuit over those of
-        the first reference, with thresholds matched at the lowest accuracy that is reached; a
-        point per trial, or a density of more than 2000. Panel c: share of trials with the same
-        choice at each accuracy, and by chance, with 95 % intervals.
+        the first reference, with thresholds matched at the lowest accuracy that is reached; one
+        point per trial, or their density if there are more than 2000. Panel c: share of trials
+        with the same choice at each accuracy, and by chance, with 95 % intervals.
 
         Returns
         -------
@@ -157,11 +157,11 @@ def compare(
     evidence : Evidence
         Readings of all trials, at least 100.
     seed : int, optional
-        Seed of the bootstrap, and of the noise of a circuit that is not a model yet; by default
-        that of the model.
+        Seed of the bootstrap and, if ``model`` is not a BasalGanglia, of its noise; by default that
+        of the model.
     baselines : sequence of str
-        Names of ``BASELINES`` to compare too. "race" and "LCA" need evidence in which a zero means
-        no evidence, such as that of ``gaussian_evidence``.
+        Names in ``BASELINES`` of models to include. "race" and "LCA" need evidence in which zero
+        means no evidence, such as that of ``gaussian_evidence``.
     accuracies, resamples, groups :
         As for ``matched_measures``.
     intact : Circuit or str, optional
@@ -170,27 +170,28 @@ def compare(
         intact one, with the interval of the difference.
     noise_ceiling : bool
         Whether to run the circuit again with noise of another seed: rows of the reference
-        ``OTHER_NOISE`` compare it with itself, the highest agreement to be expected, and
+        ``OTHER_NOISE`` compare the two runs, which gives the highest agreement to be expected, and
         ``r_noise_corrected`` is computed. A circuit without noise is not run again.
 
     Returns
     -------
     Comparison
-        Baseline models are abstract, with no latency to subtract, and are compared with the full
-        MSPRT alone.
+        Baseline models have no latency to subtract, and are compared only with the MSPRT at full
+        gain.
 
     Raises
     ------
     ValueError
-        If there are too few trials, a name is unknown, a circuit would decide without evidence, or
-        it is not an edit of the intact one.
+        If there are too few trials, a name is unknown, the circuit would decide without evidence,
+        or it is not an edit of ``intact``.
 
     Warns
     -----
     UserWarning
-        If the circuit reaches an accuracy at no threshold that is within the range of its
-        read-out and not crossed by noise at rest: all measures are NaN there. If the readings or
-        a baseline model do not reach one. If posteriors at the decision are not calibrated.
+        If the circuit does not reach one of the accuracies at any threshold that is within the
+        range of its read-out and not crossed by noise at rest; its measures are then NaN at that
+        accuracy. If the readings do not suffice for an accuracy, or a baseline model does not reach
+        it. If posteriors at the decision are not calibrated.
     """
     baselines = _checked(evidence, baselines)
     if not isinstance(model, BasalGanglia):

@@ -1,7 +1,7 @@
 """Experiments: a control and a manipulation on the same evidence, with predictions to test.
 
 An experiment is a short TOML file. It states the published result, its counterpart in the circuit
-and, before anything is run, the direction and least size of the change of each measure.
+and, before anything is run, the direction of each measure's change and the least that counts.
 """
 
 from __future__ import annotations
@@ -68,17 +68,17 @@ class Experiment(ExperimentRecord):
         direction = "down"           # "up", or "none": within +-at_least
         at_least = 0.01              # least change that counts, in the measure's unit
 
-    ``bgmodel experiment NAME --show`` prints a shipped one.
+    ``bgmodel experiment NAME --show`` prints an included one.
     """
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:
-        """Read an experiment from a TOML file, or a shipped one by its name.
+        """Read an experiment from a TOML file, or an included one by its name.
 
         Raises
         ------
         ValueError
-            With the key, the value given and what is allowed.
+            If the file is invalid; the message names the key, what is allowed and what was given.
         """
         path = path_of(file, "file")
         if path.suffix == ".toml":
@@ -97,7 +97,7 @@ class Experiment(ExperimentRecord):
         Parameters
         ----------
         workers : int
-            Threads, for engines that can use several; the results do not depend on them.
+            Number of threads, for engines that can use several; it does not affect results.
         given : Trials, optional
             The result of ``given()``, to avoid computing it twice.
 
@@ -111,8 +111,9 @@ class Experiment(ExperimentRecord):
         -----
         UserWarning
             If evidence leaves the circuit's range, noise alone crosses the threshold, many trials
-            are missed, the manipulation decides against the evidence, no decision differs between
-            the conditions, or posteriors at the decision are not the proportion correct.
+            are missed (undecided at the deadline), the manipulation decides against the evidence,
+            no decision differs between the conditions, or posteriors at the decision differ from
+            the proportion correct.
         """
         given = given or self.given()
         evidence = given.evidence
@@ -150,12 +151,12 @@ class Experiment(ExperimentRecord):
 
 
 def shipped() -> dict[str, Experiment]:
-    """Return the shipped experiments by the names of their files."""
+    """Return the included experiments by the names of their files."""
     return {name: Experiment.from_toml(name) for name in _names()}
 
 
 def shipped_text(name: str) -> str:
-    """Return the file of a shipped experiment as text."""
+    """Return the file of an included experiment as text."""
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -179,8 +180,9 @@ class Outcome(Facts):
         One row per condition ("control", "manipulation", and "change", the second minus the first)
         and measure of ``MEASURES``: condition, measure, value, low, high, trials. Low and high are
         the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
-        together; trials is the number of trials behind the value, for a change the smaller one.
-        Measures of decisions also have a condition "percent", the change over the control's value.
+        together; trials is the number of trials behind the value, for a change the smaller of two.
+        Measures of decisions also have a condition "percent", the change in per cent of the
+        control's value.
     trials : DataFrame
         One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
         the foreperiod before it, simulated separately, ended in a response.
@@ -193,7 +195,7 @@ class Outcome(Facts):
     trials: pd.DataFrame
 
     def facts(self) -> dict[str, str]:
-        """Return trials, circuit, and accuracy and mean time of each condition."""
+        """Return the number of trials, the circuit, and each condition's accuracy and mean time."""
         model, values = self.models[0], self.measures.set_index(["condition", "measure"])["value"]
         found = {
             "trials": f"{self.given.evidence.trials} per condition",
@@ -210,7 +212,7 @@ class Outcome(Facts):
         return found
 
     def summary(self) -> pd.DataFrame:
-        """Return each measure of control, manipulation and their change, as a table to read."""
+        """Return a readable table of each measure in both conditions, and of its change."""
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
         found: dict[str, pd.Series] = {}
         for name in CONDITIONS:
@@ -223,7 +225,7 @@ class Outcome(Facts):
         return outcomes(self.experiment, self.measures)
 
     def published(self) -> pd.DataFrame:
-        """Return each published effect with that of the circuit."""
+        """Return each published effect with the corresponding effect in the circuit."""
         return beside_published(self.experiment, self.measures)
 
     def text(self) -> str:
@@ -238,15 +240,15 @@ class Outcome(Facts):
     def plot(self) -> Figure:
         """Draw the change of each measure with its 95 % interval, as a forest plot.
 
-        Intervals are a bootstrap over trials that keeps both conditions of a trial together. A grey
-        box is the range of changes that a prediction allows, from its smallest change on. The
-        marker's shape and a word on the right are the verdict; between them are the values of
-        both conditions. Published effects in the unit of the measure are diamonds.
+        Intervals are from a bootstrap over trials that keeps both conditions of a trial together. A
+        grey box is the range of changes that agree with a prediction. The marker's shape and a word
+        on the right give the verdict; between them are the values of both conditions. Published
+        effects in the unit of the measure are shown as diamonds.
 
         Returns
         -------
         Figure
-            A panel per unit. The title has the numbers of trials.
+            One panel per unit; the title states the numbers of trials.
         """
         from bgmodel.experiments.drawing import forest
 

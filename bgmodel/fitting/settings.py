@@ -1,4 +1,4 @@
-"""Fits from a table of trials: its columns, the models, and their free parameters."""
+"""Settings of a fit: columns of the table of trials, models, and free parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
 
 GAPS = {"constant_gap": False, "falling_gap": True}
-"""Models other than circuits: the sequential test, and whether its bounds fall."""
+"""Models other than circuits: names of the sequential test, and whether its bounds fall."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +110,7 @@ class FitSettings:
         return [(who, choices.where(choices.participant == who)) for who in choices.people()]
 
     def design(self, choices: Choices) -> Design:
-        """Return the cells of one person's trials."""
+        """Return one person's trials by cell (combination of strength and conditions)."""
         from bgmodel.fitting.design import design_of
 
         return design_of(choices, self.columns, rt_window=self.rt_window, pooled=self.pooled)
@@ -125,7 +125,8 @@ class FitSettings:
         model : str, path or Circuit
             A name in ``GAPS``, or a circuit of two channels: by name, as a .toml file or a Circuit.
         seconds : float
-            Length of simulated trials, s; see ``seconds_of``. Parameters do not depend on it.
+            Length of simulated trials, s; see ``seconds_of``. The model's parameters are the same
+            for any length.
         folder : path, optional
             Folder that keeps simulated trials for other fits.
         """
@@ -153,7 +154,7 @@ class FitSettings:
         )
 
     def check_parameters(self, models: Mapping[str, Model]) -> list[str]:
-        """Return a warning for each model that lacks a parameter of others.
+        """Return a warning for each model that lacks a free parameter which another model has.
 
         Raises
         ------
@@ -180,7 +181,7 @@ class FitSettings:
     def likelihood(self, design: Design, model: Model) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
-        Options on parameters that only other models have are ignored.
+        Options are ignored for parameters that only other models have.
         """
         from bgmodel.fitting.optimum import likelihood_of
 
@@ -230,8 +231,8 @@ def fit(
     Parameters
     ----------
     data : str, path or DataFrame
-        Name of a shipped set, a .csv, .tsv or .parquet file, or a table: participant_id, rt (s),
-        response, conditions.
+        Name of an included data set, a .csv, .tsv or .parquet file, or a table with the columns
+        participant_id, rt (s), response, and those of conditions.
     model : str, path or Circuit
         constant_gap, falling_gap, or a circuit of two channels: its name, .toml file or Circuit.
     strength : str, optional
@@ -255,7 +256,7 @@ def fit(
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
     draws : bool
-        Whether to sample from the posterior too.
+        Whether to sample from the posterior as well.
     engine, noise_nats, trials, seed :
         Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
@@ -269,7 +270,7 @@ def fit(
     Raises
     ------
     ValueError
-        For a table that cannot be read or fitted, and for several participants.
+        For a table that cannot be read or fitted, and for several participants unless ``pooled``.
 
     Warns
     -----

@@ -1,9 +1,9 @@
-"""The level of dopamine as a threshold: its effect on a circuit.
+"""The dopamine level in place of a threshold: how it sets the posterior of a circuit's decisions.
 
 The threshold of the read-out is fixed. Dopamine changes the cortical gains of D1 and D2 in
 opposite directions, and with them OUT, so that the circuit stops at another posterior. A level is
-learned in the same way as a gap (``learning.reinforce.learn``), from rewards and the learner's
-perturbations of the level alone, without access to a gap, the evidence or a test.
+learned in the same way as a gap (``learning.reinforce.learn``): only from rewards and from the
+learner's perturbations of the level, without access to a gap, the evidence or a test.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ ALLOWED = (0.0, 2.0)
 MARGIN = 0.02
 """Relative margin of a learner from levels at which the fixed point stops deciding."""
 THRESHOLD_NATS = 0.3
-"""Default threshold on OUT for all levels: for two to four alternatives the fixed point spans
-posteriors of 0.75 to 0.99."""
+"""Default threshold on OUT for all levels. For two to four alternatives, levels then set stopping
+posteriors of 0.75 to 0.99 at the fixed point."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -58,9 +58,9 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
 
 
 def _odds(circuit: Circuit) -> Array:
-    """Return log odds from 0 to the largest that affect the circuit: its reach, or its range.
+    """Return log odds from 0 to the largest that still affect the circuit.
 
-    Competitors are silent beyond ``reference_nats`` behind; more evidence has no effect on them.
+    Competitors more than ``reference_nats`` behind are silent; more evidence does not affect them.
     """
     circuit.check_nats("a stopping posterior that dopamine sets")
     n = circuit.channels
@@ -73,10 +73,11 @@ def _odds(circuit: Circuit) -> Array:
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level at which the fixed point decides by evidence.
 
-    Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above, OUT
-    at rest is past the threshold: decisions without evidence; or the highest is 2, the upper limit.
-    Spiking noise crosses the threshold at rest from lower levels on, and occasionally where the
-    fixed point never does.
+    Below this range, the leader's OUT stays above the threshold whatever the evidence, so that the
+    circuit never decides. Above it, OUT at rest is already below the threshold, so that the circuit
+    decides without evidence, unless the range ends at 2, the highest level allowed. With spiking
+    noise, OUT at rest crosses the threshold at lower levels too, and OUT occasionally crosses where
+    the fixed point never does.
 
     Raises
     ------
@@ -113,9 +114,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should use.
 
-    The working range, reduced by ``MARGIN`` at both ends (not at a level of 2). With noise its
-    upper end is also below the level at which noise alone decides: at which OUT at rest meets the
-    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
+    This is the working range, reduced by ``MARGIN`` at both ends (but not at a level of 2). With
+    noise it also ends below the level at which noise alone decides, that is, at which OUT at rest
+    meets the threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
 
     Raises
     ------
@@ -209,7 +210,7 @@ def decide_at_levels(
     model : BasalGanglia
         The circuit.
     evidence : Evidence
-        Readings of all trials, the same for all levels, as is the noise.
+        Readings of all trials. Evidence and noise are the same at all levels.
     levels : array (K,)
         Levels of dopamine.
     threshold_nats : float

@@ -1,10 +1,12 @@
 """A stop signal in a circuit, and its closed form.
 
 A constant input of A nats to STN adds A to every output of the default circuit at its fixed point,
-``OUT_i = -ln P_i + A``: G = GPe's output follows from Sigma - ln Sigma and leaves it independent of
-S. In time, ``OUT_stop(t) = OUT_go(t) + c(t - SSD)``, where c is the response of OUT to the input
-without evidence. A signal above the threshold thus blocks every response once c has reached it, so
-that ``p(respond | SSD) = F_go(SSD + latency)``: the horse race of Logan & Cowan (1984).
+``OUT_i = -ln P_i + A``. This holds at every S because GPe responds to Sigma, the sum of STN, with
+Sigma - ln Sigma (``circuits.anatomy.macaque``). In time, ``OUT_stop(t) = OUT_go(t) + c(t - SSD)``,
+where c is the response of OUT to the input alone, and SSD the stop-signal delay. As -ln P is never
+negative, c blocks every response once it exceeds the threshold, so that
+``p(respond | SSD) = F_go(SSD + latency)``, where F_go is the distribution of go response times: the
+horse race of Logan & Cowan (1984).
 """
 
 from __future__ import annotations
@@ -25,9 +27,10 @@ from circuits.errors import EditWarning, InputError, RangeWarning, require
 MOST_NATS = 2.0
 """Larger inputs to STN ring near 20 Hz and rebound by more than 0.15 nats when they end."""
 SETTLE_MS = 300.0
-"""Time for which evidence is held before a signal whose effect on OUT is measured."""
+"""Time for which ``step_response`` holds the evidence constant before the signal."""
 CANCELLED = ("ctx", "ctx_inh")
-"""Cortex and cortical interneurons: an input common to all channels is cancelled behind them."""
+"""Populations at which a stop signal has no effect: circuits driven by raw evidence cancel input
+that is common to all channels of cortex."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,9 @@ class StopSignal:
     amount_nats : float
         Input, nats; negative inhibits.
     delay_ms : float
-        From the signal to the nucleus: afferent pathways.
+        Delay from the signal to the nucleus, due to afferent pathways.
     duration_ms : float
-        How long it is held; infinite by default. A shorter one postpones responses and does not
+        How long it lasts; infinite by default. A signal that ends postpones responses but does not
         cancel them, because the evidence is still there when it ends.
     """
 
@@ -68,7 +71,7 @@ class StopSignal:
             )
 
     def onsets(self, ssd_ms: npt.ArrayLike) -> Array:
-        """Return when it reaches the nucleus in each trial, ms from the go stimulus; NaN: never."""
+        """Return when it reaches the nucleus in each trial, ms from the go stimulus, or NaN."""
         return np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64) + self.delay_ms
 
 
@@ -87,13 +90,13 @@ def with_stop(
         How it reaches the circuit.
     every_ms : float, optional
         Resolution of its onset, a whole fraction of the time between readings, which is the
-        default. An onset between two such times takes effect in proportion.
+        default. An onset within an interval counts in proportion to the rest of that interval.
 
     Raises
     ------
     ValueError
-        If delays are not one per trial, all signals would come after the end, or the resolution is
-        no fraction of the time between readings.
+        If there is not one delay per trial, all signals would come after the end, or the resolution
+        is not a whole fraction of the time between readings.
     """
     check_evidence(evidence)
     ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
@@ -123,15 +126,15 @@ def decide_with_stop(
     posterior: float | None = None,
     every_ms: float | None = None,
 ) -> StopTrials:
-    """Return what a circuit does in stop-signal trials.
+    """Simulate a circuit in stop-signal trials.
 
-    Responses are made where OUT crosses the threshold, and withheld where it does not before the
+    A response is made when OUT crosses the threshold, and withheld if it does not cross before the
     trial ends. Parameters are those of ``with_stop`` and ``BasalGanglia.decide``.
 
     Raises
     ------
     ValueError
-        If the signal is given to a nucleus behind which common input is cancelled, or as for
+        If the signal is given to a nucleus at which common input is cancelled, or as for
         ``with_stop`` and ``BasalGanglia.threshold``.
     """
     name = signal.nucleus
@@ -155,7 +158,7 @@ def step_response(
     time_ms: float = 1000.0,
     step_ms: float = 10.0,
 ) -> tuple[Array, Array]:
-    """Return what a signal at time 0 adds to the leader's OUT, c(t), by rates without noise.
+    """Return c(t), the change of the leader's OUT by a signal at time 0, in rates without noise.
 
     Parameters
     ----------
@@ -164,16 +167,17 @@ def step_response(
     signal : StopSignal
         The signal; its afferent delay is left out.
     posterior : float
-        Of the leader, held constant. Where OUT is high, as at rest, its rate saturates and follows
-        the signal less.
+        Posterior of the leader, held constant. Where OUT is high, as at rest, its rate saturates
+        and the signal changes it less.
     time_ms, step_ms : float
         Length and resolution.
 
     Returns
     -------
     time_ms : array (ticks,)
-        From the onset of the signal on.
+        Times from the onset of the signal on.
     added_nats : array (ticks,)
+        c at these times.
     """
     channels, steps = model.circuit.channels, round((SETTLE_MS + time_ms) / step_ms)
     nats = np.log([posterior, *[(1 - posterior) / (channels - 1)] * (channels - 1)]) / model.gain
@@ -190,7 +194,7 @@ def step_response(
 
 
 def closed_form(trace: Trace, ssd_ms: npt.ArrayLike, signal: StopSignal, added: Array) -> Trace:
-    """Return go trials with a stop signal by the closed form: OUT plus c(t - SSD).
+    """Add a stop signal to go trials by the closed form: OUT plus c(t - SSD).
 
     Parameters
     ----------

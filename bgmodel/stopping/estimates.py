@@ -1,8 +1,8 @@
 """Estimates of the stop-signal reaction time, after the consensus guide (Verbruggen et al. 2019).
 
 The guide's recommendation is the integration method with omissions replaced: go trials without a
-response count as the slowest. The mean method and a likelihood with trigger failures are here to be
-compared with it.
+response count as the slowest. The mean method and a likelihood with trigger failures are included
+for comparison.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ P_RANGE = (0.25, 0.75)
 FEWEST_STOPS = 50
 """Number of stop trials below which the guide calls estimates unreliable."""
 NODES = 40
-"""Of the Gauss-Hermite sum over the spread of the stop-signal reaction time."""
+"""Number of Gauss-Hermite nodes for the distribution of the stop-signal reaction time."""
 
 
 @dataclass(frozen=True, repr=False)
 class StopEstimate(Facts):
-    """What is estimated from the trials of one participant.
+    """Estimates from the stop-signal trials of one participant.
 
     Parameters
     ----------
     ssrt_ms : float
         Stop-signal reaction time, integration method with omissions replaced.
     ssrt_mean_ms : float
-        The same by the mean method: mean go time minus mean delay; biased (see the guide).
+        The same by the mean method: mean go time minus mean delay; biased (Verbruggen et al.).
     p_respond : float
         Probability of responding on stop trials.
     go_ms, failed_ms : float
@@ -46,7 +46,7 @@ class StopEstimate(Facts):
     omissions : float
         Proportion of go trials without a response.
     refusal : str
-        Why the guide accepts no estimate, or "".
+        Why the consensus guide does not accept the estimate; empty if it does.
     """
 
     ssrt_ms: float
@@ -64,7 +64,7 @@ class StopEstimate(Facts):
         return self.failed_ms - self.go_ms
 
     def facts(self) -> dict[str, str]:
-        """Return all numbers."""
+        """Return the main estimates, and the refusal if there is one."""
         found = {
             name: f"{getattr(self, name):.3g}"
             for name in ("ssrt_ms", "p_respond", "go_ms", "failed_ms", "ssd_ms", "omissions")
@@ -80,12 +80,12 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     trials : StopTrials
         Go and stop trials.
     checked : bool
-        Whether to refuse what the guide refuses; if not, ``refusal`` says why it would be.
+        Whether to raise an error if the guide accepts no estimate; if not, ``refusal`` says why.
 
     Raises
     ------
     ValueError
-        Without stop trials or responses on go trials; if checked, where the guide accepts no
+        Without stop trials or responses on go trials; if checked, also if the guide accepts no
         estimate: the probability of responding is outside 0.25 to 0.75, or failed stops are slower
         than go responses, which contradicts the race model that the estimate assumes.
 
@@ -137,14 +137,15 @@ def _refusal(found: dict[str, float]) -> str:
 
 
 def inhibition_function(trials: StopTrials) -> pd.DataFrame:
-    """Return p(respond) by stop-signal delay.
+    """Return the inhibition function, the probability of responding at each stop-signal delay.
 
     Returns
     -------
     DataFrame
         One row per delay: ssd_ms, trials, p_respond with low and high (95 %, Wilson), failed_ms
         (mean time of failed stops), and ssrt_ms, the quantile of the go times at p_respond minus
-        the delay (omissions replaced); the last is constant if the race is independent.
+        the delay (omissions replaced). In an independent race with a constant stop-signal reaction
+        time, ssrt_ms is the same at all delays.
     """
     go = trials.rt_ms[~trials.stop]
     replaced = np.where(np.isnan(go), np.nanmax(go), go)
@@ -163,7 +164,7 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 
 
 def nth_time(times_ms: Array, p: float) -> float:
-    """Return the n-th of the times in rising order, n = p times their number, rounded up."""
+    """Return the n-th shortest time, where n is p times the number of times, rounded up."""
     return float(np.quantile(times_ms, p, method="inverted_cdf"))
 
 
@@ -180,8 +181,8 @@ def p_respond(
 ) -> Array:
     """Return p(respond) of an independent race (Logan & Cowan 1984) with trigger failures.
 
-    ``p = f + (1 - f) E[F_go(SSD + SSRT)]``, the expectation over a normal distribution of the
-    stop-signal reaction time.
+    ``p = f + (1 - f) E[F_go(SSD + SSRT)]``, where f is the probability of a trigger failure, and
+    the expectation is over a normal distribution of the stop-signal reaction time (SSRT).
 
     Parameters
     ----------
@@ -201,13 +202,13 @@ def p_respond(
 
 
 def fit_race(trials: StopTrials) -> dict[str, float]:
-    """Return the race with trigger failures that makes responses on stop trials likeliest.
+    """Fit a race with trigger failures to the responses on stop trials, by maximum likelihood.
 
     Returns
     -------
     dict
         ssrt_ms, sd_ms and failures, with the log_likelihood. The distribution of go times is that
-        of the go trials, with omissions later than all.
+        of the go trials; omissions count as infinite.
     """
     go = np.where(np.isnan(trials.rt_ms), np.inf, trials.rt_ms)[~trials.stop]
     delays, place = np.unique(trials.ssd_ms[trials.stop], return_inverse=True)

@@ -6,17 +6,18 @@ is ``P_i (1 - P_stop)``, and
     OUT_i = -ln P_i - ln(1 - P_stop) = -ln P_i + ln(1 + exp z),
     OUT_stop = -ln P_stop = ln(1 + exp(-z)),
 
-where z is the log odds of a stop trial. What the stop signal adds, ``c = ln(1 + exp z)``, is the
-same for all responses: an input to STN that all channels share. Deciding to withhold is one more
-response; it is made where OUT_stop crosses its threshold first. The probabilities of responses and
-of the stop sum to 1, so the observer is calibrated like the MSPRT.
+where z is the log odds of a stop trial. The stop signal adds ``c = ln(1 + exp z)`` to all responses
+alike, as an input to STN that all channels share would. Withholding is one more response, made if
+OUT_stop crosses its threshold first. The probabilities of responses and of the stop sum to 1, so
+the observer is calibrated like the MSPRT.
 
 The signal may begin at any reading k of a known distribution f. With l_t the log-likelihood ratio
 of reading t (signal on against off),
 
     z_t = logit(share) + ln(A_t + 1 - F_t),   A_t = (A_(t-1) + f_t) exp(l_t),
 
-where F is the sum of f: signals that have begun, each with its evidence since, and those to come.
+where F_t is the sum of f up to t. A_t stands for signals that have begun, each weighted by the
+evidence since then, and 1 - F_t for those still to come.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ from circuits.errors import InputError, require
 
 @dataclass(frozen=True)
 class StopEvidence:
-    """Evidence for a stop signal, reading by reading, next to the evidence of the go task.
+    """Evidence for a stop signal, reading by reading, and the evidence of the go task.
 
     Parameters
     ----------
     go : Evidence
-        The go task; its readings and these come at the same times.
+        The go task; its readings come at the same times as those of the stop signal.
     log_ratio : array (trials, steps), nats
         ``log p(reading | signal on) - log p(reading | signal off)``.
     ssd_ms : array (trials,), ms
@@ -52,7 +53,7 @@ class StopEvidence:
     share : float
         Prior probability of a stop trial, 0..1.
     begins : array (steps,)
-        Prior probability that the signal of a stop trial is on from reading k = 1, 2, ... on.
+        Prior probability that reading k = 1, 2, ... of a stop trial is the first with the signal.
 
     Raises
     ------
@@ -155,9 +156,9 @@ class StopMsprt:
     gain : float
         Factor on the evidence of the go task, as in ``Msprt``; 1 is the ideal observer.
     extra_channel : bool
-        The baseline model in which the stop is a mere further channel of a go test: ``z`` competes
-        as evidence, so that it delays responses by ``ln(1 + exp(z - S))``, less the more
-        evidence S = ln sum exp y there is in all. The ideal observer adds ``ln(1 + exp z)``.
+        Whether to use the baseline model in which the stop is only one more channel of the test,
+        with evidence ``z``. It then adds ``ln(1 + exp(z - S))`` to OUT of each response, which
+        shrinks as S = ln sum exp y grows; in the ideal observer it adds ``ln(1 + exp z)``.
     """
 
     gain: float = 1.0
@@ -178,15 +179,15 @@ class StopMsprt:
         return replace(go, out_nats=out, readout=OF_MSPRT)
 
     def decide(self, evidence: StopEvidence, posterior: float, stop_posterior: float) -> Decision:
-        """Return the decision of each trial; the choice after the last response is to withhold.
+        """Return the decision of each trial; the choice that follows the responses is to withhold.
 
         Parameters
         ----------
         evidence : StopEvidence
             Go and stop readings.
         posterior, stop_posterior : float
-            Probability of a response at which it is made, and of the stop signal at which the
-            response is withheld for good.
+            Probability at which a response is made, and probability of a stop trial at which
+            responses are withheld for good.
         """
         responses = evidence.go.hypotheses
         levels = -np.log(np.array([[*[posterior] * responses, stop_posterior]]))

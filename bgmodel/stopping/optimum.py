@@ -1,8 +1,9 @@
-"""The policy of the stop-signal task that earns most, by dynamic programming.
+"""The optimal policy of the stop-signal task, by dynamic programming.
 
-The state after t readings is the log odds of the two responses, L, and the evidence for a signal
-that has begun, a = ln A. Go and stop evidence are independent, so what the next reading does to L
-and to a is independent too, and one backward step is a product with two transition matrices.
+The state after t readings consists of L, the log odds of the two responses, and a = ln A, the
+evidence for a signal that has begun (see ``observer``). Go and stop evidence are independent, so
+the next reading changes L and a independently, and one backward step is a product with two
+transition matrices.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ WAIT, RESPOND, WITHHOLD = 0, 1, 2
 
 @dataclass(frozen=True)
 class Rewards:
-    """What the outcomes of a trial are worth, and what a reading costs."""
+    """Rewards of the outcomes of a trial, and the cost per reading."""
 
     response: float = 1.0
-    """A right response in a go trial."""
+    """A correct response in a go trial."""
     error: float = 0.0
-    """A wrong one."""
+    """A wrong response in a go trial."""
     failed: float = -1.0
     """A response in a stop trial."""
     stop: float = 1.0
@@ -32,7 +33,7 @@ class Rewards:
     omission: float = 0.0
     """No response in a go trial."""
     reading: float = 0.005
-    """Cost of a reading, until a response is made or withheld for good."""
+    """Cost per reading, until a response is made or withheld for good."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Policy:
     action : array (1 + steps, L, A)
         ``WAIT``, ``RESPOND`` (with the leading response) or ``WITHHOLD``.
     value : float
-        Expected reward of a trial.
+        Expected reward per trial.
     """
 
     log_odds: Array
@@ -68,16 +69,17 @@ def optimal_policy(
     Parameters
     ----------
     d_prime : float
-        Difference of the means of a go reading under the two hypotheses, in its sd: the log
-        odds have a drift of ``+-d_prime**2 / 2`` and a variance of ``d_prime**2`` per reading.
+        Difference of the means of a go reading under the two hypotheses, in standard deviations:
+        the log odds have a drift of ``+-d_prime**2 / 2`` and a variance of ``d_prime**2`` per
+        reading.
     stop_d_prime : float
-        Mean of a stop reading with the signal, in its sd.
+        Mean of a stop reading with the signal, in standard deviations.
     share : float
         Prior probability of a stop trial.
     begins : array (steps,)
-        Prior probability that the signal is on from reading k on.
+        Prior probability that reading k is the first with the signal.
     rewards : Rewards
-        The task.
+        Rewards of the outcomes, and the cost per reading.
     points : int
         Points of the grid along each dimension.
     """
@@ -114,7 +116,7 @@ def optimal_policy(
 def _stop_step(
     begun: Array, t: int, begins: Array, later: Array, share: float, d_prime: float
 ) -> Array:
-    """Return the probabilities (A, A) of moving from ln A to another with the reading t + 1."""
+    """Return the probabilities (A, A) that reading t + 1 moves ln A from one value to another."""
     with np.errstate(divide="ignore"):
         prior = np.logaddexp(begun, np.log(begins[t]))
         weights = np.stack([prior, np.full_like(begun, np.log(later[t + 1]))])

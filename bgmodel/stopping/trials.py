@@ -35,9 +35,9 @@ class StopTrials(Facts):
     ssd_ms : array (trials,), ms
         Stop-signal delays from the go stimulus; NaN in go trials.
     correct : bool array (trials,), optional
-        Whether the response was right; responses of either kind count for stopping.
+        Whether the response was correct; in stop trials, wrong responses are failures to stop too.
     deadline_ms : float, optional
-        End of the longest trial, ms: a later signal could not be answered.
+        End of the longest trial, ms; all signals must come before it.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class StopTrials(Facts):
             DataWarning.warn(f"ssd_ms is at most {latest:g}: delays are in ms, not in seconds")
 
     def facts(self) -> dict[str, str]:
-        """Return counts and times."""
+        """Return the numbers of trials, the delays and the proportion of failed stops."""
         stops = int(self.stop.sum())
         found = {"trials": f"{len(self.rt_ms)}", "stop_trials": f"{stops}"}
         if stops:
@@ -113,16 +113,17 @@ class StopTrials(Facts):
 
 
 def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:
-    """Return the trials of a model.
+    """Return a model's decisions as stop-signal trials.
 
     Parameters
     ----------
     decision : Decision
-        Choices of one threshold; choices from ``responses`` on, and undecided trials, withhold.
+        Decisions at one threshold. The response is withheld in undecided trials, and where the
+        index of the choice is ``responses`` or more.
     ssd_ms : array (trials,), ms
         Stop-signal delays from the onset of evidence; NaN in go trials.
     responses : int
-        Number of responses, the hypotheses of the go task.
+        Number of responses, which is that of the go task's hypotheses.
     """
     made = (decision.choice != UNDECIDED) & (decision.choice < responses)
     rt_ms = np.where(made, np.maximum(decision.time_ms, 0.0), np.nan)
@@ -133,7 +134,7 @@ def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> St
 def drawn_delays(
     trials: int, delays_ms: npt.ArrayLike, share: float, rng: np.random.Generator | int
 ) -> Array:
-    """Return a stop-signal delay per trial, drawn evenly from a grid; NaN in go trials.
+    """Draw a stop-signal delay for each trial, uniformly from a grid; NaN in go trials.
 
     Parameters
     ----------

@@ -15,9 +15,9 @@ from circuits.errors import EditWarning, InputError, require
 DOPAMINE = "dopamine"
 """Name used in place of a population's for a course of the dopamine level."""
 POINTS, TAILS = 400, 20.0
-"""Where sums of courses are evaluated: number of points, and range in time constants."""
+"""Number of times at which sums of courses are evaluated, and their range in time constants."""
 SHORTEST_MS = 1.0
-"""A course below this duration is doubted: it may have been given in seconds."""
+"""Duration below which a warning is issued, because times may have been given in seconds."""
 NEAR = 1e-9
 """Distance, ticks, within which an edge counts as being on a tick."""
 
@@ -38,7 +38,7 @@ class Course:
         Added to the dopamine level, which is normally 1; or nats added to the input of every
         channel of the population, before its filter.
     from_ms, to_ms : float
-        Begin and end, ms; without an end it lasts until the trial is over.
+        Start and end, ms; without an end it lasts until the trial is over.
     rise_ms, decay_ms : float
         Time constants of rise and decay, ms; 0 is a step.
     cite : str
@@ -119,7 +119,7 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
     edges = sorted({edge for row in courses for edge in (row.from_ms, row.to_ms)} - {math.inf})
     tau = [tau for row in courses for tau in (row.rise_ms, row.decay_ms) if tau] or [1.0]
     since = np.geomspace(min(tau) / POINTS, TAILS * max(tau), POINTS)
-    # The end of a step already has the next value, so the step's is taken just before.
+    # At its end a step has already changed, so its value is taken just before.
     before = np.nextafter(edges, -math.inf)
     after = (np.array(edges)[:, None] + since).ravel()
     even = np.linspace(edges[0], edges[-1], POINTS)
@@ -130,7 +130,7 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
 
 
 def warn_of_late(courses: Sequence[Course], end_ms: float) -> None:
-    """Warn of courses that begin when trials are over.
+    """Warn of courses that begin after the end of all trials.
 
     Parameters
     ----------

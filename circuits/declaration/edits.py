@@ -157,7 +157,7 @@ class Edit:
     channel : int, optional
         The channel to edit; by default all.
     value : float or str
-        Its number; or, as text, the new value of a field, or a new row.
+        The number in the line; or, as text, the new value of a field, or a new row.
     """
 
     text: str
@@ -271,7 +271,7 @@ class Edits(tuple[str, ...]):
         ------
         ValueError
             If two edits change the same number, or one adds a course to a nucleus that already has
-            one, because it is unclear whether it should replace that.
+            one, because it is unclear whether to replace the existing course.
         """
         new = {edit.place: edit for edit in map(parsed, Edits(lines))}
         left_out = {parsed(line).place for line in without}
@@ -304,7 +304,7 @@ def parsed(line: str) -> Edit:
     Raises
     ------
     ValueError
-        Naming the line, what is allowed and an example.
+        If it is not an edit; the message names the line, what is allowed and an example.
     """
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""

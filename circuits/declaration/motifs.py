@@ -66,7 +66,7 @@ MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {"striatal_FSI": 
 
 
 def expanded(circuit: CircuitTable, rows: Iterable[Given]) -> Iterator[Given | Row]:
-    """Yield rows unchanged, and for the name of a motif its rows."""
+    """Yield rows unchanged, and the rows of a motif in place of its name."""
     for row in rows:
         motif = MOTIFS.get(row.strip()) if isinstance(row, str) else None
         if motif is None:

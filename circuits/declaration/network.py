@@ -1,4 +1,4 @@
-"""The two tables of a circuit, populations and the projections that join them."""
+"""The two tables of a circuit: populations, and the projections between them."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> list[Row]:
     Raises
     ------
     ValueError
-        Naming the edit and what is allowed.
+        If an edit is invalid; the message names it and what is allowed.
     """
     by_row: dict[str, list[Edit]] = {}
     for edit in edits:
@@ -97,12 +97,12 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
     """Return the rows to add to a circuit, parsing those given as text.
 
     A row given as text may be like an existing row or another new row, in any order. A population
-    like a lesioned one is intact. The name of a motif adds all of its rows.
+    like a lesioned one is itself intact. The name of a motif adds all of its rows.
 
     Raises
     ------
     ValueError
-        Naming the row and what is allowed.
+        If a row is invalid; the message names it and what is allowed.
     """
     given = list(expanded(circuit, rows))
     known: dict[str, Row] = {row.name: row for row in circuit.populations}
@@ -178,7 +178,7 @@ def naming(*edits: str) -> Iterator[None]:
 
 def _new(text: str) -> tuple[str, dict[str, str]]:
     """Return the name and the fields of a new row."""
-    tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks about -> and =
+    tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks around -> and =
     name, *words = shlex.split(tidied) or [""]
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}

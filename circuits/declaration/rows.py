@@ -64,8 +64,8 @@ class Population:
     cell : Cell
         Cell type with its constants.
     baseline_hz, gain_hz_per_nat : float
-        Rate at an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``. The baseline is
-        between 0 and ``MOST_HZ``; it may be negative only if the cell's rate may be.
+        The rate is ``baseline_hz + gain_hz_per_nat * a`` if the activity is a, in nats. The
+        baseline is between 0 and ``MOST_HZ``; it may be negative only if the cell's rate may be.
     transmitter : str
         "glutamate" or "GABA"; sets the sign of all outgoing projections.
     neurons : int
@@ -73,21 +73,21 @@ class Population:
     pooled : bool
         Whether one channel serves all alternatives.
     transfer : str
-        The activity as a function of the input in nats, by name.
+        Name of the function that gives the activity for an input, both in nats.
     bias_nats : float
         Constant input.
     tau_ms : float
-        Time constant of the input filter, ms; cells that hear nats have their own.
+        Time constant of the input filter, ms; cells with ``hears = "nats"`` filter in the membrane.
     receptor : str
         "D1" or "D2" if dopamine acting on the cells raises or lowers the cortical gain.
     operating_point_nats : float
-        Cortical input at which dopamine has no effect; it scales deviations from it.
+        Cortical input at which dopamine has no effect: it scales deviations from this input.
     heterogeneity : float
         Standard deviation of the constants across cells, as a fraction of each; the mean over a
         channel equals the row's value.
     intact, clamped : float, bool
-        Fraction that survives a lesion, and whether the targets receive the lost output as a
-        constant, its resting rate.
+        Fraction that survives a lesion, and whether the targets receive a constant, the resting
+        rate, in place of the lost output.
     intact_by_channel : tuple of float
         Factors on ``intact`` in each channel; empty means 1 in all.
     cite : str

@@ -1,4 +1,4 @@
-"""The declaration: a circuit consists of tables of populations, projections and courses."""
+"""The declaration of a circuit: its tables of populations, projections and courses."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CircuitTable(Network):
 
     The evidence enters ``input`` as a drive in nats, one number per channel, that is zero at rest:
     the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. If
-    the circuit has another ``unit``, drive, OUT and every field whose name ends in nats have it.
+    the circuit has another ``unit``, it applies to drive, OUT and all fields that end in ``_nats``.
     """
 
     input: str = "ctx"
@@ -59,14 +59,15 @@ class CircuitTable(Network):
     """Whether the mean drive over channels must be subtracted beforehand. A circuit that cancels
     common input does not need this: each channel receives its own evidence."""
     max_deficit_nats: float = math.inf
-    """How far below the leader's drive another channel's may fall: a silent cell cannot fall
-    further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``."""
+    """How far the drive of a channel can fall below the leader's before its cells are silent and
+    follow no further. This changes the leader's OUT by at most
+    ``ln(1 + (channels - 1) exp(-max_deficit_nats))``."""
     max_lead_nats: float = math.inf
     """Largest mean lead, nats of drive, that one channel may gain over the mean of the others per
     100 ms, or per reading where readings are further apart. Beyond it decisions come late or
     never. Infinite where it was not measured."""
     most_channels: int = 1000
-    """Most alternatives for which the circuit has a resting state."""
+    """Largest number of alternatives for which the circuit has a resting state."""
     wiring_seed: int = 0
     """Seed of connections and heterogeneity, which differ between cells."""
     more_inputs: tuple[str, ...] = ()
@@ -75,20 +76,20 @@ class CircuitTable(Network):
     courses: tuple[Course, ...] = ()
     """The third table: changes within a trial. Most circuits have none."""
     about: str = field(default="", compare=False)
-    """One sentence with its source, of the table before any edit: an edited one begins with
-    ``EDITED``. It is no part of what makes two circuits equal."""
+    """One sentence with its source about the table before any edit; after an edit it begins with
+    ``EDITED``. It is ignored when circuits are compared."""
     unit: str = NATS
     """Unit of drive and OUT: "nats", or "salience", from which no posterior follows."""
     default_gain: float | None = None
     """Nats of drive per nat of evidence for which the circuit was designed; None if unknown."""
     chronic: bool = False
-    """Whether lesions are old: the circuit starts at its own rest, not at that of the intact
-    one."""
+    """Whether lesions are chronic: runs start at the resting state of this circuit, not at that of
+    the intact one."""
     unedited: Self | None = field(default=None, compare=False)
-    """The table before its edits, which set it. It is no part of what makes two circuits equal,
-    and no file keeps it."""
+    """The table before its edits; None if there are none. It is ignored when circuits are compared,
+    and not saved to files."""
     dopamine_edit: float = field(default=1.0, compare=False)
-    """The level of dopamine to which it was edited last, 1 if to none; like ``unedited``."""
+    """Dopamine level set by the last edit of it, or 1; ignored and not saved, like ``unedited``."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -212,7 +213,7 @@ class CircuitTable(Network):
         """Return the pathways scaled by dopamine, each with the row that has the receptor.
 
         These are pathways with receptors at their terminals, and pathways from the input onto cells
-        with receptors; if both have receptors, those of the pathway count.
+        with receptors; if both have receptors, only those of the pathway count.
         """
         found: list[tuple[Projection, Population | Projection]] = []
         for p in self.projections:

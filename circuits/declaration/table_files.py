@@ -37,7 +37,7 @@ SPARE = ("courses",)
 LARGE = 1e15
 """Floats of at least this size are not written as whole numbers."""
 TYPE = "type"
-"""The key of a cell's type."""
+"""Key under which a cell's type is stored."""
 
 
 def is_path(name: str | Path) -> bool:
@@ -62,7 +62,7 @@ def digest(circuit: CircuitTable) -> str:
         for row in held.get(table, ()):
             for name in NOT_HASHED:
                 row.pop(name, None)
-    if circuit.about:  # the mark of an edit says no more than the rows
+    if circuit.about:  # the rows already show that the circuit was edited
         held["about"] = circuit.about.removeprefix(EDITED)
     text = json.dumps(_canonical(held), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -14,7 +14,7 @@ from circuits.errors import require
 EXP_MOST = 60.0
 """Cap of exponents, nats: far above any rate and far below overflow."""
 MOST_NATS = 5.5
-"""Highest activity of a saturating population, nats: above that needed to decide between 12."""
+"""Highest activity of a saturating population, nats; decisions among 12 channels need less."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ def _s_minus_log_s_curvature(s: Array) -> Array:
 
 # Each compiled engine has its own version of these functions; tests check that they agree. A shared
 # compiled function is not possible: the ensemble engine takes one number at a time in double
-# precision, inlined into its loop over ticks; the population engine takes a row of lanes in single
-# precision, with an exponential that the compiler vectorises; here they work on NumPy arrays. A
-# shared version would round differently and make the lanes slower.
+# precision, inlined into its loop over ticks; the population engine takes a row of parallel trials
+# in single precision, with an exponential that the compiler vectorises; here they work on NumPy
+# arrays. A shared version would round differently and slow the population engine down.
 TRANSFERS: dict[str, Transfer] = {
     "linear": Transfer(
         lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "unchanged", lambda a: a + 0.0
@@ -112,7 +112,7 @@ TRANSFERS: dict[str, Transfer] = {
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),
 }
-"""All transfers by name. The compiled engine has neither the ramp nor transfers added later."""
+"""All transfers by name. The ensemble engine has neither the ramp nor transfers added later."""
 
 
 def named(name: str) -> Transfer:

@@ -67,11 +67,11 @@ class EditableTable(CircuitTable):
         """Return the circuit with a fraction of a nucleus lesioned.
 
         All of its output is scaled, including its tone. The lesioned cells are still simulated and
-        shown, but have no effect. A lesion is more than scaled pathways: see ``scale``.
+        shown, but have no effect. Scaling all pathways of a nucleus to 0 is less: see ``scale``.
 
         Repeated lesions of a nucleus compound, as do clamps, cuts and factors of ``scale``: each
-        fraction is of what is left. Two lesions of 10 % leave 81 %. Edits as text (``edited``)
-        refuse two of the same number.
+        applies to what is left. Two lesions of 10 % leave 81 %. Edits as text (``edited``) may not
+        change the same number twice.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class EditableTable(CircuitTable):
             If no row of the circuit has a receptor, so that a level has no effect. If the circuit
             was already edited to another level, since two levels do not combine into
             one: 0.9 and 0.8 multiply weights with D1 receptors by 0.72 and those with D2 receptors
-            by 1.32. For a level of 0.8, edit the circuit from before the first edit.
+            by 1.32. For a level of 0.8, edit the circuit as it was before the first edit.
         """
         check_range(0, 2, level=level)
         if level == 1:

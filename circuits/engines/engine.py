@@ -178,11 +178,11 @@ class Engine:
         return self
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
-        """Return the engine that stops a trial once its OUT falls below a level, nats."""
+        """Return the engine set to stop a trial once its OUT falls below a level, nats."""
         return self
 
     def recording(self, names: tuple[str, ...]) -> Self:
-        """Return the engine that records the spikes of populations."""
+        """Return the engine set to record the spikes of populations."""
         return self
 
     def coarse(self) -> Self:
@@ -190,7 +190,7 @@ class Engine:
         return self
 
     def at_rest(self) -> Engine:
-        """Return the engine that measures the noise of OUT at rest fastest."""
+        """Return the fastest engine for measuring the noise of OUT at rest."""
         return self
 
     # ---- questions about a run
@@ -227,7 +227,7 @@ class TimedEngine(Engine):
     """Time at rest before the first reading, ms; it is not recorded."""
 
     def __post_init__(self) -> None:
-        """Check the times too."""
+        """Also check the times."""
         super().__post_init__()
         check_positive(sample_ms=self.sample_ms)
         check_range(0, math.inf, settle_ms=self.settle_ms)
@@ -237,12 +237,12 @@ class TimedEngine(Engine):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SpikingEngine(TimedEngine):
-    """Base class of spiking engines, which all have the same noise and spikes."""
+    """Base class of spiking engines, which all draw the same noise and produce the same spikes."""
 
     spiking: ClassVar[bool] = True
     sparse: ClassVar[bool] = True
     cell_bytes: ClassVar[float] = 100.0
-    """Measured memory per cell in each trial, or thread, that runs at the same time, bytes."""
+    """Measured memory per cell, bytes, for each trial or thread that runs at the same time."""
 
     dt_ms: float = 0.1
     """One tick, ms."""
@@ -264,11 +264,11 @@ class SpikingEngine(TimedEngine):
         return True
 
     def recording(self, names: tuple[str, ...]) -> Self:
-        """Return the engine that records the spikes of populations."""
+        """Return the engine set to record the spikes of populations."""
         return replace(self, spikes=names)
 
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
-        """Add connections, and the cells of all trials or threads that run at the same time."""
+        """Include connections, and the cells of all trials or threads that run at the same time."""
         of_cells = self.cell_bytes * cells(circuit) * self.copies(trials)
         return super().memory_bytes(circuit, trials, samples) + connection_bytes(circuit) + of_cells
 
@@ -289,10 +289,10 @@ class CompiledEngine(TimedEngine):
     drop_below: float | None = None
     """A trial ends when OUT falls below this, nats; later samples are NaN."""
     workers: int = 1
-    """Threads; the results do not depend on it."""
+    """Number of threads; results do not depend on it."""
 
     def __post_init__(self) -> None:
-        """Check the threads and the level too."""
+        """Also check the number of threads and the level."""
         super().__post_init__()
         whole = is_whole(self.workers) and self.workers >= 1
         require(whole, "workers", "must be a whole number >= 1", self.workers)
@@ -314,11 +314,11 @@ class CompiledEngine(TimedEngine):
         return out, np.empty((trials, samples, blocks), np.float32)
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
-        """Return the engine that drops a trial once its OUT is below a level, nats."""
+        """Return the engine set to stop a trial once its OUT falls below a level, nats."""
         return replace(self, drop_below=level_nats, rates=rates)
 
     def at_rest(self) -> Engine:
-        """Return the engine that records only OUT, sampled every ms."""
+        """Return the engine set to record only OUT, sampled every ms."""
         return replace(self, rates=False, drop_below=None, sample_ms=1.0).recording(())
 
 
@@ -326,6 +326,6 @@ class CompiledEngine(TimedEngine):
 
 
 def of_cells_alone(field: str) -> bool:
-    """Return whether a field of a row matters only for spiking or finitely many cells."""
+    """Return whether a field of a row matters only if cells spike or their number is finite."""
     of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
     return field in OF_CELLS or (field.startswith("cell.") and field not in of_rates)

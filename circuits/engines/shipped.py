@@ -33,8 +33,8 @@ class Algebra(Engine):
     Parameters
     ----------
     laws : {"table", "cells", "finite"}
-        What populations follow: the lines of their rows; their cells' own f-I laws; or those laws
-        and the effect that the noise of the row's number of cells has on the means.
+        How rates depend on the input: by the lines (linear relations) of the rows; by the cells'
+        f-I curves; or by these and the effect of the noise of finitely many cells on mean rates.
     """
 
     id: ClassVar[str] = "algebra"
@@ -43,9 +43,9 @@ class Algebra(Engine):
     timed: ClassVar[bool] = False
 
     laws: str = "table"
-    """What populations follow: "table", the lines of their rows; "cells", their cells' own f-I
-    laws, which bend away from the lines; "finite", those laws and the effect that the noise of the
-    row's number of cells has on the means (``circuits.laws.fluctuation``)."""
+    """How rates depend on the input: "table", by the lines (linear relations) of the rows; "cells",
+    by the cells' f-I curves, which bend away from the lines; "finite", by these curves and the
+    effect of the noise of finitely many cells on mean rates (``circuits.laws.fluctuation``)."""
 
     def __post_init__(self) -> None:
         """Check the laws."""
@@ -74,11 +74,11 @@ class PopulationsEngine(CompiledEngine):
     """Base class of engines that transmit rates instead of spikes."""
 
     dt_ms: float | None = None
-    """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit."""
+    """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times."""
 
     @property
     def laws(self) -> str:
-        """What rates follow: the lines of the table, behind each membrane."""
+        """How rates depend on the input: by the lines of the table, after membrane filtering."""
         return "lines"
 
     @property
@@ -88,7 +88,7 @@ class PopulationsEngine(CompiledEngine):
 
     @property
     def by_cells(self) -> bool:
-        """Whether rates follow the cells' own laws."""
+        """Whether rates follow the cells' f-I curves and lags."""
         return self.laws == "cells"
 
 
@@ -100,16 +100,16 @@ class Rate(PopulationsEngine):
     Parameters
     ----------
     dt_ms : float, optional
-        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit.
+        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times.
     sample_ms, settle_ms : float
-        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
-        300 ms.
+        Time from one recorded sample to the next, and time at rest before the first reading; by
+        default 1 and 300 ms.
     rates : bool
-        Whether to record the rates of all populations; True.
+        Whether to record the rates of all populations; by default yes.
     drop_below : float, optional
         A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Number of threads, 1; results do not depend on it.
+        Number of threads, by default 1; results do not depend on it.
     """
 
     id: ClassVar[str] = "rate"
@@ -128,25 +128,25 @@ class Rate(PopulationsEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Population(PopulationsEngine):
-    """Populations that follow their cells' laws, with the noise of a finite number of cells.
+    """Populations that follow their cells' f-I curves, with the noise of finitely many cells.
 
     Parameters
     ----------
     laws : {"cells", "lines"}
-        What rates follow: the cells' own laws and lags, or the lines of the table.
+        How rates depend on the input: by the cells' f-I curves and lags, or by the table's lines.
     noise : bool
-        Whether rates have the noise of a finite number of cells; True.
+        Whether rates have the noise of a finite number of cells; by default yes.
     dt_ms : float, optional
-        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit.
+        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times.
     sample_ms, settle_ms : float
-        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
-        300 ms.
+        Time from one recorded sample to the next, and time at rest before the first reading; by
+        default 1 and 300 ms.
     rates : bool
-        Whether to record the rates of all populations; True.
+        Whether to record the rates of all populations; by default yes.
     drop_below : float, optional
         A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Number of threads, 1; results do not depend on it.
+        Number of threads, by default 1; results do not depend on it.
     """
 
     id: ClassVar[str] = "population"
@@ -156,13 +156,13 @@ class Population(PopulationsEngine):
     )
 
     laws: str = "cells"
-    """What rates follow: "cells", the cells' own laws and lags, or "lines", those of the table,
-    behind each membrane."""
+    """How rates depend on the input: "cells", by the cells' f-I curves and lags, or "lines", by the
+    lines of the table after membrane filtering."""
     noise: bool = True
     """Whether rates have the noise of a finite number of cells."""
 
     def __post_init__(self) -> None:
-        """Check the laws too."""
+        """Also check the laws."""
         super().__post_init__()
         known = ", ".join(LAWS_OF_RATES)
         require(self.laws in LAWS_OF_RATES, "laws", f"must be one of {known}", self.laws)
@@ -181,20 +181,20 @@ class Ensemble(CompiledEngine, SpikingEngine):
     Parameters
     ----------
     dt_ms : float
-        One tick, 0.1 ms.
+        One tick, by default 0.1 ms.
     spikes : tuple of str
         Populations whose spikes are recorded; none by default.
     sample_ms, settle_ms : float
-        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
-        300 ms.
+        Time from one recorded sample to the next, and time at rest before the first reading; by
+        default 1 and 300 ms.
     rates : bool
-        Whether to record the rates of all populations; True.
+        Whether to record the rates of all populations; by default yes.
     drop_below : float, optional
         A trial ends when OUT falls below this, nats; later samples are NaN.
     workers : int
-        Number of threads, 1; results do not depend on it.
+        Number of threads, by default 1; results do not depend on it.
     progress : bool
-        Whether to show the progress of a run; False.
+        Whether to show the progress of a run; by default not.
     """
 
     id: ClassVar[str] = "ensemble"
@@ -218,14 +218,14 @@ class Brian2(SpikingEngine):
     Parameters
     ----------
     dt_ms : float
-        One tick, 0.1 ms.
+        One tick, by default 0.1 ms.
     spikes : tuple of str
         Populations whose spikes are recorded; none by default.
     sample_ms, settle_ms : float
-        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
-        300 ms.
+        Time from one recorded sample to the next, and time at rest before the first reading; by
+        default 1 and 300 ms.
     explicit : bool
-        Whether connections of probability 1 become synapses too, to check shared inputs; False.
+        Whether pathways of probability 1 have N^2 synapses, not one shared input; by default not.
     """
 
     id: ClassVar[str] = "brian2"
@@ -233,15 +233,15 @@ class Brian2(SpikingEngine):
     description: ClassVar[str] = "spikes in Brian2"
 
     explicit: bool = False
-    """Whether connections of probability 1 become synapses too, N^2 of them: to check the inputs
-    that cells share."""
+    """Whether pathways of probability 1 have N^2 synapses instead of one input shared by all cells,
+    to check that both give the same result."""
 
     def copies(self, trials: int) -> int:
         """Return the number of trials: one network simulates all of them."""
         return trials
 
     def at_rest(self) -> Ensemble:
-        """Return the compiled engine, which has the same spikes."""
+        """Return the compiled engine, which produces the same spikes."""
         return compiled(self)
 
 
@@ -253,12 +253,12 @@ class Plain(SpikingEngine):
     Parameters
     ----------
     dt_ms : float
-        One tick, 0.1 ms.
+        One tick, by default 0.1 ms.
     spikes : tuple of str
         Populations whose spikes are recorded; none by default.
     sample_ms, settle_ms : float
-        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
-        300 ms.
+        Time from one recorded sample to the next, and time at rest before the first reading; by
+        default 1 and 300 ms.
     """
 
     id: ClassVar[str] = "plain"
@@ -266,10 +266,10 @@ class Plain(SpikingEngine):
     description: ClassVar[str] = "spikes in plain NumPy, the readable reference"
 
     def at_rest(self) -> Ensemble:
-        """Return the compiled engine, which has the same spikes."""
+        """Return the compiled engine, which produces the same spikes."""
         return compiled(self)
 
 
 def compiled(engine: SpikingEngine) -> Ensemble:
-    """Return the compiled engine with the times of another one, recording only OUT."""
+    """Return the compiled engine with the times of another engine, recording only OUT."""
     return Ensemble(dt_ms=engine.dt_ms, settle_ms=engine.settle_ms, rates=False)

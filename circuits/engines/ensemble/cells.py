@@ -1,8 +1,8 @@
 """Cell types in the compiled engine.
 
-The types of the shipped tables have dedicated loops (``lanes``), each an entry of ``ENTRIES``. Any
-other spiking type runs through ``loops``, which compiles the type's ``tick`` unchanged. The loop is
-called by its address, so that the kernel does not have to be recompiled.
+The types used in the included circuits have dedicated loops (``lanes``), one entry of ``ENTRIES``
+each. Any other spiking type runs through ``loops``, which compiles the type's ``tick`` unchanged.
+The loop is called by its address, so that the kernel does not have to be recompiled.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class Entry(NamedTuple):
     Parameters
     ----------
     kind : int
-        Which loops.
+        Code of the loops.
     columns : callable
-        (cell, dt_ms) -> fields of its record, for cells that are alike.
+        Returns the fields of a block's record from (cell, dt_ms), for identical cells.
     varied : callable
-        (cell, factors, dt_ms) -> rows (5, neurons) of ``Plan.constants``.
+        Returns rows (5, neurons) of ``Plan.constants`` from (cell, factors, dt_ms).
     """
 
     kind: int
@@ -95,7 +95,7 @@ def entry(cell: Cell) -> Entry:
     return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 
 
-# ---- a tick as it stands
+# ---- types without dedicated loops: their own tick, compiled unchanged
 
 
 class Loops(NamedTuple):
@@ -140,7 +140,7 @@ def loops(kind: type[Cell]) -> Loops:
 
 
 _LOOPS: dict[tuple[Any, Any], Loops] = {}
-"""By ``tick`` and ``begin``, so that a type with replaced functions is recompiled."""
+"""Compiled loops by ``tick`` and ``begin``, so that a type whose functions change is recompiled."""
 
 
 def _compiled_loops(kind: type[Cell]) -> Loops:
@@ -169,7 +169,7 @@ def _gathered(values: Any, like: Any, stride: int, i: int) -> Any:
 
 
 def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., None]:
-    """Return the loop that takes cells through ticks; arguments as in ``ADVANCE``."""
+    """Return the loop that advances cells through ticks; arguments as in ``ADVANCE``."""
     no_state, no_constants = (np.float32(0),) * size, (np.float32(0),) * count
 
     def advance(
@@ -191,7 +191,7 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
 
 
 def _place(begin: Callable[..., Any], size: int, count: int) -> Callable[..., None]:
-    """Return the loop that places cells as a trial begins; arguments as in ``PLACE``."""
+    """Return the loop that sets the state of cells at the start of a trial; as in ``PLACE``."""
     no_constants = (np.float32(0),) * count
 
     def place(state: Any, constants: Any, stride: int, key: int, cells: int) -> None:

@@ -1,6 +1,6 @@
 """One trial of the ensemble engine: the tick scheme of ``circuits.dynamics.ticks``, compiled.
 
-Input within the next ticks, up to the shortest delay, is known in advance. So each block in turn is
+Input within the next ticks, up to the shortest delay, is known in advance, so each block in turn is
 advanced through such a window of ticks, and then the read-out. This does not change the results.
 
 Sums over populations are double precision, in the order of the Brian2 engine; cells, in
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from circuits.engines.ensemble.records import Plan, Work
 
 RATE, LIF, PHASE, GENERAL = range(4)
-"""Loops over cells: none, those of two types, or one compiled from a type's own tick."""
+"""Kinds of loops over cells: none, those of two types, or one compiled from a type's tick."""
 _NAMES = ("linear", "rectified", "saturating", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES)}
 LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = TRANSFERS.values()
@@ -40,7 +40,7 @@ less than a word."""
 LEAST_SCALE = 2.0**-10
 """Filters of cells are rescaled when their common scale falls below this."""
 MOST_ROWS = 255
-"""Rows of connections that a count of a byte takes."""
+"""Number of rows of connections after which a one-byte count may overflow."""
 
 
 @numba.njit(inline="always")
@@ -99,7 +99,7 @@ def _arrivals(first, window, units, sources, factors, ring, state, passed):
 
 @compiled
 def _common(block, first, window, clock, inputs, passed, drive, nats, common):
-    """Sum up what all cells of a block receive, nats, in the ticks of a window (step 2).
+    """Sum the input common to all cells of a block, nats, in the ticks of a window (step 2).
 
     The order is that of the Brian2 engine; another order would round differently.
     """
@@ -151,7 +151,7 @@ def _receive(block, b, first, window, dt_s, work):
 
 @compiled
 def _rates(block, b, window, state, common):
-    """Turn a block's input into rates, Hz, in place; each loop does what can be vectorised."""
+    """Turn a block's input into rates, Hz, in place; separate loops so that they vectorise."""
     x = state[b]
     for t in range(window):
         x = block.decay * x + block.filter_gain * common[t]
@@ -176,7 +176,7 @@ def _advances(block, window, mean, mean_step, noise_step):
 
 @numba.njit(inline="always")
 def _filter(p, work, s, k, cells):
-    """Take the filters of an own input to tick k.
+    """Advance the filters of an own input (one that differs between cells) to tick k.
 
     They are stored divided by a common scale. Only the scale decays; spikes change the values.
     """
@@ -327,7 +327,7 @@ def _general(p, work, block, t, ticks, noise_of):
 
 @numba.njit(inline="always")
 def _write(p, work, first, last, written, spikes):
-    """Record the requested spikes of some ticks; return how many so far."""
+    """Record the requested spikes of some ticks; return their number so far."""
     if not p.clock[0].listing:
         return written
     most = _most(work)
@@ -359,7 +359,7 @@ def _sample(clock, i, total, low_pass, rates, out):
 
 @numba.njit(inline="always")
 def _fire(p, work, block, b, t, k, stream):
-    """Advance the cells of a block by the ticks of a word of noise, or by one."""
+    """Advance the cells of a block by the ticks of one word of noise, or by one tick."""
     clock, most = p.clock[0], _most(work)
     _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
     for i in range(len(p.ticks)):
@@ -410,7 +410,7 @@ def _sum_up(ring, k, last, total):
 
 @compiled
 def begin(p, work, streams):
-    """Start everything at rest, each cell at a random place between reset and threshold."""
+    """Start everything at rest, and each cell at a random state between reset and threshold."""
     for b in range(len(p.blocks)):
         block = p.blocks[b]
         key = lanes.tick_key(streams[b], noise.START_TICK)
@@ -478,7 +478,7 @@ def trial(
 
 @compiled
 def go_on(p, work, drive, streams, drop_below, out, rates, spikes, start, end):
-    """Run the ticks from one to another, as ``trial`` does with all of them."""
+    """Run the ticks from ``start`` to ``end``, as ``trial`` runs those of a whole trial."""
     clock, ring, written = p.clock[0], work.ring, 0
     for first in range(start, end, clock.window):
         window = min(clock.window, end - first)
@@ -487,7 +487,7 @@ def go_on(p, work, drive, streams, drop_below, out, rates, spikes, start, end):
             _advance(p, work, b, first, window, drive, streams[b])
         k = first
         while k < first + window:
-            # To the end of the window, of settling, or of a sample.
+            # Up to the end of the window, of settling, or of a sample, whichever is first.
             late = k - clock.settle
             left = -late if late < 0 else clock.sample - late % clock.sample
             last = min(k + left, first + window)

@@ -1,17 +1,17 @@
 """Fast loops of the ensemble engine over cells, one register at a time.
 
-One trial at a time; neighbouring cells occupy neighbouring lanes of a register (``registers``). A
-word of noise serves four ticks, and a cell advances through all four while its state and its noise
-are in registers. Each loop over cells sets a bit in ``fired`` for each tick and cell; spike counts
-are counts of bits. Six things are needed for speed:
+Trials run one at a time; neighbouring cells occupy neighbouring lanes of a register
+(``registers``). A word of noise serves four ticks, and a cell advances through all four while its
+state and its noise are in registers. Each loop sets a bit in ``fired`` for each cell that fires in
+a tick, so spikes are counted by counting bits. Six things are needed for speed:
 
 * 32-bit integer arithmetic. Numba widens to 64 bits, for which older machines have no vector
   multiplication; the few functions at the top and ``registers`` emit 32-bit instructions. Their
   NumPy twins are ``noise.words`` and ``noise.byte_counts``.
-* A number of cells that is a multiple of 64, so that there is no remainder.
-* A loop over ticks whose length the compiler knows, as that of a tuple, so that it is unrolled.
-* Unused arguments that are None: each combination is compiled separately.
-* An unsigned index, so that negative ones need no wrapping.
+* A number of cells that is a multiple of 64, so that no loop has a remainder.
+* A loop over ticks whose length the compiler knows from that of a tuple, so that it is unrolled.
+* None for unused arguments: each combination is compiled separately.
+* Unsigned indices, so that no check for negative ones is needed.
 * No second array for refractory cells. A refractory cell has ``-WAIT * (ticks left)`` instead of a
   potential (measured from its reset), adds WAIT at each tick and returns to exactly 0 in time.
   Cells that only pad a register stay refractory for ever, at minus infinity.
@@ -51,7 +51,7 @@ from circuits.engines.ensemble.registers import (
 LANES = WIDTH
 """Populations are padded to a multiple of this many cells."""
 WHOLE = -LANES
-"""Keeps of a number of cells what is such a multiple."""
+"""Mask that rounds a number of cells down to such a multiple."""
 WAIT = np.float32(2.0**20)
 WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
@@ -59,7 +59,7 @@ ZERO = np.float32(0.0)
 NOISE_STEP, FACTOR = 3, 4
 """Rows of the cells' constants: effect of a bit of noise, and factor on the rate."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
-"""Ticks that a loop advances its cells at once."""
+"""Ticks by which a loop advances its cells at once."""
 HALF_BITS = np.float32(4.0)
 _BYTES = tuple(np.float32(256.0**-byte) for byte in range(4))
 
@@ -165,7 +165,7 @@ def ones_at(builder, counts, byte):
 
 @intrinsic
 def choose(typing, condition, yes, no):
-    """Return yes or no without a branch."""
+    """Return ``yes`` or ``no`` without a branch."""
 
     def build(context, builder, signature, arguments):
         return builder.select(*arguments)
@@ -181,7 +181,7 @@ def fused(builder, a, b, c):
 
 @instruction(types.int64, types.uint64)
 def lowest(builder, word):
-    """Return the place of the lowest one of a 64-bit word that has one."""
+    """Return the position of the lowest set bit of a 64-bit word other than 0."""
     return builder.cttz(word, ir.Constant(ir.IntType(1), 1))
 
 
@@ -193,7 +193,7 @@ def ones(builder, word):
 
 @intrinsic
 def add_bits(typing, sums, place, word):
-    """Add the bits of a word to 64 counts of a byte: bit k of its bytes to the eight from 8 k."""
+    """Add the bits of a word to 64 one-byte counts: bit k of byte i to count ``8 k + i``."""
 
     def build(context, builder, signature, arguments):
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -219,7 +219,7 @@ def two_to(builder, whole):
 
 @numba.njit(inline="always")
 def exp32(x):
-    """Return exp(x) for float32 from -87 to 60, to about 1e-7 of its value; less is 1e-38."""
+    """Return exp(x) for float32 up to 60, with a relative error near 1e-7; 1e-38 below -87."""
     x = min(max(x, np.float32(-87.0)), np.float32(60.0))
     whole = np.floor(x * np.float32(1.44269504) + np.float32(0.5))
     # ln 2 in two parts, so that the remainder keeps its bits.
@@ -310,8 +310,8 @@ def lif_identical(
 ):
     """Advance integrate-and-fire cells that differ only in their noise.
 
-    v is measured from the reset: ``v decay + (mean_step + noise_step * ones)``, except for
-    refractory cells. The bracket does not depend on the tick before.
+    v is measured from the reset, and becomes ``v decay + (mean_step + noise_step * ones)`` except
+    in refractory cells. The bracket does not depend on the previous tick.
     """
     steps = _spread_four(mean_step)
     each = _spread_four(_per_bit((noise_step, noise_step, noise_step, noise_step)))
@@ -410,7 +410,7 @@ def filtered(x, start, cells, decay, gain, wanted):
 
 @compiled
 def noted(marks, fired, cells, ticks):
-    """Gather the marks of cells, a byte each with a bit for each tick, as ``fired``."""
+    """Convert the marks of cells, one byte each with a bit per tick, to ``fired``."""
     for t in range(ticks):
         for g in range(cells // LANES):
             note(fired[t], np.uint64(g), marked(marks, np.uint64(LANES * g), t))
@@ -440,7 +440,7 @@ def listed(fired, cells, found):
 
 @numba.njit(inline="always")
 def add_row(sums, connections, row, cells):
-    """Add the connections of one spike, a row of bits, to the target cells' counts, a byte each.
+    """Add the connections of one spike, a row of bits, to the one-byte counts of target cells.
 
     Bit ``8 i + k`` of a word stands for cell ``8 k + i`` of its 64.
     """

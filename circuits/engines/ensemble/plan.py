@@ -22,7 +22,7 @@ from circuits.errors import InputError
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:
-    """Lay a circuit out for the compiled engine.
+    """Convert a circuit to the records of the compiled engine.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
 
 @dataclass(frozen=True)
 class _Places:
-    """Places and kinds of blocks and cells."""
+    """Positions and kinds of blocks and cells."""
 
     scheme: Scheme
     courses: Timed
@@ -123,7 +123,7 @@ class _Places:
 
 
 def _window(scheme: Scheme) -> tuple[int, int]:
-    """Return the number of ticks whose input is known in advance, and of rates stored."""
+    """Return for how many ticks input is known in advance, and for how many rates are stored."""
     delays = scheme.unit_delay
     known = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
     window = known // kernel.WORD * kernel.WORD or 1
@@ -250,7 +250,7 @@ def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
 
 
 def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
-    """Lay out own inputs, their sources and connections, and whose spikes they need."""
+    """Return inputs that differ between cells, their sources, connections, and blocks to list."""
     wiring, scheme, filled = places.wiring, places.scheme, places.filled
     own_inputs: list[tuple[Any, ...]] = []
     own_sources: list[tuple[Any, ...]] = []

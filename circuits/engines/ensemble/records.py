@@ -37,21 +37,21 @@ class Plan(NamedTuple):
     clock : record array (1,)
         Times in ticks, the read-out, and whether spikes are listed cell by cell.
     blocks : record array (blocks,)
-        One row per block: its kind, the places of its cells and inputs, its constants.
+        One row per block: its kind, the positions of its cells and inputs, its constants.
     units : record array (units,)
-        One row per postsynaptic sum, with the places of its sources.
+        One row per postsynaptic sum, with the positions of its sources.
     sources, inputs : record arrays
         Blocks, with weights, that reach a unit; units that reach a block.
     own_inputs : record array
         Connections cell by cell: one row per target block of a sparse projection.
     own_sources : record array
-        Blocks that feed an own input, and the places of their rows of bits in ``connections``.
+        Blocks that feed an own input, and the positions of their rows in ``connections``.
     connections : array uint64
-        Connections: for every source cell one row of target cells, one bit each.
+        For every source cell, one row of bits: the target cells that it reaches.
     readout : array (channels,)
         Blocks of the read-out.
     ticks : tuple
-        A tuple whose length is the number of ticks that cells are advanced at once.
+        A tuple whose length is the number of ticks by which cells advance at once.
     constants : array (5, cells) float32, or None
         Constants of each cell if cells differ; None avoids compiling unused code. For a Lif:
         decay, rest (corrected for the mean of the noise), slope, noise step, unit of
@@ -107,13 +107,13 @@ class Work(NamedTuple):
     unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
     own_input, scale : arrays (own_input cells,), (own_inputs,)
-        Filtered activity cell by cell, divided by a scale that an own input's cells share.
+        Filtered activity cell by cell, divided by a scale common to all cells of an own input.
     sums : array (most cells of a block,)
         Arrivals in a tick.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
-        Cells that fired in the last ticks, and how many.
+        Cells that fired in the last ticks, and their number.
     low_pass : array (channels,)
-        Read-out, Hz.
+        Low-passed rates of the read-out, Hz.
     """
 
     v: Any

@@ -1,7 +1,7 @@
 """Registers of cells: the numbers of neighbouring cells as one value of compiled code.
 
 A loop over registers is written as if for one cell; operations act on each number and round in the
-same way. A register is wider than those of the processor, whose parts run in parallel.
+same way. A register spans several of the processor's, which are computed in parallel.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
@@ -139,7 +139,7 @@ def store(typing, array, place, value):
 
 @intrinsic
 def note(typing, bits, place, truths):
-    """Write truths to a place of an array of 64-bit words, a bit each."""
+    """Write truth values, one bit each, to a word of an array of 64-bit words."""
 
     def build(context, builder, signature, arguments):
         bits, place, truths = arguments
@@ -151,7 +151,7 @@ def note(typing, bits, place, truths):
 
 @intrinsic
 def marked(typing, marks, place, t):
-    """Return whether bit t is in the marks, a byte each, from a place on."""
+    """Return whether bit t is set in the marks, one byte each, from a place on."""
 
     def build(context, builder, signature, arguments):
         marks, place, t = arguments
@@ -208,7 +208,7 @@ def where(builder, truths, yes, no):
 
 
 def _operator(symbol, result, build):
-    """Let two registers be combined by an operator."""
+    """Define an operator for two registers."""
 
     @instruction(result, FLOATS, FLOATS)
     def combined(builder, a, b):

@@ -1,10 +1,9 @@
 """The ensemble engine: thousands of spiking trials, compiled from the same table.
 
-The scheme is that of ``circuits.dynamics.ticks``, the noise that of ``circuits.dynamics.noise``,
-and the spikes are
-those of the plain and the Brian2 engine, but for sparse connections: there inputs are rounded in
-another order, so that now and then a spike comes a tick early or late; from that spike on the two
-runs differ.
+The scheme is that of ``circuits.dynamics.ticks``, the noise that of ``circuits.dynamics.noise``.
+The spikes are those of the plain and the Brian2 engine, except with sparse connections: inputs are
+then summed in another order, so that a spike occasionally comes one tick earlier or later, and the
+runs differ from then on.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Populations in place of cells: rates, with or without the noise of a finite number of cells."""
+"""Rates of populations instead of cells, with or without the noise of finitely many cells."""

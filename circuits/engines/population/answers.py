@@ -1,4 +1,4 @@
-"""Responses of cells as tables over their input: their f-I curve and their two filters."""
+"""Tables of cells' responses by input: their f-I curve, and the filters of rate and noise."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
 from circuits.laws.mixture import mean_rate_hz, mean_response
 
 STATES, STEPS, POINTS = 28, 512, 8192
-"""Numbers of inputs at which filters are fitted, coefficients are stored, and laws tabulated."""
+"""Numbers of inputs at which filters are fitted, their coefficients stored, and laws tabulated
+(f-I curves and transfers)."""
 LEAST_HZ, MOST_HZ, TOP_HZ = 1e-3, 400.0, 1000.0
-"""Lowest and highest rate between which filters follow the input, and highest of the law, Hz."""
+"""Lowest and highest rate, Hz, between which filters vary with the input, and highest tabulated."""
 SLOWEST_HZ = 0.1
 """Rate, Hz, below which filters are constant, because all cells are nearly Poisson there."""
 FAR_NATS = 256.0
-"""Largest magnitude of an input."""
+"""Largest magnitude of an input that is considered, nats."""
 ROUGH, SEEN_HZ = 0.25, (1.0, 120.0)
-"""Misfit of a filter above which a warning is issued, and the rates where it is checked."""
+"""Misfit of a filter above which a warning is issued, and the range of rates that is checked."""
 LEAST_POWER = 1e-6
 """Least power of noise at a frequency, relative to the rate."""
 OF_LIMIT = 0.95
 """Fraction of the highest rate up to which a law is tabulated; it is linear beyond."""
 SHARE = 1e-3
-"""How near a rate comes to its limits."""
+"""Margin of rates from their limits, as a fraction of their range."""
 BENT = 2e-3
-"""Largest misfit of a law between two points, as a fraction of the highest value."""
+"""Largest interpolation error between two points, as a fraction of the highest value."""
 
 
 @dataclass(frozen=True)
 class Straight:
-    """A population's line, without its cells: the fields of its row that define it."""
+    """The line of a population (rate by input), as defined by fields of its row."""
 
     transfer: str
     baseline_hz: float
@@ -58,11 +59,12 @@ class Answers:
     Parameters
     ----------
     lowest, highest, top : float
-        The inputs between which filters follow the state, and up to which the law is known.
+        Inputs between which filters vary with the input, and up to which rates are tabulated.
     hz : array (POINTS,)
-        Rate at even steps from the lowest to the top.
+        Rate at evenly spaced inputs from ``lowest`` to ``top``.
     rows : array (COEFFICIENTS, STEPS)
-        Coefficients of how rates follow, and of the two sections of the noise.
+        Coefficients of the rate's filter, and of the two sections of the noise's filter, at evenly
+        spaced inputs from ``lowest`` to ``highest``.
     lags : bool
         Whether rates lag behind their input.
     rough : str
@@ -80,16 +82,16 @@ class Answers:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Cells of a population that may differ (``circuits.laws.mixture``), and their line.
+    """Cells of a population, which may be heterogeneous (``circuits.laws.mixture``), and its line.
 
     Parameters
     ----------
     cell : Cell
         The cell of the row.
     line : Straight
-        Its line.
+        The line of the row.
     heterogeneity : float
-        0 for identical cells.
+        Heterogeneity of the row; 0 for identical cells.
     """
 
     cell: Cell
@@ -131,10 +133,10 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
         rows[:FOLLOWING] = filters.propagated(kept(fit.coefficients), dt_ms)
         rough = _rough(mixture.cell, "how its rate follows an input", hz, fit.misfit)
     if found.spectrum.max() > 0:
-        # Near saturation theory's power is a difference of two that cancel.
+        # Near saturation the theoretical power is a difference of two nearly equal terms.
         power = np.maximum(np.nan_to_num(found.spectrum / hz[:, None], nan=1.0), LEAST_POWER)
         fit = filters.colour(power, hz)
-        # Between states they go as powers of the rate, as a pacemaker's do.
+        # Interpolated as powers of the rate, because those of a pacemaker are such powers.
         sections = np.exp(kept(np.log(fit.coefficients)))
         rows[FOLLOWING:] = np.concatenate([filters.sampled(sections[:, :4], dt_ms),
                                            filters.sampled(sections[:, 4:], dt_ms)])  # fmt: skip
@@ -146,12 +148,12 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
 
 @lru_cache(maxsize=64)
 def looked_up(name: str) -> tuple[float, float, Array]:
-    """Return a transfer without a dedicated loop between two inputs, (POINTS,).
+    """Return the lowest and highest input of a transfer's table, and its values (POINTS,).
 
     Raises
     ------
     ValueError
-        If it is too curved to be looked up.
+        If the transfer is too curved for linear interpolation.
     """
     law, ends = transfer.named(name), (-FAR_NATS / 4, FAR_NATS / 4)
     grid = np.linspace(*ends, POINTS)
@@ -180,7 +182,7 @@ def _ends(rate: Callable[[Array], Array], most_hz: float) -> tuple[float, float]
 
 
 def _pace(hz: Array) -> Array:
-    """Return the logarithm of the rate, where it rises, from the least that cells differ at."""
+    """Return the logarithm of the rate, at least ``SLOWEST_HZ`` and made to rise strictly."""
     rising = np.log(np.maximum.accumulate(np.maximum(hz, SLOWEST_HZ)))
     return np.asarray(rising + 1e-9 * np.arange(len(hz)))
 

@@ -1,10 +1,11 @@
 """Responses of cells as filters: how rates follow an input, and the spectrum of their noise.
 
-Theory gives both as functions of frequency (``Cell.response``). Here each becomes a filter with few
-coefficients, fitted to it by least squares up to 250 Hz, state by state: how cells follow by
-``(1 + n1 s + n2 s^2) / (1 + d1 s + d2 s^2)``, so 1 at rest (the cascade "LNdos" of Augustin,
-Ladenbauer, Baumann & Obermayer 2017, PLoS Comput Biol 13, e1005545, with separate zeros); the power
-of their noise by two such sections. No parameters are fitted to spikes.
+Theory gives both as functions of frequency (``Cell.response``). Here each is approximated by a
+filter with few coefficients, fitted by least squares up to 250 Hz for each state (mean input). The
+rate's filter is ``(1 + n1 s + n2 s^2) / (1 + d1 s + d2 s^2)``, which is 1 at frequency 0 (the
+cascade "LNdos" of Augustin, Ladenbauer, Baumann & Obermayer 2017, PLoS Comput Biol 13, e1005545,
+with separate zeros). The noise's filter has two second-order sections, fitted to the power
+spectrum. No parameters are fitted to spikes.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from circuits.arrays import Array, Complex
 FREQUENCIES_HZ = np.concatenate([[1e-3, 1.0, 2.0, 4.0], np.geomspace(6, 250, 36)])
 """Frequencies at which responses are fitted; the first represents 0."""
 KEPT = 0.03
-"""Regularisation of a coefficient towards that of the previous state."""
+"""Weight of the regularisation towards the previous state's coefficients and the first guess."""
 MIDDLING_HZ = 25.0
-"""Rate at which a pacemaker's coefficients begin where those of others do."""
+"""Rate, Hz, at which the two units of frequency tried by ``colour`` are equal."""
 SECTIONS = 2
-"""Sections of the filter of noise: one misses the peak of a pacemaker by up to 30 %."""
+"""Sections of the noise's filter: with one, the peak of a pacemaker is wrong by up to 30 %."""
 SIGNS = np.tile([1.0, -1.0], SECTIONS)
 """Signs of the numerators and denominators of the sections."""
 PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
@@ -32,19 +33,21 @@ PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
 
 
 class Fitted(NamedTuple):
-    """A filter's coefficients, a row per state, and its largest misfit there up to 100 Hz."""
+    """Coefficients of a filter, one row per state, and its largest misfits up to 100 Hz."""
 
     coefficients: Array
     misfit: Array
 
 
 def following(gain: Complex) -> Fitted:
-    """Fit how rates follow an input: n1, n2, d1, d2 in powers of 10 ms; misfit over gain at rest.
+    """Fit the rate's filter: n1, n2, d1, d2 in powers of 10 ms.
+
+    Misfits are relative to the gain at frequency 0.
 
     Parameters
     ----------
     gain : complex array (S, F)
-        At ``FREQUENCIES_HZ``.
+        Gain in each state at ``FREQUENCIES_HZ``.
     """
     s, weight = PER_RAD_S, 1 / (1 + FREQUENCIES_HZ / 100)
     wanted = gain / gain[:, :1].real
@@ -72,7 +75,7 @@ def following(gain: Complex) -> Fitted:
 
 
 def colour(power: Array, rate_hz: Array) -> Fitted:
-    """Fit the spectrum of noise: b1, b0, a1, a0 of sections ``(s^2 + b1 s + b0)/(... a1, a0)``.
+    """Fit the noise's filter: b1, b0, a1, a0 of ``(s^2 + b1 s + b0) / (s^2 + a1 s + a0)``.
 
     The frequencies scale with the rate in pacemakers, and with the membrane in noise-driven cells;
     both are tried, and the better fit is used.
@@ -80,7 +83,7 @@ def colour(power: Array, rate_hz: Array) -> Fitted:
     Parameters
     ----------
     power : array (S, F)
-        At ``FREQUENCIES_HZ``, over that at the highest frequencies.
+        Power at ``FREQUENCIES_HZ``, divided by that at the highest frequencies.
     rate_hz : array (S,)
         Rates of the states.
 
@@ -143,31 +146,31 @@ def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
 
 
 def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
-    """Return sections (S, 4) as filters of ticks, by Tustin's rule: g, c0, c1, a1, a2, (5, S).
+    """Convert sections (S, 4) to filters of ticks by Tustin's rule: g, c0, c1, a1, a2, (5, S).
 
-    A filter is ``g + (1 - 1/z) (c0 + c1/z) / (1 + a1/z + a2/z^2)``; g is its gain for a constant.
+    A filter is ``g + (1 - 1/z) (c0 + c1/z) / (1 + a1/z + a2/z^2)``; g is its gain at frequency 0.
     """
     b1, b0, a1, a0 = sections.T
     k = 20 / dt_ms  # 2 / tick, in 100 /s
     first = k * k + a1 * k + a0
     low1, low2 = 2 * (a0 - k * k) / first, (k * k - a1 * k + a0) / first
-    # What stands above, of 1 and 1/z^2; that of 1/z follows from the answer to a constant.
+    # Numerator's coefficients of 1 and 1/z^2; that of 1/z follows from the gain at frequency 0.
     top0, top2 = (k * k + b1 * k + b0) / first, (k * k - b1 * k + b0) / first
     held = b0 / a0
     return np.array([held, top0 - held, held * low2 - top2, low1, low2])
 
 
 def propagated(coefficients: Array, dt_ms: float) -> npt.NDArray[np.float64]:
-    """Return the update of a tick, p11, p12, p21, p22, c1, c2 (6, S), from n1, n2, d1, d2 (S, 4).
+    """Convert n1, n2, d1, d2 (S, 4) to the update of a tick, p11, p12, p21, p22, c1, c2 (6, S).
 
-    With e the low-passed input less the input u, and v its slope, a tick is
-    ``e, v = p11 e + p12 v, p21 e + p22 v``, and cells respond to ``u + c1 e + c2 v``. At rest both
-    are 0 for any coefficients, so that these may follow the state.
+    Let e be the low-passed input minus the input u, and v its slope. A tick sets
+    ``e, v = p11 e + p12 v, p21 e + p22 v``, and cells respond to ``u + c1 e + c2 v``. At rest e and
+    v are 0 for any coefficients, so the coefficients may change with the state.
     """
     n1, n2, d1, d2 = coefficients.T
     dt = dt_ms / 10
-    # The exponential of dt [[0, 1], [-1/d2, -d1/d2]] in closed form, by its eigenvalues' mean and
-    # half their difference.
+    # The exponential of dt [[0, 1], [-1/d2, -d1/d2]] in closed form, from the mean of the
+    # eigenvalues and half their difference.
     mean = -d1 / d2 / 2
     half = np.sqrt(mean**2 - 1 / d2 + 0j)
     half = np.where(np.abs(half) < 1e-9, 1e-9, half)

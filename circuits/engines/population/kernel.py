@@ -1,9 +1,9 @@
 """The ticks of the population engine, compiled: many trials run in parallel lanes of registers.
 
-A group of ``LANES`` trials shares every loop, one trial per lane. Lanes are independent, so that
-the result of a trial does not depend on the others, to the bit; a trial that ends is replaced by
-the next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known
-in advance, so each block in turn is advanced through a window of ticks.
+A group of ``LANES`` trials shares every loop, one trial per lane. Lanes are independent: the result
+of a trial is the same to the bit, whatever the others are. A trial that ends is replaced by the
+next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known in
+advance, so each block in turn is advanced through a window of ticks.
 
 The compiler vectorises a loop over lanes if it sees that their number is a multiple of ``LANES``,
 that no index is negative (``_at``), and that rows of one array are a fixed distance apart.
@@ -33,14 +33,14 @@ LOOKED_UP = 0
 _NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
 LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
-"""Transfers with a dedicated loop; any other law is looked up."""
+"""Transfers with a dedicated loop; any other law is interpolated in a table."""
 HEARD, ACTIVE, NOISE = range(3)
-"""Rows of a block's working values: its input, the result, and the noise of its cells."""
+"""Rows of a block's working values: its input, its activity, and the noise of its cells."""
 X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND = 0, 1, 2, 3, 4, 5, 8
-"""Rows of a block's state: its filter and the filter's last input; the input that cells follow,
-slowly too, and its slope; three rows for each section of the noise."""
+"""Rows of a block's state: its input filter and that filter's last input; the input filtered by the
+cells' lags, its running mean and its slope; three rows for each section of the noise's filter."""
 FOLLOWING, SECTION, COEFFICIENTS = 6, 5, 16
-"""Coefficients of how cells follow, of a section of their noise, and in all."""
+"""Numbers of coefficients: of the rate's filter, of a section of the noise's filter, and of all."""
 VALUE_ROWS, UNIT_ROWS, STATE_ROWS = 3, 2, 11
 EMPTY = -1
 ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
@@ -56,13 +56,13 @@ def ones32(builder, word):
 
 @numba.njit(inline="always")
 def _at(row, lane):
-    """Return the place of a lane of a row in a flat array: unsigned, so that it is not wrapped."""
+    """Return the index of a lane of a row in a flat array: unsigned, so that it is not wrapped."""
     return np.uint64(row * LANES + lane)
 
 
 @numba.njit(inline="always")
 def _within(at, last):
-    """Return a place from 0 to the last; NaN maps to 0, so that no index is out of range."""
+    """Return an index from 0 to the last; NaN maps to 0, so that no index is out of range."""
     at = at if at > ZERO else ZERO
     return at if at < last else last
 
@@ -133,7 +133,7 @@ def _apply(n, law, values, row, into, lowest, per, points):
 
 @compiled
 def _look_up(n, values, row, into, lowest, per, points):
-    """Put a law tabulated at even steps into a row; it is linear beyond the ends."""
+    """Interpolate a law tabulated at even steps, into a row; it is linear beyond the ends."""
     last = np.float32(len(points) - 2)
     for i in range(n & WHOLE):
         at = (values[_at(row, i)] - lowest) * per
@@ -156,7 +156,7 @@ def _look_up_coefficients(n, table, state, lowest, per, indices, found):
 
 @compiled
 def _drift(n, slowly, values, state):
-    """Follow the input slowly, so that coefficients do not follow its noise."""
+    """Update the running mean of the input; it selects coefficients, without following noise."""
     for i in range(n & WHOLE):
         old = state[_at(MEAN, i)]
         state[_at(MEAN, i)] = fused(slowly, values[_at(HEARD, i)] - old, old)
@@ -190,7 +190,7 @@ def _section(n, found, c, values, state, s):
     """Filter the noise in place by a second-order section (``filters.sampled``).
 
     Except for the response to a constant, the output is a difference between ticks, which sums to
-    zero in the long run even if the coefficients follow the state.
+    zero in the long run even if the coefficients change with the state.
     """
     for i in range(n & WHOLE):
         e, last, before = values[_at(NOISE, i)], state[_at(s, i)], state[_at(s + 1, i)]
@@ -216,7 +216,7 @@ def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
 
 @numba.njit(inline="always")
 def _place(places, i, t, table):
-    """Return the place of a lane's tick in a table; ticks beyond the end have the last."""
+    """Return the column of a lane's tick in a table; ticks beyond the end have the last one."""
     return np.uint64(min(places[np.uint64(i)] + t, table.shape[1] - 1))
 
 
@@ -263,7 +263,7 @@ def _push(n, nats, row, places, t, values, state):
 
 @compiled
 def _find_places(factors, places, begun, first):
-    """Find the place of each lane's next tick in the tables of courses."""
+    """Find the column of each lane's next tick in the tables of courses."""
     if factors is None:
         return
     for lane in range(LANES):
@@ -382,7 +382,7 @@ def _load(p, work, lane, trial, first, streams):
 
 @numba.njit(inline="always")
 def _record(p, work, lane, sample, place, out, rates):
-    """Record a sample of a lane; return its lowest OUT, or NaN if rates run away."""
+    """Record a sample of a lane; return its lowest OUT, or NaN if rates diverge."""
     clock, trial, least = p.clock[0], work.trial[lane], np.inf
     for b in range(len(p.blocks)):
         if not abs(work.ring[b, place * LANES + lane]) < clock.runaway_hz:
@@ -401,7 +401,7 @@ def _record(p, work, lane, sample, place, out, rates):
 def _sample(p, work, place, level, out, rates):
     """Record a sample of every lane whose evidence has begun.
 
-    Returns how many trials ended, or minus one more than the sample at which rates ran away.
+    Returns the number of trials that ended, or ``-1 - sample`` if rates diverged at that sample.
     """
     over = 0
     for lane in range(LANES):
@@ -427,7 +427,7 @@ def _sample(p, work, place, level, out, rates):
 
 @numba.njit(inline="always")
 def _hold(p, work, first, drive):
-    """Hold the reading of each lane for a window; filters must not interpolate across its jump."""
+    """Set each lane's reading for a window; filters must not interpolate across its jump."""
     clock = p.clock[0]
     _find_places(p.factors, work.places, work.begun, first)
     for lane in range(LANES):
@@ -442,7 +442,7 @@ def _hold(p, work, first, drive):
 
 @compiled
 def _window(p, work, first, drive, level, out, rates):
-    """Run a window of ticks; return how many trials ended, or what ``_sample`` says."""
+    """Run a window of ticks; return the number of trials that ended, or ``-1 - sample``."""
     clock, mask, ended = p.clock[0], work.ring.shape[1] // LANES - 1, 0
     _hold(p, work, first, drive)
     for q in range(len(p.units)):
@@ -471,12 +471,12 @@ def trials(p, work, drive, streams, level, out, rates):
     level : float
         OUT below which a trial ends.
     out, rates : arrays (trials, samples, channels), (trials, samples, blocks or 0)
-        Written here; NaN after a trial is over.
+        Written here; NaN after the end of a trial.
 
     Returns
     -------
     int
-        0, or one more than the sample at which rates ran away.
+        0, or 1 plus the first sample at which rates diverged.
     """
     clock, waiting, running, first = p.clock[0], 0, 0, 0
     work.trial[:] = EMPTY
@@ -505,7 +505,7 @@ def begin(p, work, streams):
 
 @compiled
 def go_on(p, work, drive, out, rates, start, end):
-    """Run the ticks from one to another, as ``trials`` does with all of them."""
+    """Run the ticks from ``start`` to ``end``, as ``trials`` runs those of a whole trial."""
     for first in range(start, end, p.clock[0].window):
         over = _window(p, work, first, drive, -np.inf, out, rates)
         if over < 0:

@@ -32,9 +32,10 @@ if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
 
 SLOW_MS = 50.0
-"""Time constant with which coefficients follow the state: slower than noise, faster than RTs."""
+"""Time constant of the running mean of the input that selects the filters' coefficients: slower
+than noise, faster than response times."""
 RUNAWAY_HZ = 1e6
-"""Rate above which a run is stopped because a loop is unstable."""
+"""Rate above which a run is stopped, because a feedback loop is unstable."""
 FEW = 30
 FEW_CELLS = (
     f"the population engine assumes Gaussian noise, and that of fewer than {FEW} cells is not: "
@@ -47,7 +48,7 @@ TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 
 
 def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Plan:
-    """Lay a circuit out for the population engine.
+    """Convert a circuit to the records of the population engine.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def _together(tables: dict[Any, Array], least: int) -> npt.NDArray[np.float32]:
 
 
 def tick_ms(wiring: Wiring, *times_ms: float) -> float:
-    """Return the longest tick that all delays and these times are multiples of, or the shortest."""
+    """Return the longest tick that divides all delays and these times, or else the shortest."""
     delays = [p.delay_ms for p in wiring.projections]
     for dt in TICKS_MS:
         whole = np.array([*delays, *times_ms]) / dt
@@ -163,7 +164,7 @@ class _Tables:
 
 
 def _per(ends: tuple[float, float], points: int) -> float:
-    """Return the steps per nat of ``points`` points between two ends."""
+    """Return the number of steps per nat for ``points`` points between two ends."""
     return (points - 1) / (ends[1] - ends[0])
 
 
@@ -174,9 +175,10 @@ def _place(tables: dict[Any, Array], key: Any, values: Array) -> int:
 
 
 def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
-    """Return the factors of a low-pass of values interpolated linearly between ticks.
+    """Return the factors of a low-pass filter of values interpolated linearly between ticks.
 
-    Exact for such values, hence second order in the tick: its mean lag is its time constant.
+    It is exact for such values, so its error is of second order in the tick, and its mean lag is
+    its time constant.
     """
     some = tau_ms > 0
     safe = np.where(some, tau_ms, 1.0)

@@ -30,20 +30,20 @@ class Plan(NamedTuple):
     clock : record array (1,)
         Times in ticks, and the read-out.
     units, blocks : record arrays
-        One row a postsynaptic sum, one a block: law, filter, and where its inputs lie.
+        One row per postsynaptic sum, and one per block: law, filter, and positions of its inputs.
     sources, inputs : record arrays
-        Which block reaches a unit with which weight; which unit reaches a block.
+        Blocks, with weights, that reach a unit; units that reach a block.
     driven : array (driven blocks,)
         Blocks that receive a column of the drive.
     readout : array (channels,)
         Blocks of the read-out.
     laws : array (laws, points) float32
-        Laws that are looked up: values at even steps of the input.
+        Laws without dedicated loops: values at even steps of the input.
     tables : array (tables, states * COEFFICIENTS) float32
         Coefficients of the blocks' filters, state by state.
     factors, nats : arrays (rows, 1 + ticks) float32, or None
-        Tables of ``circuits.dynamics.timed``, behind a tick of rest: ``course`` is the row that a
-        unit or a block has. None if there are no courses, which avoids compiling unused code.
+        Tables of ``circuits.dynamics.timed``, after one tick of rest; ``course`` is the row of a
+        unit or a block. None if there are no courses, which avoids compiling unused code.
     """
 
     clock: Any
@@ -62,7 +62,7 @@ class Plan(NamedTuple):
 class Work(NamedTuple):
     """Working memory of a group of trials; made by ``plan.workspace``.
 
-    A row holds one number for each lane; the rows of a unit or a block lie one after the other.
+    A row has one number per lane; the rows of a unit or a block are contiguous.
 
     Parameters
     ----------
@@ -71,26 +71,26 @@ class Work(NamedTuple):
     units, states, coefficients : arrays (units or blocks, rows * LANES)
         Filters of units; state of blocks; the coefficients of their filters.
     passed : array (units, WINDOW * LANES)
-        Activity that each unit passes on, nats.
+        Activity that each unit transmits, nats.
     jumps : array (units, (WINDOW + 1) * LANES)
-        What it would have passed on more in the tick before at the factor of each tick, and behind
-        that its activity in the last tick before the factor.
+        For each tick, the change of a unit's previous output due to the change of its factor; in
+        the last row, its activity in the last tick before multiplication by the factor.
     totals : array (blocks, LANES)
         Sums of rates over a sample.
     values : array (rows * LANES,)
-        What one block works on.
+        Working values of one block at a time.
     drive : array (blocks, LANES)
-        Drive that is held, nats.
+        Drive by the current reading, nats.
     low_pass : array (channels, LANES)
-        The read-out, Hz.
+        Low-passed rates of the read-out, Hz.
     streams, keys : arrays (blocks, LANES), (LANES,)
         Keys of the noise.
     indices, trial, begun, samples : arrays (LANES,)
-        Places in a table; each lane's trial, its first tick, and samples so far.
+        Positions in a table; each lane's trial, its first tick, and its number of samples so far.
     places : array (LANES,)
-        Place of each lane's next tick in the tables of courses.
+        Column of each lane's next tick in the tables of courses.
     kept : bool
-        Whether rates are kept.
+        Whether rates are recorded.
     """
 
     ring: Any

@@ -1,4 +1,4 @@
-"""The population engine: rates in place of cells, at a cost independent of the number of cells.
+"""The population engine: rates instead of cells, at a cost independent of the number of cells.
 
 Every population transmits a rate. It follows the row's line after the membrane filter
 (``laws="lines"``), or the cells' f-I curve with their lags (``laws="cells"``); with ``noise=True``
@@ -9,10 +9,10 @@ rates linearly between ticks.
 Assumptions: cells of a population have the same input and fire independently (no synchrony beyond
 that caused by the common input; heterogeneous cells contribute their mean response), and their
 noise is Gaussian, so that a nearly silent population may briefly transmit a negative rate. Lags
-follow a mean of the last 50 ms, so that a sudden large change arrives up to 10 ms late. Literature:
-Brunel & Hakim 1999 (Neural Comput 11, 1621) for finite-size noise; Ostojic & Brunel 2011 (PLoS
-Comput Biol 7, e1001056) for state-dependent lags; Schwalger, Deger & Gerstner 2017 (PLoS Comput
-Biol 13, e1005507) for the exact treatment.
+depend on a running mean of the input (time constant 50 ms), so that a sudden large change arrives
+up to 10 ms late. Literature: Brunel & Hakim 1999 (Neural Comput 11, 1621) for finite-size noise;
+Ostojic & Brunel 2011 (PLoS Comput Biol 7, e1001056) for state-dependent lags; Schwalger, Deger &
+Gerstner 2017 (PLoS Comput Biol 13, e1005507) for the exact treatment.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
 
 RINGING = 8.0
-"""Amplification of fluctuations by the loops above which a warning is issued."""
+"""Amplification of fluctuations by feedback loops above which a warning is issued."""
 _ringing = lru_cache(maxsize=64)(ringing)
 
 
@@ -57,7 +57,8 @@ def run(
 ) -> Activity:
     """Run a circuit's populations on many trials; the arguments are those of ``Engine.run``.
 
-    Warns near an oscillation, below 30 cells, and if a filter deviates from theory.
+    A warning is issued near an oscillation, for fewer than 30 cells, and if a filter deviates from
+    theory.
 
     Returns
     -------
@@ -68,7 +69,7 @@ def run(
     ------
     ValueError
         If the drive, a time or a law does not fit the circuit, the seed of the noise is missing, a
-        cell type lacks a method, the circuit has no resting fixed point, or rates run away.
+        cell type lacks a method, the circuit has no resting fixed point, or rates diverge.
     """
     drive = checked_drive(circuit, drive)
     if not is_whole(first_trial) or first_trial < 0:
@@ -135,16 +136,16 @@ def stream(
 
 
 def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
-    """Run all trials; return 0, or one more than the first sample at which rates ran away.
+    """Run all trials; return 0, or 1 plus the first sample at which rates diverged.
 
     Parameters
     ----------
     p : Plan
         The circuit.
     arrays : tuple
-        Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
+        Drive, keys of noise, OUT and rates, one row per trial; the last two are written.
     engine : PopulationsEngine
-        Threads, and the OUT below which a trial is over.
+        Number of threads, and the OUT below which a trial ends.
     """
     workers = int(engine.workers)
     edges = np.linspace(0, len(arrays[0]), workers + 1).astype(int)
