@@ -68,11 +68,17 @@ def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]
     @wraps(function)
     def inner(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         try:
+            import matplotlib
             import matplotlib.pyplot as plt
         except ImportError as error:
             raise ImportError("a plot needs Matplotlib: pip install matplotlib") from error
         with plt.rc_context(STYLE):
-            return function(*args, **kwargs)
+            result = function(*args, **kwargs)
+            interactive = plt.isinteractive()
+        # A notebook's backend turns interactive mode on with its first figure. Leaving the context
+        # turned it off again, and later figures would not be shown.
+        matplotlib.interactive(interactive)
+        return result
 
     return inner
 

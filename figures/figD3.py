@@ -1,4 +1,4 @@
-"""Figure D3: gap and dopamine track a changing environment; and the trial after an error.
+"""Figure D3: the gap and dopamine track a changing environment; behaviour after an error.
 
 The learning rate stays constant, because the target of learning (the cost of an error, or the
 grating) changes.

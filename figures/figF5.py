@@ -1,7 +1,7 @@
 """Figure F5: rates of the circuit fitted to monkeys' choices, in the windows of STN recordings.
 
-The circuit with STN cells driven at onset, with the parameters fitted to each monkey's choices and
-response times; rates were not fitted.
+STN cells are driven at onset. The parameters are those fitted to each monkey's choices and response
+times; rates were not fitted.
 """
 
 from __future__ import annotations

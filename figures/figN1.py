@@ -1,4 +1,4 @@
-"""Figure N1: which of N orientations?  The MSPRT on the double-angle head, N = 2 to 8."""
+"""Figure N1: which of N orientations? The MSPRT on decoded orientations, N = 2 to 8."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ or the default circuit has changed since.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 import re
@@ -103,4 +104,18 @@ def _digest(name: str) -> str:
     if name == DEFAULT:
         return str(identity(load_circuit(DEFAULT, 2))["sha256"])[:12]
     path = ROOT / name
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:12] if path.is_file() else "gone"
+    if not path.is_file():
+        return "gone"
+    content = _code(path) if path.suffix == ".py" else path.read_bytes()
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+def _code(script: Path) -> bytes:
+    """Return the code of a script without comments and docstrings, which draw nothing."""
+    tree = ast.parse(script.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
+            node
+        ):
+            node.body = node.body[1:] or [ast.Pass()]
+    return ast.unparse(tree).encode()

@@ -11,7 +11,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from circuits.anatomy import DEFAULT
-from figures import gallery
+from figures import gallery, stamps
 from figures.captions import CAPTIONS, Caption, captions
 from figures.common import FAST, FULL, Settings
 from figures.stamps import KEY, Stamp, outdated, read_stamp, stamp_of
@@ -134,3 +134,15 @@ def test_a_stamp_notices_a_changed_script_table_circuit_or_number(tmp_path, monk
         assert other.changed() == [name]
         assert f"`{name}`" in outdated(picture(tmp_path / "two.png", other), FULL)
     assert "not known" in outdated(picture(tmp_path / "three.png", None), FULL)
+
+
+def test_words_in_a_script_change_no_stamp(tmp_path, monkeypatch):
+    monkeypatch.setattr(stamps, "ROOT", tmp_path)
+    script = tmp_path / "one.py"
+    stamp = Stamp("0.1", "", {})
+    script.write_text('"""A."""\n\n\ndef f():\n    """B."""\n    return 1  # C\n')
+    stamp = replace(stamp, sources={"one.py": stamps._digest("one.py")})
+    script.write_text('"""D."""\ndef f():\n    """E."""\n    return 1\n')
+    assert stamp.changed() == []
+    script.write_text("def f():\n    return 2\n")
+    assert stamp.changed() == ["one.py"]

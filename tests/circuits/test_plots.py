@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 from itertools import combinations
 
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -121,3 +122,18 @@ def test_without_matplotlib_a_plot_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     with pytest.raises(ImportError, match="a plot needs Matplotlib: pip install matplotlib"):
         MACAQUE.plot()
+
+
+def test_a_backend_that_turns_interactive_with_its_first_figure_stays_so():
+    """As in a notebook: otherwise figures after the first are not shown."""
+
+    @plots.styled
+    def first() -> None:
+        matplotlib.interactive(True)
+
+    before = matplotlib.is_interactive()
+    try:
+        first()
+        assert matplotlib.is_interactive()
+    finally:
+        matplotlib.interactive(before)
