@@ -1,8 +1,9 @@
 """The built-in data sets of choices and response times, from csv files published with code.
 
 ``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
-palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv and the two licence texts in FOLDER. It writes
-parquet files with consistent columns to ``bgmodel/data``, and copies the licences there.
+palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, stop_signal_cnp_controls.csv and the two
+licence texts in FOLDER. It writes parquet files with consistent columns to ``bgmodel/data``, and
+copies the licences there.
 """
 
 from __future__ import annotations
@@ -71,6 +72,23 @@ CAVANAGH = {
     "source": "https://github.com/hddm-devs/hddm, hddm/examples/cavanagh_theta_nn.csv",
 }
 
+STOP: dict[str, Any] = {
+    "columns": {
+        "participant_id": EVERYWHERE["participant_id"],
+        "trial": EVERYWHERE["trial"],
+        "rt": "time from the arrow to the response, s; NaN without a response",
+        "ssd": "stop-signal delay: time from the arrow to the stop signal, s; NaN in go trials",
+        "stimulus": "direction of the arrow, left or right",
+        "response": "the key that was pressed, left or right; empty without a response",
+    },
+    "licence": "CC0-1.0",
+    "citation": "Poldrack, R. A. et al. (2016). A phenome-wide examination of neural and cognitive "
+    "function. Scientific Data 3, 160110.",
+    "source": "https://openneuro.org/datasets/ds000030, version 1.0.0, healthy controls, task "
+    "stopsignal",
+    "note": "126 healthy adults, 128 trials each, a quarter of them stop trials, two staircases.",
+}
+
 
 def motion(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of a motion task; ValueError if the signs are not as documented.
@@ -133,10 +151,37 @@ def learned_pairs(raw: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def stop_signal(raw: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per trial of a stop-signal task; ValueError if columns disagree.
+
+    Parameters
+    ----------
+    raw : DataFrame
+        Columns participant_id, trial (from 1), trial_type (go, stop), stimulus, response, rt_s and
+        ssd_s (s).
+    """
+    stop = raw["trial_type"].map({"go": False, "stop": True}).astype(bool)
+    if not (stop == raw["ssd_s"].notna()).all():
+        raise ValueError("ssd_s must be given in stop trials and nowhere else")
+    if not (raw["response"].notna() == raw["rt_s"].notna()).all():
+        raise ValueError("response and rt_s must be given in the same trials")
+    return pd.DataFrame(
+        {
+            "participant_id": raw["participant_id"].astype(str),
+            "trial": raw["trial"].astype("int64") - 1,
+            "rt": raw["rt_s"].astype("float64"),
+            "ssd": raw["ssd_s"].astype("float64"),
+            "stimulus": raw["stimulus"].astype(str),
+            "response": raw["response"].astype("string"),
+        }
+    )
+
+
 SETS = {
     "roitman_shadlen_2002": ("roitman_shadlen_2002.csv", motion, ROITMAN),
     "palmer_huk_shadlen_2005": ("palmer_huk_shadlen_2005.csv", motion, PALMER),
     "cavanagh_2011": ("cavanagh_2011_hddm.csv", learned_pairs, CAVANAGH),
+    "stop_signal_cnp": ("stop_signal_cnp_controls.csv", stop_signal, STOP),
 }
 
 

@@ -4,7 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.behaviour_data import LICENCES, SETS, learned_pairs, motion, write_sets
+from benchmarks.behaviour_data import (
+    LICENCES,
+    SETS,
+    learned_pairs,
+    motion,
+    stop_signal,
+    write_sets,
+)
 from bgmodel.support.files import read_provenance
 
 
@@ -26,9 +33,22 @@ def pairs_file():
     return pd.DataFrame({**rows, **more})
 
 
+def stop_file():
+    trials = np.arange(200)
+    rows = {"participant_id": "01", "trial": trials + 1, "stimulus": "left"}
+    kind = np.where(trials % 4 == 0, "stop", "go")
+    made = trials % 8 != 0
+    rt, ssd = np.where(made, 0.5, np.nan), np.where(kind == "stop", 0.2, np.nan)
+    more = {"trial_type": kind, "response": np.where(made, "left", None)}
+    return pd.DataFrame({**rows, **more, "rt_s": rt, "ssd_s": ssd})
+
+
+FILES = {motion: motion_file, learned_pairs: pairs_file, stop_signal: stop_file}
+
+
 def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
     for file, table_of, _ in SETS.values():
-        (motion_file() if table_of is motion else pairs_file()).to_csv(tmp_path / file, index=False)
+        FILES[table_of]().to_csv(tmp_path / file, index=False)
     for licence in LICENCES:
         (tmp_path / licence).write_text("unedited")
     write_sets(tmp_path, tmp_path / "made")
@@ -67,3 +87,12 @@ def test_pairs_whose_codes_disagree_are_refused():
         learned_pairs(pairs_file().assign(conf="LC"))
     with pytest.raises(ValueError, match="response must be 1 for the better item"):
         learned_pairs(pairs_file().assign(response=lambda t: 1 - t["response"]))
+
+
+def test_stop_trials_whose_columns_disagree_are_refused():
+    made = stop_signal(stop_file())
+    assert made["ssd"].notna().sum() == 50
+    with pytest.raises(ValueError, match="ssd_s must be given in stop trials"):
+        stop_signal(stop_file().assign(ssd_s=0.1))
+    with pytest.raises(ValueError, match="in the same trials"):
+        stop_signal(stop_file().assign(response="left"))

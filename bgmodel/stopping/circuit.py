@@ -19,6 +19,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.stopping.observer import StopEvidence, log_odds_of_stop
 from bgmodel.stopping.trials import StopTrials, stop_trials
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, reals
@@ -114,6 +115,17 @@ def with_stop(
     on = np.clip((begins + step - onset) / step, 0, 1)
     off = np.clip((begins + step - onset - signal.duration_ms) / step, 0, 1)
     return replace(evidence, inputs_nats=signal.amount_nats * (on - off)[:, :, None])
+
+
+def with_observed_stop(evidence: StopEvidence) -> Evidence:
+    """Return the go evidence with the ideal observer's stop signal as an input of the circuit.
+
+    The input is ``c = ln(1 + exp z)``, reading by reading, where z is the log odds of a stop trial:
+    a circuit with ``with_inputs("STN")`` then computes the output of ``StopMsprt``. The input is
+    limited to ``MOST_NATS``, which blocks every response already.
+    """
+    added = np.minimum(np.logaddexp(0, log_odds_of_stop(evidence)), MOST_NATS)
+    return replace(evidence.go, inputs_nats=added[:, :, None])
 
 
 def decide_with_stop(

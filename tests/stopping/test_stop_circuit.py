@@ -1,5 +1,7 @@
 """A stop signal in the circuit: the closed form against full runs, pulses, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,11 @@ from bgmodel.stopping.circuit import (
     closed_form,
     decide_with_stop,
     step_response,
+    with_observed_stop,
     with_stop,
 )
-from bgmodel.stopping.trials import stop_trials
+from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
+from bgmodel.stopping.trials import drawn_delays, stop_trials
 from circuits.errors import EditWarning, RangeWarning
 from tests.helpers import refused
 
@@ -116,3 +120,20 @@ def test_a_signal_that_rings_is_warned_of():
 def test_a_signal_that_does_not_fit_is_refused(evidence, given, says):
     with refused(says):
         with_stop(evidence, **{"ssd_ms": delays(200), "signal": StopSignal()} | given)
+
+
+def test_with_the_observers_signal_in_stn_the_circuit_does_what_the_observer_does(evidence):
+    """Same evidence for go and stop: same outcome, corrected for chance, in most trials."""
+    ssd = drawn_delays(TRIALS, [200, 300, 400], 0.5, 11)
+    signals = gaussian_stop_evidence(
+        evidence, ssd, d_prime=0.6, share=0.3, delays_ms=[200, 300, 400], rng=12
+    )
+    test = StopMsprt(MODEL.gain).decide(signals, POSTERIOR, 1 - 1e-12)
+    model = replace(MODEL, circuit=MODEL.circuit.with_inputs("STN"))
+    circuit = model.decided(with_observed_stop(signals), LEVEL, forced=False)
+    made = [stop_trials(each, ssd, 2).responded for each in (test, circuit)]
+    same = (made[0] == made[1]).mean()
+    chance = np.prod([each.mean() for each in made]) + np.prod([1 - each.mean() for each in made])
+    assert (same - chance) / (1 - chance) > 0.8
+    both = made[0] & made[1] & (test.choice == circuit.choice)
+    assert np.corrcoef(test.time_ms[both], circuit.time_ms[both])[0, 1] > 0.85

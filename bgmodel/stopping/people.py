@@ -1,0 +1,89 @@
+"""Stop-signal trials of people: the set that ships, and tables of your own."""
+
+from __future__ import annotations
+
+import warnings
+from importlib import resources
+from pathlib import Path
+
+import pandas as pd
+
+from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.files import read_table
+from circuits.errors import DataWarning, InputError, within
+
+SHIPPED = "stop_signal_cnp"
+"""126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
+COLUMNS = ("participant_id", "rt", "ssd")
+SLOWEST_S = 20.0
+"""Largest median response time, s: longer ones are in ms."""
+
+
+def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTrials]:
+    """Return the stop-signal trials of each participant.
+
+    Parameters
+    ----------
+    table : DataFrame, path or str
+        One row per trial: participant_id, rt and ssd, both in seconds from the go stimulus; rt is
+        empty without a response, ssd in go trials. If there are columns ``stimulus`` and
+        ``response``, a response is correct where both are equal. By default the set that ships.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, times are in ms, or the trials of a participant are impossible: see
+        ``StopTrials``.
+    """
+    if isinstance(table, str) and table == SHIPPED:
+        with resources.as_file(resources.files("bgmodel.data") / f"{SHIPPED}.parquet") as path:
+            table = read_table(path)
+    elif not isinstance(table, pd.DataFrame):
+        table = read_table(table)
+    missing = [name for name in COLUMNS if name not in table]
+    if missing:
+        must = f"must have the columns {', '.join(COLUMNS)}"
+        raise InputError.of("table", must, list(table.columns))
+    if table["rt"].median() > SLOWEST_S:
+        raise InputError.of("rt", "must be in seconds", float(table["rt"].median()))
+    people = {}
+    for who, rows in table.groupby("participant_id", sort=True):
+        correct = None
+        if {"stimulus", "response"} <= set(table):
+            correct = (rows["stimulus"] == rows["response"]).fillna(False).to_numpy(bool)
+        rt_ms, ssd_ms = (1000 * rows[name].to_numpy(float) for name in ("rt", "ssd"))
+        try:
+            people[str(who)] = StopTrials(rt_ms, ssd_ms, correct)
+        except InputError as error:
+            raise within(f"participant {who}", error, "table") from None
+    return people
+
+
+def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
+    """Return the estimates of every participant, one row each.
+
+    Columns participant_id and the fields of ``StopEstimate``; ``refusal`` says why the guide
+    accepts no estimate of a participant. It is "no responses on go trials" or "no stop trials"
+    where no estimate can be computed.
+
+    Warns
+    -----
+    UserWarning
+        Once, if participants have fewer stop trials than the guide asks for.
+    """
+    rows, few = [], 0
+    for who, trials in people.items():
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", DataWarning)
+            try:
+                row = vars(estimate_ssrt(trials, checked=False))
+            except InputError as error:
+                kind = "no responses on go trials" if error.field == "rt_ms" else "no stop trials"
+                row = {"refusal": kind}
+        few += bool(caught)
+        rows.append({"participant_id": who, **row})
+    if few:
+        said = f"{few} of {len(people)} participants have too few stop trials"
+        DataWarning.warn(f"{said}: their estimates are unreliable, their mean is less so")
+    return pd.DataFrame(rows)

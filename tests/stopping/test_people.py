@@ -1,0 +1,73 @@
+"""Stop-signal trials of people: the set that ships, estimates computed twice, and bad tables."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.stopping.people import estimates_of, read_people
+from circuits.errors import DataWarning
+from tests.helpers import refused
+
+
+@pytest.fixture(scope="module")
+def people():
+    return read_people()
+
+
+@pytest.fixture(scope="module")
+def table(people):
+    with pytest.warns(DataWarning, match="126 of 126|125 of 126"):
+        return estimates_of(people)
+
+
+def by_hand(trials):
+    """Return the SSRT by sorting and counting, as the guide words it."""
+    go = sorted(1e9 if np.isnan(t) else t for t in trials.rt_ms[~trials.stop])
+    slowest = max(t for t in go if t < 1e9)
+    go = [min(t, slowest) for t in go]
+    stop = trials.rt_ms[trials.stop]
+    p = sum(~np.isnan(stop)) / len(stop)
+    n = int(np.ceil(round(p * len(go), 9)))
+    return go[n - 1] - trials.ssd_ms[trials.stop].mean()
+
+
+def test_the_set_has_its_published_size(people):
+    assert len(people) == 126
+    assert sum(len(each.rt_ms) for each in people.values()) == 126 * 128
+    assert {int(each.stop.sum()) for each in people.values()} == {32}
+
+
+def test_each_estimate_is_that_of_an_independent_computation(people, table):
+    known = table[table["ssrt_ms"].notna()].set_index("participant_id")
+    assert len(known) == 125  # one person has no response in any go trial
+    for who, row in known.iterrows():
+        assert row["ssrt_ms"] == pytest.approx(by_hand(people[who]), abs=1e-6)
+
+
+def test_the_mean_is_what_published_estimators_give(table):
+    assert table["ssrt_ms"].mean() == pytest.approx(224, abs=1)
+    assert table["ssrt_ms"].std() == pytest.approx(69, abs=1)
+    assert table["go_ms"].mean() == pytest.approx(488, abs=1)
+    assert table["failed_ms"].mean() == pytest.approx(430, abs=1)
+    assert table["ssd_ms"].mean() == pytest.approx(257, abs=1)
+
+
+def test_the_guide_refuses_three_people(table):
+    refusals = table.loc[table["refusal"] != "", "refusal"].str.split().str[0].tolist()
+    assert sorted(refusals) == ["failed", "no", "the"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.drop(columns="ssd"), "table columns"),
+        (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
+        (lambda t: t.assign(ssd=-0.1), "ssd_ms participant a"),
+        (lambda t: t.assign(ssd=0.2), "ssd_ms participant a"),
+    ],
+)
+def test_a_bad_table_is_refused_by_participant(change, says):
+    good = pd.DataFrame({"participant_id": "a", "rt": [0.4, 0.5, np.nan], "ssd": [np.nan] * 3})
+    assert list(read_people(good)) == ["a"]
+    with refused(says):
+        read_people(change(good))
