@@ -16,7 +16,7 @@ from circuits.errors import InputError
 
 LOCKS = Path(".snakemake/locks")
 """Where Snakemake locks the files of a run; a killed run leaves its locks behind."""
-MINUTES = {True: 6.0, False: 18.0}
+MINUTES = {True: 6.0, False: 25.0}
 """CPU time of all figures, minutes, coarse (True) or full; measured on two cores of an AMD EPYC."""
 
 

@@ -59,7 +59,7 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     said = capsys.readouterr().out
     assert f": {count}, already there: 0" in said
     # The time for all figures; the time for a part of them is unknown.
-    assert ("about 18 minutes of CPU" in said) == (not arguments)
+    assert ("about 25 minutes of CPU" in said) == (not arguments)
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
     folder.mkdir()
     (folder / "fig2.png").touch()
@@ -86,9 +86,9 @@ def test_a_folder_of_recordings_reaches_snakemake_as_it_is_named(tmp_path, monke
     assert read.read_text() == folder
 
 
-def test_the_readme_says_how_long_all_figures_take():
+def test_the_guide_says_how_long_all_figures_take():
     said = f"({MINUTES[False]:g} minutes of CPU, FAST=1: coarse, {MINUTES[True]:g})"
-    assert said in (ROOT / "README.md").read_text()
+    assert said in (ROOT / "docs" / "guides" / "figures.md").read_text()
 
 
 # SIGINT is heard also where the tests run in the background of a shell, which has it ignored.

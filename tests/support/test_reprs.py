@@ -109,7 +109,7 @@ def test_a_trace_is_drawn_up_to_the_end_of_its_trial():
 
 
 def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
-    decision = first_crossing(TRACE, 0.05, forced=False)
+    decision = replace(first_crossing(TRACE, 0.05, forced=False), truth=None)
     left = int((decision.choice < 0).sum())
     assert 0 < left < EVIDENCE.trials
     (ax,) = decision.plot(Figure().subplots()).axes
@@ -129,7 +129,7 @@ def test_several_thresholds_are_drawn_as_speed_and_accuracy():
     times = np.nanmean(decision.time_ms, axis=1)
     assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
     with refused("truth several thresholds need the truth"):
-        decision.plot()
+        replace(decision, truth=None).plot()
 
 
 def test_speed_and_accuracy_are_those_of_decided_trials():

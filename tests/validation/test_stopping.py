@@ -11,7 +11,7 @@ from bgmodel.stopping.circuit import StopSignal, closed_form, decide_with_stop, 
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 
-pytestmark = [pytest.mark.validate, pytest.mark.filterwarnings("ignore")]
+pytestmark = pytest.mark.validate
 POSTERIOR = 0.82
 TASK = {"d_prime": 0.35, "t_max": 150, "step_ms": 10}
 
