@@ -46,8 +46,8 @@ COMMANDS = {
     f"circuit compare-edits {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
         {NO_EVIDENCE}, --accuracies 1, --accuracies 0.2, --trials 99, --gain -1, --workers 0""",
     f"circuit learn {OUT} --circuit spiking_msprt --levels 2 --learner.episodes 500 "
-    f"--trials 2..19 --t-max 1..5 --runs 1..2 {SEED}": f"""{WRONG_OPTIONS}, {NO_EVIDENCE}, --xi 0,
-        --levels 1, --levels 1e12, --runs 0, --posterior 0.3, --posterior 1, --gain 0,
+    f"--trials 20..40 --t-max 30..40 --runs 1..2 {SEED}": f"""{WRONG_OPTIONS}, {NO_EVIDENCE},
+        --xi 0, --levels 1, --levels 1e12, --runs 0, --posterior 0.3, --posterior 1, --gain 0,
         --start-level 3, --trials 0, --fold 8, --learner.episodes 2, --engine algebra""",
     f"compare {OUT} {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT}, {NO_EVIDENCE},
         --accuracies 0, --accuracies x, --trials 99, --gain inf""",
