@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy import optimize, special
 
+from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
@@ -115,7 +116,9 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     }
     refusal = _refusal(found)
     if refusal and checked:
-        raise InputError(f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "p")
+        raise InputError(
+            f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "trials"
+        )
     stops = int(trials.stop.sum())
     if stops < FEWEST_STOPS:
         said = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
@@ -154,7 +157,7 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
         times = trials.rt_ms[trials.ssd_ms == delay]
         failed = times[~np.isnan(times)]
         p = len(failed) / len(times)
-        low, high = wilson(len(failed), len(times))
+        low, high = map(float, wilson(len(failed), len(times)))
         inside = 0 < p < 1
         ssrt = nth_time(replaced, p) - delay if inside else np.nan
         mean = failed.mean() if len(failed) else np.nan
@@ -166,14 +169,6 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 def nth_time(times_ms: Array, p: float) -> float:
     """Return the n-th shortest time, where n is p times the number of times, rounded up."""
     return float(np.quantile(times_ms, p, method="inverted_cdf"))
-
-
-def wilson(count: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Return the Wilson interval of a proportion (Wilson 1927)."""
-    p, wide = count / trials, z**2 / trials
-    middle = (p + wide / 2) / (1 + wide)
-    half = z * np.sqrt(p * (1 - p) / trials + wide / (4 * trials)) / (1 + wide)
-    return float(middle - half), float(middle + half)
 
 
 def p_respond(

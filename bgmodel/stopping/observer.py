@@ -16,8 +16,8 @@ of reading t (signal on against off),
 
     z_t = logit(share) + ln(A_t + 1 - F_t),   A_t = (A_(t-1) + f_t) exp(l_t),
 
-where F_t is the sum of f up to t. A_t stands for signals that have begun, each weighted by the
-evidence since then, and 1 - F_t for those still to come.
+where F_t is the sum of f up to t. A_t sums over signals that have begun, each weighted by the
+evidence since then, and 1 - F_t is the probability of those still to come.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Stop-signal trials of people: the set that ships, and tables of your own."""
+"""Stop-signal trials of people: the set that ships, and your own tables."""
 
 from __future__ import annotations
 
 import warnings
-from importlib import resources
 from pathlib import Path
 
 import pandas as pd
@@ -11,6 +10,7 @@ import pandas as pd
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.files import read_table
+from bgmodel.tables.shipped import shipped_table
 from circuits.errors import DataWarning, InputError, within
 
 SHIPPED = "stop_signal_cnp"
@@ -37,8 +37,7 @@ def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTri
         ``StopTrials``.
     """
     if isinstance(table, str) and table == SHIPPED:
-        with resources.as_file(resources.files("bgmodel.data") / f"{SHIPPED}.parquet") as path:
-            table = read_table(path)
+        table = shipped_table(SHIPPED)[0]
     elif not isinstance(table, pd.DataFrame):
         table = read_table(table)
     missing = [name for name in COLUMNS if name not in table]

@@ -67,10 +67,15 @@ def shipped() -> dict[str, Shipped]:
     return {name: _read(name) for name in SETS}
 
 
+def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return a shipped table, and the description stored in its file."""
+    with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:
+        return read_table(path), read_provenance(path)["parameters"]
+
+
 def _read(name: str) -> Shipped:
     """Return a set, with the description stored in its file."""
-    with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:
-        table, about = read_table(path), read_provenance(path)["parameters"]
+    table, about = shipped_table(name)
     kept = ("strength", "citation", "source", "licence", "licence_file", "note")
     return Shipped(
         name,

@@ -204,7 +204,7 @@ class EditableTable(CircuitTable):
             If no row of the circuit has a receptor, so that a level has no effect. If the circuit
             was already edited to another level, since two levels do not combine into
             one: 0.9 and 0.8 multiply weights with D1 receptors by 0.72 and those with D2 receptors
-            by 1.32. For a level of 0.8, edit the circuit as it was before the first edit.
+            by 1.32. For a level of 0.8, edit the original circuit.
         """
         check_range(0, 2, level=level)
         if level == 1:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from bgmodel.stopping.estimates import (
     estimate_ssrt,
@@ -9,7 +10,6 @@ from bgmodel.stopping.estimates import (
     inhibition_function,
     nth_time,
     p_respond,
-    wilson,
 )
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
@@ -86,27 +86,35 @@ def test_the_inhibition_function_rises_and_its_time_is_constant_in_a_race():
     times[times > np.nan_to_num(ssd + TRUE_MS, nan=np.inf)] = np.nan
     table = inhibition_function(StopTrials(times, ssd))
     assert table["p_respond"].is_monotonic_increasing
+    assert table.loc[1, ["low", "high"]].to_list() == pytest.approx(
+        stats.binomtest(
+            round(table["p_respond"][1] * table["trials"][1]), int(table["trials"][1])
+        ).proportion_ci(method="wilson"),
+        rel=1e-6,
+    )
     assert ((table["low"] <= table["p_respond"]) & (table["p_respond"] < table["high"])).all()
     assert table["ssrt_ms"].to_numpy() == pytest.approx(TRUE_MS, abs=4)
 
 
-def test_the_interval_is_wilsons():
-    low, high = wilson(5, 10)
-    assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-4)
+def test_the_nth_time_is_found_by_counting():
     assert nth_time(np.array([3.0, 1.0, 2.0, 4.0]), 0.5) == 2.0
 
 
 @pytest.mark.parametrize(
     ("rt", "ssd", "says"),
     [
-        ([400.0, 500.0, np.nan, np.nan], [np.nan, np.nan, 200, 200], "p is 0.00, outside 0.25"),
-        ([400.0, 500.0, 450, np.nan], [np.nan, np.nan, 200, 200], "p slower"),
+        (
+            [400.0, 500.0, np.nan, np.nan],
+            [np.nan, np.nan, 200, 200],
+            "trials is 0.00, outside 0.25",
+        ),
+        ([400.0, 500.0, 450, np.nan], [np.nan, np.nan, 200, 200], "trials slower"),
         ([400.0, 500.0], [np.nan, np.nan], "ssd_ms stop trials"),
         ([np.nan, np.nan, 450, 1], [np.nan, np.nan, 200, 200], "rt_ms go trials"),
     ],
 )
 def test_what_the_guide_refuses_is_refused(rt, ssd, says):
-    if says == "p slower":
+    if says == "trials slower":
         rt = [400.0, 500.0, 600.0, np.nan]
     with refused(says):
         estimate_ssrt(StopTrials(rt, ssd))
