@@ -148,6 +148,12 @@ def decide_with_stop(
     ValueError
         If the signal is given to a nucleus at which common input is cancelled, or as for
         ``with_stop`` and ``BasalGanglia.threshold``.
+
+    Warns
+    -----
+    UserWarning
+        If the evidence leaves the circuit's range, or noise alone crosses the threshold, as in
+        ``BasalGanglia.decide``.
     """
     name = signal.nucleus
     if name in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
@@ -157,6 +163,8 @@ def decide_with_stop(
         )  # fmt: skip
     model = replace(model, circuit=model.circuit.with_inputs(name))
     level = model.threshold(threshold, posterior)
+    model.warn_beyond_range(evidence)
+    model.warn_of_noise(level)
     given = with_stop(evidence, ssd_ms, signal, every_ms)
     decision = model.decided(given, level, forced=False)
     return stop_trials(decision, ssd_ms, evidence.hypotheses)

@@ -86,8 +86,8 @@ class CircuitTable(Network):
     """Whether lesions are chronic: runs start at the resting state of this circuit, not at that of
     the intact one."""
     unedited: Self | None = field(default=None, compare=False)
-    """The table before its edits; None for an unedited one. It is ignored when circuits are compared,
-    and not saved to files."""
+    """The table before its edits; None for an unedited one. It is ignored when circuits are
+    compared, and not saved to files."""
     dopamine_edit: float = field(default=1.0, compare=False)
     """Dopamine level set by the last edit of it, or 1; ignored and not saved, like ``unedited``."""
 

@@ -17,7 +17,7 @@ from bgmodel.stopping.circuit import (
 )
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
-from circuits.errors import EditWarning, RangeWarning
+from circuits.errors import EditWarning, NoiseWarning, RangeWarning
 from tests.helpers import refused
 
 TRIALS, POSTERIOR = 300, 0.82
@@ -137,3 +137,16 @@ def test_with_the_observers_signal_in_stn_the_circuit_does_what_the_observer_doe
     assert (same - chance) / (1 - chance) > 0.8
     both = made[0] & made[1] & (test.choice == circuit.choice)
     assert np.corrcoef(test.time_ms[both], circuit.time_ms[both])[0, 1] > 0.85
+
+
+def test_it_warns_as_a_decision_without_a_stop_does(evidence):
+    """Noise of few cells crosses the threshold; strong evidence leaves the circuit's range."""
+    few = replace(MODEL, circuit=MODEL.circuit.with_neurons(12))
+    strong = bg.gaussian_evidence(20, d_prime=3.0, t_max=30, step_ms=50, seed=1)
+    for model, given, kind in ((few, evidence[:20], NoiseWarning), (MODEL, strong, RangeWarning)):
+        for decide in (
+            lambda m, e: m.decide(e, LEVEL),
+            lambda m, e: decide_with_stop(m, e, delays(200)[:20], StopSignal(), threshold=LEVEL),
+        ):
+            with pytest.warns(kind):
+                decide(model, given)
