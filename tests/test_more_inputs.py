@@ -51,6 +51,19 @@ def test_an_input_of_one_channel_reaches_that_channel():
     assert change[1] < change[0] - 0.05
 
 
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+def test_of_several_inputs_each_has_its_own_column(engine):
+    one, other = np.full((2, STEPS, 1), 0.4), np.full((2, STEPS, 1), -0.3)
+    both = driven(BASE.with_inputs("STN", "GPe[1]"), engine, np.concatenate([one, other], axis=2))
+    turned = driven(BASE.with_inputs("GPe[1]", "STN"), engine, np.concatenate([other, one], axis=2))
+    np.testing.assert_array_equal(both, turned)
+    alone = driven(
+        BASE.with_inputs("STN", "GPe[1]"), engine, np.concatenate([one, 0 * one], axis=2)
+    )
+    np.testing.assert_array_equal(alone, driven(BASE.with_inputs("STN"), engine, one))
+    assert np.abs(both - alone).max() > 0.05
+
+
 def test_every_column_keeps_its_place_in_the_file_and_the_hash(tmp_path):
     from circuits.anatomy import load_circuit
     from circuits.declaration.table_files import digest, write

@@ -140,13 +140,15 @@ def test_with_the_observers_signal_in_stn_the_circuit_does_what_the_observer_doe
 
 
 def test_it_warns_as_a_decision_without_a_stop_does(evidence):
-    """Noise of few cells crosses the threshold; strong evidence leaves the circuit's range."""
-    few = replace(MODEL, circuit=MODEL.circuit.with_neurons(12))
-    strong = bg.gaussian_evidence(20, d_prime=3.0, t_max=30, step_ms=50, seed=1)
-    for model, given, kind in ((few, evidence[:20], NoiseWarning), (MODEL, strong, RangeWarning)):
+    """Noise of few cells crosses the threshold; a common fall leaves the circuit's range."""
+    few = replace(MODEL, circuit=MODEL.circuit.with_neurons(4))
+    fallen = replace(evidence[:20], baseline=0.1)
+    noisy, beyond = (NoiseWarning, "noise takes OUT below"), (RangeWarning, "macaque works from")
+    cases = ((few, evidence[:20], noisy), (MODEL, fallen, beyond))
+    for model, given, (kind, says) in cases:
         for decide in (
             lambda m, e: m.decide(e, LEVEL),
             lambda m, e: decide_with_stop(m, e, delays(200)[:20], StopSignal(), threshold=LEVEL),
         ):
-            with pytest.warns(kind):
+            with pytest.warns(kind, match=says):
                 decide(model, given)
