@@ -14,14 +14,13 @@ import numpy.typing as npt
 import pandas as pd
 from scipy import optimize, special
 
+from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
 from circuits.errors import DataWarning, InputError
 
-P_RANGE = (0.25, 0.75)
-"""Probability of responding on stop trials within which the guide accepts an estimate."""
 FEWEST_STOPS = 50
 """Number of stop trials below which the guide calls estimates unreliable."""
 NODES = 40

@@ -5,7 +5,8 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.stopping.circuit import StopSignal, closed_form, decide_with_stop, step_response
+from bgmodel.stopping.circuit import closed_form, decide_with_stop, step_response
+from bgmodel.stopping.inputs import StopSignal
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 
