@@ -15,7 +15,8 @@ from bgmodel.evidence import needed_truth
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
-from bgmodel.stopping.task import StopTask
+from bgmodel.stopping.task import STREAM as SIGNALS
+from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support import toml_files
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
@@ -300,9 +301,7 @@ class Observed(Condition):
         level = self.threshold_at(evidence.hypotheses)
         if self.stop is None:
             return behaviour_of(model, evidence, level, self.foreperiod_ms)
-        from bgmodel.stopping.deciding import decided
-
-        draws = stream(self.seed if seed is None else seed, "stop signals")
+        draws = stream(self.seed if seed is None else seed, SIGNALS)
         stopping = decided(self.stop, model, evidence, level, draws)
         return behaviour_of(model, evidence, level, self.foreperiod_ms, stopping)
 

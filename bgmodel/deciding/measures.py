@@ -116,15 +116,7 @@ class Behaviour:
 
     def in_time(self) -> Decision:
         """Return the decisions, with missed trials undecided."""
-        missed, made = self.decision.forced, self.decision
-        return replace(
-            made,
-            choice=np.where(missed, UNDECIDED, made.choice),
-            time_ms=np.where(missed, np.nan, made.time_ms),
-            forced=np.zeros_like(missed),
-            deadline_ms=made.time_ms,
-            truth=None,
-        )
+        return replace(unforced(self.decision), deadline_ms=self.decision.time_ms, truth=None)
 
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
@@ -209,6 +201,17 @@ class Behaviour:
         variance = mean((time_ms / 1e3) ** 2, right, weights) - mean_s**2
         drift, bound, other_s = ez_diffusion(accuracy, mean_s, variance, weights @ decided)
         return dict(zip(OF_DIFFUSION, (drift, bound, 1e3 * other_s), strict=True))
+
+
+def unforced(decision: Decision) -> Decision:
+    """Return decisions with those undecided that the deadline made."""
+    missed = decision.forced
+    return replace(
+        decision,
+        choice=np.where(missed, UNDECIDED, decision.choice),
+        time_ms=np.where(missed, np.nan, decision.time_ms),
+        forced=np.zeros_like(missed),
+    )
 
 
 def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, reals
+from circuits.checks import check_types
 from circuits.errors import EditWarning, InputError, RangeWarning, require
 
 MOST_NATS = 2.0
@@ -50,6 +51,7 @@ class StopSignal:
     """Time from the signal until the response is cancelled for good, ms; never by default."""
 
     def __post_init__(self) -> None:
+        check_types(self, type(self).__name__)
         check_range(0, np.inf, delay_ms=self.delay_ms)
         require(self.cancel_ms >= 0, "cancel_ms", "must be >= 0", self.cancel_ms)
         require(self.duration_ms > 0, "duration_ms", "must be > 0", self.duration_ms)

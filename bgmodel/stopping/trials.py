@@ -143,8 +143,8 @@ def check_delays(delays_ms: npt.ArrayLike) -> Array:
     UserWarning
         If they look like seconds.
     """
-    delays = np.atleast_1d(np.asarray(delays_ms, float))
-    fits = delays.size and np.isfinite(delays).all() and (delays >= 0).all()
+    delays = np.atleast_1d(np.asarray(reals("delays_ms", delays_ms), dtype=np.float64))
+    fits = delays.ndim == 1 and delays.size and np.isfinite(delays).all() and (delays >= 0).all()
     require(fits, "delays_ms", "must be numbers >= 0", delays_ms)
     _warn_of_seconds("delays_ms", float(delays.max()))
     return delays

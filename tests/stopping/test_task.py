@@ -1,21 +1,25 @@
 """The stop-signal task as a record: in experiments, in sweeps, and what is refused."""
 
+import json
 import tomllib
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.conditions import Observed
+from bgmodel.cli import main
+from bgmodel.commands.stopping import TASK as STANDARD
+from bgmodel.conditions import STREAM, Observed
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.circuit import decide_with_stop
-from bgmodel.stopping.deciding import decided
+from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
-from bgmodel.stopping.task import StopTask
+from bgmodel.stopping.task import StopTask, decided
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from circuits.errors import DataWarning, EditWarning
@@ -242,3 +246,45 @@ def test_a_condition_without_signals_is_as_before(evidence):
     assert found.ssd_ms is None
     assert found.go.all()
     assert "p_respond" not in found.measures(np.ones((1, 400)))
+
+
+def test_the_command_and_python_decide_alike(tmp_path, capsys):
+    """One seed, one table: the command adds nothing of its own."""
+    out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
+    options = ["--trials", "300", "--t-max", "100", "--seed", "5", "--stop.delay-ms", "40"]
+    assert main(["stop", str(out), "--drawing", str(drawing), *options]) == 0
+    said = capsys.readouterr().out
+    condition = bg.Condition(task=replace(STANDARD, trials=300, t_max=100), seed=5)
+    evidence = condition.drawn(STREAM).evidence
+    stop = bg.StopTask(share=0.5, delay_ms=40.0)
+    mine = stop.decide(condition.model(2), evidence, posterior=0.82, seed=5)
+    pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
+    assert "40 ms are the given delay to STN" in said
+    assert drawing.stat().st_size > 10_000
+    assert main(["stop", "--json", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["p_respond"] == mine.p_respond
+    assert len(found["records"]) == len(stop.delays_ms)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--stop.share", "0"], "share must be between 0 and 1"),
+        (["--t-max", "20"], "delays_ms must be before the deadline, 200 ms"),
+        (["--stop.nucleus", "ctx_inh"], "nucleus must be one that the signal can act through"),
+        (["--workers", "0"], "workers must be"),
+        (["--drawing", "x.doc"], "drawing must end in"),
+    ],
+)
+def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
+    assert main(["stop", str(tmp_path / "x.csv"), "--trials", "100", *options]) == 2
+    assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_figure_says_when_no_estimate_is_accepted(evidence):
+    found = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
+    text = draw(found).get_suptitle()
+    assert f"{int(found.stop.sum())} stop trials" in text
+    assert "accepts no SSRT" in text
