@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from bgmodel.support.files import read_table
 from figures.common import Settings, bars, letter, run, say_if_older
@@ -23,9 +24,7 @@ def draw(settings: Settings, pauses: Path, signals: Path, *, output: Path) -> Fi
     table, arky = read_table(pauses), read_table(signals)
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.4, 3.3), width_ratios=[1.15, 1])
     image = _map(left, table[table["cancel_ms"] > 0])
-    floor = table.loc[table["cancel_ms"] > 0, "p_respond"].min()
-    bar = figure.colorbar(image, ax=left, label="share of stop trials answered", pad=0.02)
-    bar.ax.axhline(floor, color="w", lw=1)
+    figure.colorbar(image, ax=left, label="share of stop trials answered", pad=0.02)
     letter(left, "a  a pause by STN, then a cancel")
     _signals(right, arky)
     letter(right, "b  signals to STN and Arky")
@@ -40,8 +39,9 @@ def _map(ax: Axes, table: pd.DataFrame) -> Any:
     for (row, column), p in np.ndenumerate(wide.to_numpy()):
         ax.text(column, row, f"{100 * p:.0f}", ha="center", va="center", fontsize=6,
                 color="k" if p > 0.5 else "w")  # fmt: skip
-    step = float(wide.columns[1] - wide.columns[0])
-    ax.plot(wide.index / step, np.arange(len(wide)), color="w", ls="--", lw=1)
+    for row, cancel in enumerate(wide.index):
+        corner = (list(wide.columns).index(cancel) - 0.5, row - 0.5)
+        ax.add_patch(Rectangle(corner, 1, 1, fill=False, ec="w", lw=0.8))
     ax.set_xticks(range(0, len(wide.columns), 2), [f"{each:g}" for each in wide.columns[::2]])
     ax.set_yticks(range(len(wide)), [f"{each:g}" for each in wide.index])
     ax.set(xlabel="pause: duration of the input to STN (ms)", ylabel="cancel after the signal (ms)")

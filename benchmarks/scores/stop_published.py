@@ -1,25 +1,17 @@
-"""What published results on stopping say about lesions of STN and rates of SNr, in the circuit.
+"""Rates of STN and SNr after stop signals on failed and on successful stops.
 
-Eagle et al. (2008): after lesions of STN rats respond earlier and stop less often at all delays, at
-an unchanged stop-signal reaction time. Schmidt et al. (2013): STN responds to stop signals on all
-trials, SNr only on successful ones.
+Schmidt et al. (2013), in rats: STN responds to stop signals on all trials, SNr only on successful
+ones.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.scores.stop_runs import (
-    POSTERIOR,
     evidence_of,
-    go_times,
     model_of,
-    nth,
-    share,
-    standard_error,
     stop_times,
 )
 from bgmodel.evidence import Evidence
@@ -27,31 +19,10 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.support.arrays import Array
-from circuits.anatomy import DEFAULT, load_circuit
 
 SSD_MS = 300.0
 WITHIN_MS = 150.0
 """Time after the signal over which rates are averaged."""
-
-
-def lesioned(trials: int) -> pd.DataFrame:
-    """Return go times and stopping after losses of STN, at the intact circuit's threshold."""
-    evidence, intact = evidence_of("lesioned", trials), load_circuit(DEFAULT)
-    level = model_of().threshold(None, POSTERIOR)
-    states = {
-        "intact": intact,
-        "STN 10 %, acute": intact.lesion("STN", 0.1),
-        "STN 50 %, recovered": intact.lesion("STN", 0.5).compensate(),
-    }
-    rows = []
-    for name, circuit in states.items():
-        model = replace(model_of(), circuit=circuit)
-        went = go_times(model, evidence, level)
-        p = share(~np.isnan(stop_times(model, evidence, SSD_MS, StopSignal(), level)))
-        row = {"state": name, "ssd_ms": SSD_MS, "trials": trials, "go_ms": np.nanmean(went)}
-        row |= {"go_se": standard_error(went)} | p
-        rows.append(row | {"ssrt_ms": nth(went, p["p_respond"]) - SSD_MS})
-    return pd.DataFrame(rows)
 
 
 def rates(trials: int) -> pd.DataFrame:

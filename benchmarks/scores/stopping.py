@@ -1,161 +1,229 @@
-"""Interrupt `make figures FAST=1` repeatedly and check that it resumes with identical results.
+"""Stop signals in the default circuit: closed form, inhibition function, delay and loss of STN.
 
-Two clones of what is committed here, both run with this interpreter's environment. One run is left
-alone; the other is stopped at random moments (fixed seed), fifteen times, and then left alone:
-five times each by SIGINT to make's process group (Ctrl-C), SIGINT to `bgmodel figures` alone, and
-SIGKILL of the command, of a job, of make's group and of everything, after which the lock that a
-killed run leaves is removed. Early steps are long, few end between stops: so all pictures are then
-removed, and the run that draws them again, in short steps, is stopped fifteen times more. Then the
-SHA-256 of every file under figures/fast is compared, the cache of the contact library included.
-Linux; about half an hour on two cores:
-
-    python -m benchmarks.scores.stopping --folder /tmp/stopping
+The circuit stops in closed form: a signal of A nats to STN adds its step response c(t) to OUT, so
+that a full run can be predicted from the same trial without a signal. Evaluated on seeds that
+tuned nothing; delays were chosen on other seeds, so that 0.2 to 0.8 of the stop trials are
+answered. The comparison with the ideal observer, signals that end, published effects and people
+are in ``stop_observer``, ``stop_cancel``, ``stop_published`` and ``stop_people``.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
-import random
-import shutil
-import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
+from time import process_time
 
+import numpy as np
 import pandas as pd
-import psutil
 
-from benchmarks import OUT
-from bgmodel.support.files import checksum, write_table
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from benchmarks.scores.stop_cancel import arkypallidal, pauses
+from benchmarks.scores.stop_observer import (
+    SHARES,
+    TONES,
+    by_share,
+    by_tone,
+    decisions,
+    observed,
+    paired,
+)
+from benchmarks.scores.stop_people import people
+from benchmarks.scores.stop_published import rates
+from benchmarks.scores.stop_runs import (
+    POSTERIOR,
+    SCORING_SEED,
+    STEP_MS,
+    STEPS,
+    agreement,
+    evidence_of,
+    go_times,
+    model_of,
+    nth,
+    pulse,
+    response_times,
+    share,
+    stop_times,
+)
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.stopping.circuit import closed_form, step_response
+from bgmodel.stopping.inputs import StopSignal
+from bgmodel.support.arrays import Array
+from circuits.anatomy import DEFAULT, load_circuit
 
-ROOT = Path(__file__).parents[2]
-SEED = 2023
-WAYS = ["SIGINT group", "SIGINT command"] * 5
-WAYS += [f"SIGKILL {who}" for who in ("command", "job", "group", "everything", "command")]
-
-
-def clone(folder: Path) -> Path:
-    """Clone what is committed here."""
-    subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
-    return folder
-
-
-def environment(folder: Path) -> dict[str, str]:
-    """Return our environment, with the package of a clone."""
-    return os.environ | {"PYTHONPATH": str(folder)}
-
-
-def start(folder: Path, cores: int) -> psutil.Popen:
-    """Call ``make figures`` in a clone, in a new process group, with our environment."""
-    command = ["make", "figures", "FAST=1", f"CORES={cores}", f"VENV={sys.prefix}"]
-    for file in ("pyvenv.cfg", "figures.installed"):
-        command += ["-o", f"{sys.prefix}/{file}"]  # installed packages stay unchanged
-    with (folder / "said.txt").open("a") as said:
-        return psutil.Popen(
-            command,
-            cwd=folder,
-            env=environment(folder),
-            stdout=said,
-            stderr=said,
-            start_new_session=True,
-        )
-
-
-def family(make: psutil.Popen) -> list[psutil.Process]:
-    """Return the command and its jobs, as far as they have begun."""
-    command = make.children()
-    return command + [child for parent in command for child in parent.children(recursive=True)]
-
-
-def stop(make: psutil.Popen, way: str) -> list[psutil.Process]:
-    """Stop a run in one of the ways; return the processes that it had."""
-    every = family(make)
-    sent, who = way.split()
-    number = signal.Signals[sent]
-    if who == "group":
-        os.killpg(make.pid, number)
-        return every
-    chosen = {
-        "command": every[:1],
-        "job": every[1:2],
-        "everything": [make, *every],
-    }[who]
-    for process in chosen[1:]:
-        process.suspend()  # none may see the first one end
-    for process in chosen:
-        process.send_signal(number)
-    return every
+CASES = (
+    StopSignal(amount_nats=0.3), StopSignal(amount_nats=0.5), StopSignal(amount_nats=1.0),
+    pulse(100.0, amount_nats=1.0),
+)  # fmt: skip
+"""Signals of the closed form: held for good, and a pulse."""
+SSD_MS = {2: 300.0, 4: 800.0}
+"""Delay of the closed form, by the number of alternatives."""
+DELAYS_MS = np.arange(50.0, 551.0, 50.0)
+"""Delays of the inhibition functions."""
+PATHWAY_MS = np.array([0.0, 50.0, 100.0, 150.0])
+LOST_NATS, LOSSES = (0.3, 0.4, 0.5, 0.6), np.arange(0.0, 0.36, 0.025)
+"""Signals and losses of STN; beyond a loss of 0.375, OUT at rest is below the threshold."""
+STOP_SHARES, OBSERVED_SHARE = (0.01, 0.1, 0.25, 0.5), 0.25
+"""Shares of stop trials that the ideal observer expects, and that of its inhibition function."""
+FEWEST = 20
+"""Fewest failed and successful stops for a time."""
 
 
-def hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file under figures/fast."""
-    made = folder / "figures" / "fast"
-    return {
-        str(path.relative_to(made)): checksum(path)
-        for path in sorted(made.rglob("*"))
-        if path.is_file()
-    }
-
-
-def stopped_run(folder: Path, cores: int, longest_s: float) -> pd.DataFrame:
-    """Stop a run in every way, in random order, then let it end; one row per stop."""
-    rng = random.Random(SEED)
+def closed_forms(channels: int, engine: str, trials: int) -> pd.DataFrame:
+    """Return how often full runs and the closed form have the same outcome, for each signal."""
+    evidence = evidence_of("closed form", trials, channels)
+    model, ssd = model_of(channels, engine), SSD_MS[channels]
+    level = model.threshold(None, POSTERIOR)
+    end = STEP_MS * (STEPS + 1)
+    added = [step_response(model, signal, time_ms=end)[1] for signal in CASES]
+    predicted: list[list[np.ndarray]] = [[] for _ in CASES]
+    for _, _, trace in model.batches(evidence):
+        delays = np.full(len(trace.out_nats), ssd)
+        for signal, c, parts in zip(CASES, added, predicted, strict=True):
+            with_signal = closed_form(trace, delays, signal, c)
+            made = first_crossing(with_signal, level, forced=False, checked=False)
+            parts.append(response_times(made, channels))
     rows = []
-    for way in rng.sample(WAYS, len(WAYS)):
-        moment = rng.uniform(0.5, longest_s)
-        make = start(folder, cores)
-        time.sleep(moment)
-        row = {"way": way, "after_s": round(moment, 1), "ran": make.poll() is None}
-        if row["ran"]:
-            every = stop(make, way)
-            begun = time.monotonic()
-            row["jobs"] = len(every[1:])
-            row["status"] = make.wait(60)
-            row["left"] = len(psutil.wait_procs(every, timeout=3)[1])
-            row["ended_in_s"] = round(time.monotonic() - begun, 2)
-        row["partial"] = len(list((folder / "figures" / "fast").rglob(".*.partial.*")))
-        row["figures"] = len(list((folder / "figures" / "fast").glob("*.png")))
-        rows.append(row)
-        print(row, flush=True)
-        unlock = [sys.executable, "-m", "bgmodel", "figures", "--fast", "--unlock"]
-        subprocess.run(unlock, cwd=folder, env=environment(folder), check=True)
+    for signal, parts in zip(CASES, predicted, strict=True):
+        full, closed = stop_times(model, evidence, ssd, signal, level), np.concatenate(parts)
+        shown = {"p_respond": (~np.isnan(full)).mean(), "p_closed": (~np.isnan(closed)).mean()}
+        rows.append(
+            {"alternatives": channels, "engine": engine, "amount_nats": signal.amount_nats,
+             "duration_ms": signal.duration_ms, "ssd_ms": ssd, "trials": trials}
+            | shown | agreement(full, closed)
+        )  # fmt: skip
     return pd.DataFrame(rows)
 
 
-def pictures_again(folder: Path, cores: int, longest_s: float = 15.0) -> tuple[pd.DataFrame, int]:
-    """Remove all pictures of a finished run, and stop the one that draws them again."""
-    for ending in ("png", "pdf"):
-        for path in (folder / "figures" / "fast").glob(f"*.{ending}"):
-            path.unlink()
-    return stopped_run(folder, cores, longest_s), start(folder, cores).wait()
+def inhibition(trials: int) -> pd.DataFrame:
+    """Return the inhibition functions of the circuit, the ideal observer and an independent race.
+
+    All delays have the same evidence and noise, and the go times are those without any signal. The
+    race takes the circuit's go times and one stop-signal reaction time, the circuit's own.
+    """
+    evidence, model = evidence_of("inhibition", trials), model_of()
+    begun = process_time()
+    went = go_times(model, evidence)
+    held = [stop_times(model, evidence, ssd, StopSignal(amount_nats=1.0)) for ssd in DELAYS_MS]
+    seconds = process_time() - begun
+    found = [by_delay("circuit, 1 nat", went, held).assign(cpu_s=seconds)]
+    for amount in (0.3, 0.5):
+        signal = StopSignal(amount_nats=amount)
+        stopped = [stop_times(model, evidence, ssd, signal) for ssd in DELAYS_MS]
+        found.append(by_delay(f"circuit, {amount:g} nats", went, stopped))
+    late = found[0].loc[found[0]["ssd_ms"] >= 200, "ssrt_ms"].mean()
+    beaten = [np.where(went < ssd + late, went, np.nan) for ssd in DELAYS_MS]
+    found.append(by_delay("race", went, beaten))
+    observer = [
+        response_times(decisions(observed(evidence, np.full(trials, ssd), OBSERVED_SHARE, "stop",
+                                          DELAYS_MS), model.gain), 2)
+        for ssd in (np.nan, *DELAYS_MS)
+    ]  # fmt: skip
+    found.append(by_delay("ideal observer", observer[0], observer[1:]))
+    return pd.concat(found, ignore_index=True)
 
 
-def main() -> None:
-    """Run both, compare, print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, required=True, help="for the clones; removed first")
-    parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--longest-s", type=float, default=60.0, help="of a run before its stop")
-    given = parser.parse_args()
-    # In the background of a script SIGINT is ignored, by all that is started here too.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    shutil.rmtree(given.folder, ignore_errors=True)
-    left_alone, stopped = (clone(given.folder / name) for name in ("left_alone", "stopped"))
-    table = stopped_run(stopped, given.cores, given.longest_s)
-    statuses = [start(folder, given.cores).wait() for folder in (stopped, left_alone)]
-    more, status = pictures_again(stopped, given.cores)
-    table, statuses = pd.concat([table, more], ignore_index=True), [*statuses, status]
-    ours, theirs = hashes(stopped), hashes(left_alone)
-    differ = sorted(
-        name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
+def by_delay(decider: str, went: Array, stopped: list[Array]) -> pd.DataFrame:
+    """Return the inhibition function, one row per delay."""
+    rows = []
+    for ssd, times in zip(DELAYS_MS, stopped, strict=True):
+        p = share(~np.isnan(times))
+        made = times[~np.isnan(times)]
+        row = {"decider": decider, "ssd_ms": ssd, "trials": len(times)} | p
+        some = FEWEST <= len(made) <= len(times) - FEWEST
+        for end in ("", "_low", "_high"):
+            row[f"ssrt_ms{end}"] = nth(went, p[f"p_respond{end}"]) - ssd if some else np.nan
+        row["failed_ms"] = made.mean() if some else np.nan
+        row["failed_se"] = made.std() / np.sqrt(len(made)) if some else np.nan
+        shown = {"go_ms": np.nanmean(went), "go_median_ms": np.nanmedian(went)}
+        rows.append(row | shown | {"go_sd_ms": np.nanstd(went)})
+    return pd.DataFrame(rows)
+
+
+def by_pathway(trials: int) -> pd.DataFrame:
+    """Return the stop-signal reaction time for each delay of the stop pathway, and the slope."""
+    evidence, model = evidence_of("pathway", trials), model_of()
+    went = go_times(model, evidence)
+    rows = []
+    for delay in PATHWAY_MS:
+        times = stop_times(model, evidence, SSD_MS[2] - 50, StopSignal(delay_ms=delay))
+        p = share(~np.isnan(times))
+        row = {"pathway_ms": delay, "ssd_ms": SSD_MS[2] - 50, "trials": trials} | p
+        rows.append(row | {"ssrt_ms": nth(went, p["p_respond"]) - row["ssd_ms"]})
+    found = pd.DataFrame(rows)
+    return found.assign(slope=np.polyfit(found["pathway_ms"], found["ssrt_ms"], 1)[0])
+
+
+def by_loss(engine: str, trials: int) -> pd.DataFrame:
+    """Return the loss of STN at which half of the trials are answered, for each signal.
+
+    The signal comes with the onset of evidence. By the closed form it blocks every response while
+    A exceeds the threshold by more than -ln(1 - loss).
+    """
+    evidence, intact = evidence_of("loss", trials), load_circuit(DEFAULT)
+    level = model_of().threshold(None, POSTERIOR)
+    rows = []
+    for amount in LOST_NATS:
+        p = []
+        for loss in LOSSES:
+            model = BasalGanglia(intact.lesion("STN", loss), engine, seed=SCORING_SEED)
+            times = stop_times(model, evidence, 0.0, StopSignal(amount_nats=amount), level)
+            p.append((~np.isnan(times)).mean())
+        row = {"engine": engine, "amount_nats": amount, "trials": trials}
+        row |= {"loss_half": np.interp(0.5, p, LOSSES), "loss_theory": 1 - np.exp(level - amount)}
+        rows.append(row | {"p_intact": p[0]})
+    return pd.DataFrame(rows)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the closed form, the inhibition functions and the rest, by populations and in spikes.
+
+    Estimates are CPU times; the number of workers changes nothing.
+    """
+    fewer = 10 if fast else 1
+    for engine, trials in (("population", 4000 // fewer), ("spikes", 2000 // fewer)):
+        for channels in (2, 4):
+            each = 0.09 * channels if engine == "spikes" else 0.003
+            make = partial(closed_forms, channels, engine, trials)
+            yield Piece("closed_form", f"N = {channels}, {engine}", trials, each * trials, make)
+    few, many = 4000 // fewer, 10_000 // fewer
+    yield Piece("inhibition", "delays", few, 0.012 * few, partial(inhibition, few))
+    yield Piece("pathway", "delays", many, 0.0012 * many, partial(by_pathway, many))
+    for engine, trials in (("rate", 500 // fewer), ("population", 2000 // fewer)):
+        yield Piece("loss", engine, trials, 0.02 * trials, partial(by_loss, engine, trials))
+    yield Piece("pause", "grid", few, 0.015 * few, partial(pauses, few))
+    yield Piece("arky", "signals", few, 0.003 * few, partial(arkypallidal, few))
+    yield from _of_observer(few, fewer)
+    yield Piece("rates", "STN and SNr", few // 2, 0.003 * few, partial(rates, few // 2))
+    yield Piece("people", "shipped", 0, 2, people)
+
+
+def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
+    """Yield what involves the ideal observer."""
+    many, spikes = 20_000 // fewer, 1000 // fewer
+    for prior in STOP_SHARES:
+        make = partial(by_share, prior, many)
+        yield Piece("observer", f"share {prior:g}", many, 0.0001 * many, make)
+    for channels in (2, 4):
+        for prior in SHARES:
+            make = partial(paired, channels, "population", prior, trials)
+            name = f"N = {channels}, share {prior:g}, population"
+            yield Piece("paired", name, trials, 0.0005 * channels * trials, make)
+    make = partial(paired, 2, "spikes", SHARES[0], spikes)
+    yield Piece("paired", f"N = 2, share {SHARES[0]:g}, spikes", spikes, 0.1 * spikes, make)
+    yield Piece(
+        "tone", "population", trials, 0.004 * trials, partial(by_tone, "population", trials)
     )
-    OUT.mkdir(exist_ok=True)
-    write_table(table, OUT / "stopping.csv", seed=SEED, cores=given.cores, differ=differ)
-    print(table.to_string())
-    print(f"statuses at the end {statuses}; {len(theirs)} files, {len(differ)} differ: {differ}")
+    make = partial(by_tone, "spikes", spikes // 2, TONES[::3])
+    yield Piece("tone", "spikes", spikes // 2, 0.17 * spikes, make)
 
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return each kind as a table of the pages."""
+    return {kind: (kind, found) for kind, found in made.items()}
+
+
+SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)
