@@ -28,8 +28,8 @@ from figures.common import Settings, key, letter, run, where
 POSTERIOR, D_PRIME, READINGS, STEP_MS = 0.82, 0.35, 90, 10.0
 SSD_MS, END_MS, SHOWN_MS = 300.0, 400.0, 850.0
 """Stop-signal delay; end of the panel of c, and of the panels of the trial."""
-RESPONDS_MS = (400.0, 550.0)
-"""Response time of the trial that is shown, without a signal."""
+RESPONDS_MS = 450.0
+"""About the response time, without a signal, of the trial that is shown."""
 SIGNALS = {
     "0.3 nats": ("C4", 0.3, np.inf),
     "0.5 nats": ("C2", 0.5, np.inf),
@@ -64,7 +64,7 @@ def compute(settings: Settings, *, output: Path) -> None:
     """
     model = BasalGanglia(load_circuit(DEFAULT), Ensemble(rates=False), seed=settings.seed)
     rng, trials = stream(settings.seed, "figG1"), max(settings.circuit_trials // 10, 12)
-    given = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS}
+    given: dict[str, Any] = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS}
     evidence = gaussian_evidence(trials, seed=rng, **given)
     level = model.threshold(None, POSTERIOR)
     went = model.run(evidence)
@@ -106,11 +106,10 @@ def _response(
 def _trial(
     model: BasalGanglia, evidence: Evidence, went: Trace, level: float
 ) -> list[pd.DataFrame]:
-    """Return OUT of the first trial with a response in time, without and with the signal."""
+    """Return OUT and spikes of a trial, without and with the signal."""
     made = first_crossing(went, level, forced=False, checked=False)
-    low, high = RESPONDS_MS
-    fits = (made.choice >= 0) & (made.time_ms > low) & (made.time_ms < high)
-    one = int(np.flatnonzero(fits)[0]) if fits.any() else 0
+    far = np.where(made.choice >= 0, np.abs(made.time_ms - RESPONDS_MS), np.inf)
+    one = int(far.argmin())
     channel = int(went.out_nats[one].mean(axis=0).argmin())
     part = evidence[one : one + 1]
     recording = replace(model, engine=model.engine.recording(NUCLEI))

@@ -94,9 +94,10 @@ def _tones(ax: Axes, rows: pd.DataFrame) -> None:
     """Show p(respond) over the input common to all channels."""
     for k, (name, (colour, mark)) in enumerate(COMPARED.items()):
         part = where(rows, compared=name)
-        look = {"color": colour, "fmt": f"{mark}-", "ms": 3, "lw": 0.9}
-        label = {"label": "stop as one more channel"} if name == "extra channel" else {}
-        bars(ax, part["common_nats"] + 0.04 * (k - 1), part, "p_respond", **look, **label)
+        look: dict[str, Any] = {"color": colour, "fmt": f"{mark}-", "ms": 3, "lw": 0.9}
+        if name == "extra channel":
+            look["label"] = "stop as one more channel"
+        bars(ax, part["common_nats"] + 0.04 * (k - 1), part, "p_respond", **look)
     went = where(rows, compared="extra channel")["p_go"]
     ax.axhline(went.iloc[0], color="C3", lw=0.8, ls=":")
     ax.annotate("without a signal", (np.mean([0, 3]), went.iloc[0]), (0, -9), fontsize=7,

@@ -39,9 +39,11 @@ def _map(ax: Axes, table: pd.DataFrame) -> Any:
     for (row, column), p in np.ndenumerate(wide.to_numpy()):
         ax.text(column, row, f"{100 * p:.0f}", ha="center", va="center", fontsize=6,
                 color="k" if p > 0.5 else "w")  # fmt: skip
+    columns = list(wide.columns)
     for row, cancel in enumerate(wide.index):
-        corner = (list(wide.columns).index(cancel) - 0.5, row - 0.5)
-        ax.add_patch(Rectangle(corner, 1, 1, fill=False, ec="w", lw=0.8))
+        if cancel in columns:
+            corner = (columns.index(cancel) - 0.5, row - 0.5)
+            ax.add_patch(Rectangle(corner, 1, 1, fill=False, ec="w", lw=0.8))
     ax.set_xticks(range(0, len(wide.columns), 2), [f"{each:g}" for each in wide.columns[::2]])
     ax.set_yticks(range(len(wide)), [f"{each:g}" for each in wide.index])
     ax.set(xlabel="pause: duration of the input to STN (ms)", ylabel="cancel after the signal (ms)")

@@ -220,7 +220,8 @@ def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return each kind as a table of the pages."""
-    return {kind: (kind, found) for kind, found in made.items()}
+    engines = {"spikes": "ensemble"}
+    return {kind: (kind, found.replace({"engine": engines})) for kind, found in made.items()}
 
 
 SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
