@@ -165,7 +165,7 @@ def _out(ax: Axes, table: pd.DataFrame, level: float) -> None:
                 fontsize=7, color="0.4")  # fmt: skip
     response = where(table, panel="response")
     ax.plot(response["time_ms"], response["value"], "o", ms=5, color=LINES[GO]["color"])
-    ax.set(xlim=(0, SHOWN_MS), ylim=(0, None), ylabel="OUT of the leader (nats)")
+    ax.set(xlim=(0, SHOWN_MS), ylim=(-0.05, None), ylabel="OUT of the leader (nats)")
     ax.tick_params(labelbottom=False)
 
 
