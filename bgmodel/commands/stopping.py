@@ -53,7 +53,7 @@ class StopRun(Shows):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function
+        from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 
         self._check()
         asked = self.condition
@@ -75,9 +75,11 @@ class StopRun(Shows):
 
             save_figure(draw(trials), self.drawing)
         written = [str(path) for path in (self.output, self.drawing) if path is not None]
-        text = f"{table.round(3).to_string(index=False)}\n{_said(found, self.stop)}"
+        ssrt_ms = ssrt_by_delay(table)
+        text = f"{table.round(3).to_string(index=False)}\n{_said(found, ssrt_ms, self.stop)}"
         text += f"\n-> {', '.join(written)}" if written else ""
-        self.show(text, table, **vars(found), trials=len(trials.rt_ms))
+        about = {**vars(found), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
+        self.show(text, table, **about)
 
     def _check(self) -> None:
         """Refuse contradictory options before long work starts."""
@@ -92,13 +94,14 @@ class StopRun(Shows):
             self.stop.check_ends(task.step_ms * task.t_max)
 
 
-def _said(found: StopEstimate, task: StopTask) -> str:
+def _said(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
     """Return the estimates in sentences."""
     refused = f"the consensus guide accepts no estimate: {found.refusal}"
     return (
         f"mean go time {found.go_ms:.0f} ms, failed stops {found.failed_minus_go_ms:+.0f} ms, "
         f"responses in {found.p_respond:.1%} of stop trials\n"
-        f"stop-signal reaction time {found.ssrt_ms:.0f} ms by integration, of which "
-        f"{task.delay_ms:g} ms are the given delay to {task.nucleus}; there are no motor delays"
+        f"stop-signal reaction time {ssrt_ms:.0f} ms by integration at each delay "
+        f"({found.ssrt_ms:.0f} ms with all delays pooled), of which {task.delay_ms:g} ms are the "
+        f"given delay to {task.nucleus}; there are no motor delays"
         + (f"\n{refused}" if found.refusal else "")
     )

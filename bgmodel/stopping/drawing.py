@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, p_respond
+from bgmodel.stopping.estimates import (
+    estimate_ssrt,
+    inhibition_function,
+    p_respond,
+    ssrt_by_delay,
+)
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from circuits.errors import DataWarning
@@ -33,8 +38,9 @@ def draw(trials: StopTrials) -> Figure:
     style: Look = {"ms": 4, "color": PALETTE[0], "label": "Stop trials"}
     left.errorbar(table["ssd_ms"], table["p_respond"], ends, fmt="o", capsize=2, **style)
     delays = np.linspace(0, float(np.nanmax(trials.ssd_ms)), 200)
-    race = p_respond(delays, np.where(np.isnan(go), np.inf, go), found.ssrt_ms)
-    left.plot(delays, race, color=GREY, label=f"Race, SSRT {found.ssrt_ms:.0f} ms")
+    ssrt_ms = ssrt_by_delay(table)
+    race = p_respond(delays, np.where(np.isnan(go), np.inf, go), ssrt_ms)
+    left.plot(delays, race, color=GREY, label=f"Race, SSRT {ssrt_ms:.0f} ms")
     left.set(xlabel="Stop-signal delay (ms)", ylabel="Share with a response", ylim=(-0.03, 1.03))
     left.legend(loc="upper left")
     _cumulative(right, go, "Go trials", PALETTE[0], "-")

@@ -165,6 +165,23 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=names)
 
 
+def ssrt_by_delay(table: pd.DataFrame) -> float:
+    """Return the stop-signal reaction time, ms: the mean of those at each delay.
+
+    ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
+    as the go times, the quantile of the go times at the mean share of responses is not the mean
+    of their quantiles.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``inhibition_function``. Delays count in proportion to their trials, and only if the
+        probability of responding is within ``P_RANGE``; NaN if there are none.
+    """
+    used = table[table["p_respond"].between(*P_RANGE)]
+    return float(np.average(used["ssrt_ms"], weights=used["trials"])) if len(used) else np.nan
+
+
 def nth_time(times_ms: Array, p: float) -> float:
     """Return the n-th shortest time, where n is p times the number of times, rounded up."""
     return float(np.quantile(times_ms, p, method="inverted_cdf"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, reals
 from circuits.checks import check_types
-from circuits.errors import EditWarning, InputError, RangeWarning, require
+from circuits.errors import DataWarning, EditWarning, InputError, RangeWarning, require
 
 MOST_NATS = 2.0
 """Larger inputs to STN ring near 20 Hz and rebound by more than 0.15 nats when they end."""
@@ -205,4 +206,7 @@ def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
     values = np.where(late[:, :, None], tone, evidence.log_likelihood)
     heard = np.where(late[:, :, None], 0.0, evidence.log_likelihood - tone).sum(axis=1)
     values[first] -= heard[first.any(axis=1)]
-    return replace(evidence, log_likelihood=values)
+    with warnings.catch_warnings():
+        # They were checked before; readings after a cancel are alike for all hypotheses on purpose.
+        warnings.simplefilter("ignore", DataWarning)
+        return replace(evidence, log_likelihood=values)

@@ -18,8 +18,10 @@ from bgmodel.experiments.experiment import Experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.circuit import decide_with_stop
 from bgmodel.stopping.drawing import draw
+from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
+from bgmodel.stopping.trials import StopTrials
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from circuits.errors import DataWarning, EditWarning
@@ -153,6 +155,26 @@ def test_measures_of_known_trials():
     weights = np.concatenate([np.repeat([0.0, 1.0], 50), np.ones(8)])[None]
     assert found.measures(weights)["ssrt_ms"][0] == 75 - 20
     assert found.in_time().choice.min() == UNDECIDED
+
+
+def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
+    """A race of known stop-signal reaction time, with go times as skewed as the circuit's."""
+    draws = np.random.default_rng(8)
+    go_ms = 100 + draws.gamma(1.5, 250, 60_000)
+    ssd_ms = np.where(
+        draws.random(60_000) < 0.5, draws.choice(np.arange(100, 501, 50), 60_000), np.nan
+    )
+    escaped = ~(go_ms > ssd_ms + 70)
+    trials = StopTrials(np.where(escaped, go_ms, np.nan), ssd_ms)
+    assert ssrt_by_delay(inhibition_function(trials)) == pytest.approx(70, abs=4)
+    assert estimate_ssrt(trials).ssrt_ms < 60
+    decision = Decision(
+        np.where(escaped, 0, 1), np.where(escaped, go_ms, 3000.0), ~escaped,
+        np.zeros(60_000, bool), 1.0, np.full(60_000, 3000.0), np.zeros(60_000, int),
+    )  # fmt: skip
+    both = Behaviour(decision, np.full(60_000, 0.9), np.zeros(60_000, bool), 2, ssd_ms)
+    measured = both.measures(np.ones((1, 60_000)))["ssrt_ms"][0]
+    assert measured == pytest.approx(ssrt_by_delay(inhibition_function(trials)))
 
 
 def test_an_experiment_measures_stopping():
