@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -100,9 +99,9 @@ def _tones(ax: Axes, rows: pd.DataFrame) -> None:
         bars(ax, part["common_nats"] + 0.04 * (k - 1), part, "p_respond", **look)
     went = where(rows, compared="extra channel")["p_go"]
     ax.axhline(went.iloc[0], color="C3", lw=0.8, ls=":")
-    ax.annotate("without a signal", (np.mean([0, 3]), went.iloc[0]), (0, -9), fontsize=7,
-                textcoords="offset points", ha="center", color="C3")  # fmt: skip
-    ax.set(xlabel="input common to all channels (nats)", ylim=(0, 1.03))
+    ax.annotate("without a signal", (0, went.iloc[0]), (0, 3), fontsize=7,
+                textcoords="offset points", ha="left", color="C3")  # fmt: skip
+    ax.set(xlabel="common input (nats)", ylim=(0, 1.03))
     ax.set_ylabel("share of stop trials answered")
 
 
