@@ -16,6 +16,9 @@ from circuits.errors import DataWarning, InputError, within
 SHIPPED = "stop_signal_cnp"
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
 COLUMNS = ("participant_id", "rt", "ssd")
+MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
+"""With more than this proportion of responses in at least so many stop trials with a delay of 0,
+these delays are probably missing."""
 SLOWEST_S = 20.0
 """Largest median response time, s: longer ones are in ms."""
 
@@ -35,6 +38,12 @@ def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTri
     ValueError
         If a column is missing, times are in ms, or the trials of a participant are impossible: see
         ``StopTrials``.
+
+    Warns
+    -----
+    UserWarning
+        If nearly all stop trials with a delay of exactly 0 have a response, as in the set that
+        ships: see ``bgmodel.stopping.restored``.
     """
     if isinstance(table, str) and table == SHIPPED:
         table = shipped_table(SHIPPED)[0]
@@ -56,7 +65,19 @@ def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTri
             people[str(who)] = StopTrials(rt_ms, ssd_ms, correct)
         except InputError as error:
             raise within(f"participant {who}", error, "table") from None
+    _warn_of_zeros(table)
     return people
+
+
+def _warn_of_zeros(table: pd.DataFrame) -> None:
+    """Warn if delays of 0 are probably those of signals that came too late to be given."""
+    at_zero = table.loc[table["ssd"] == 0, "rt"].notna()
+    if len(at_zero) >= FEWEST_AT_ZERO and at_zero.mean() > MOST_AT_ZERO:
+        DataWarning.warn(
+            f"{at_zero.sum()} of {len(at_zero)} stop trials with a delay of 0 have a response: the "
+            "signal was probably not given because the response came first. restored_delays "
+            "infers the delays from the staircases"
+        )
 
 
 def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
