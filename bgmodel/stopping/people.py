@@ -13,10 +13,10 @@ from bgmodel.stopping.events import is_events, read_events
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
-from bgmodel.tables.shipped import shipped_table
+from bgmodel.tables.shipped import STOP_SET, shipped_table
 from circuits.errors import DataWarning, InputError, require, within
 
-SHIPPED = "stop_signal_cnp"
+SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
 COLUMNS = ("participant_id", "rt", "ssd")
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
