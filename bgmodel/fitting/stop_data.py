@@ -148,7 +148,8 @@ def go_processes(people: Mapping[str, StopTrials]) -> pd.DataFrame:
     -------
     DataFrame
         One row per participant: participant_id and ``GO``. They are NaN where it is unknown which
-        responses are correct, or where fewer are correct than by chance.
+        responses are correct, where fewer are correct than by chance, and for participants with
+        fewer than 10 go responses.
     """
     rows = [{"participant_id": who, **_go_process(each, who)} for who, each in people.items()]
     return pd.DataFrame(rows)
@@ -157,9 +158,9 @@ def go_processes(people: Mapping[str, StopTrials]) -> pd.DataFrame:
 def _go_process(trials: StopTrials, who: str) -> dict[str, float]:
     """Return the parameters of a participant's go process, by maximum likelihood."""
     unknown = dict.fromkeys(GO, np.nan)
-    if trials.correct is None:
-        return unknown
     go = ~trials.stop & trials.responded
+    if trials.correct is None or go.sum() < FEWEST_GO:
+        return unknown
     right = trials.correct[go].astype(np.int8)
     choices = Choices(
         np.full(len(right), who), trials.rt_ms[go] / 1000, right, None,

@@ -157,11 +157,13 @@ def test_a_go_process_is_found_in_a_persons_go_trials():
         x = np.where(np.isnan(rt), x + v * dt + np.sqrt(dt) * rng.standard_normal(400), x)
         rt = np.where(np.isnan(rt) & (np.abs(x) >= a), step * dt + t0, rt)
     trials = StopTrials(1000 * rt, np.full(400, np.nan), x > 0)
-    found = go_processes({"a": trials, "b": replace(trials, correct=None)})
+    never = StopTrials(np.full(9, np.nan), np.full(9, np.nan), np.zeros(9, bool))
+    people = {"a": trials, "b": replace(trials, correct=None), "c": never}
+    found = go_processes(people)
     assert list(found) == ["participant_id", *GO]
     assert found.loc[0, "sensitivity"] == pytest.approx(v, abs=0.5)
     assert found.loc[0, "bound"] == pytest.approx(a, abs=0.07)
-    assert found.loc[1, list(GO)].isna().all()
+    assert found.loc[1:, list(GO)].isna().all(axis=None)
 
 
 def test_people_without_enough_trials_are_left_out():
