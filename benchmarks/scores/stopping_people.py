@@ -98,7 +98,7 @@ def estimates(kind: str, people: int) -> pd.DataFrame:
     rows.append(("inhibition_slope", *mean_and_error(slopes(chosen))))
     shuffled = slopes(chosen, stream(SCORING_SEED, "shuffled"))
     rows.append(("inhibition_slope_shuffled", *mean_and_error(shuffled)))
-    rows += slowing_of(chosen).iloc[1:].itertuples(index=False, name=None)
+    rows += slowing_of(chosen).itertuples(index=False, name=None)
     found = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
     return found.assign(delays=kind)
 
