@@ -129,6 +129,33 @@ def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = N
     return np.array(found)
 
 
+def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
+    """Return what depends on the order of trials, one row per participant.
+
+    Columns p_first, p_odd, p_even, p_after_stop, p_after_go, odd_after_stop, even_after_stop and
+    last_quarter_ms; a first stop trial is odd.
+    """
+    rows = []
+    for trials in people.values():
+        stops = np.flatnonzero(trials.stop)
+        failed, after = trials.responded[stops], np.append(False, trials.stop)[stops]
+        go, quarter = np.where(trials.stop, np.nan, trials.rt_ms), len(trials.rt_ms) // 4
+        means = [_mean(go[:quarter]), _mean(go[-quarter:])]
+        rows.append(
+            {"p_first": failed[0], "p_odd": failed[::2].mean(), "p_even": failed[1::2].mean(),
+             "p_after_stop": _mean(failed[after]), "p_after_go": _mean(failed[~after]),
+             "odd_after_stop": after[::2].mean(), "even_after_stop": after[1::2].mean(),
+             "last_quarter_ms": means[1] - means[0]}
+        )  # fmt: skip
+    return pd.DataFrame(rows).astype(float)
+
+
+def _mean(values: Array | Truths) -> float:
+    """Return the mean of the known values; NaN if there are none."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
 def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
     """Return mean, standard error and number of known values."""
     known = np.asarray(values, float)

@@ -17,7 +17,14 @@ from functools import cache, partial
 import numpy as np
 import pandas as pd
 
-from benchmarks.methods.stopped import counted_ssrt, known_people, like, mean_and_error, slopes
+from benchmarks.methods.stopped import (
+    counted_ssrt,
+    known_people,
+    like,
+    mean_and_error,
+    sequence,
+    slopes,
+)
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.fitting.stop_data import go_processes
@@ -99,6 +106,8 @@ def estimates(kind: str, people: int) -> pd.DataFrame:
     shuffled = slopes(chosen, stream(SCORING_SEED, "shuffled"))
     rows.append(("inhibition_slope_shuffled", *mean_and_error(shuffled)))
     rows += slowing_of(chosen).itertuples(index=False, name=None)
+    order = sequence(chosen)
+    rows += [(str(name), *mean_and_error(order[name])) for name in order]
     found = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
     return found.assign(delays=kind)
 

@@ -26,6 +26,8 @@ from circuits.errors import FitWarning
 
 FALL_NATS = 1.92
 """Fall of the log likelihood at the end of a 95 % interval (half of chi-squared, 1 d.f.)."""
+ALIKE_NATS = 0.01
+"""Strengths whose log likelihoods differ by less are alike; the strongest of them is reported."""
 QUANTILES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 """Quantiles of participants' thresholds that are tried as the strength of a stop signal."""
 MULTIPLES = (1.0, 1.1, 1.25, 1.5, 2.0, 2.5, 3.0)
@@ -172,11 +174,12 @@ def fit_likelihood(likelihood: StopLikelihood, *, spread: bool = True) -> StopFi
     start = StopValues() if spread else StopValues(ssrt_people_sd_ms=0, failures_people_sd=0)
     tried = []
     for strength in _strengths(likelihood):
-        start, best = maximum(likelihood, replace(start, strength_nats=strength), spread)
-        tried.append((best, start))
-    best, values = max(tried, key=lambda each: each[0])
+        start, log = maximum(likelihood, replace(start, strength_nats=strength), spread)
+        tried.append((start, log))
+    best = max(log for _, log in tried)
+    values = next(each for each, log in tried if log > best - ALIKE_NATS)
     _warn_of_bounds(values, spread)
-    rows = [(each.strength_nats, log) for log, each in tried]
+    rows = [(each.strength_nats, log) for each, log in tried]
     profile = pd.DataFrame(rows, columns=["strength_nats", "log_likelihood"])
     found = errors(likelihood, values, spread)
     return StopFit(likelihood, spread, values, found, best, profile)

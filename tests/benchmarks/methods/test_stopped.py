@@ -5,10 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.methods.stopped import DELAYS, counted_ssrt, known_people, like, raced, slopes
+from benchmarks.methods.stopped import (
+    DELAYS,
+    counted_ssrt,
+    known_people,
+    like,
+    raced,
+    sequence,
+    slopes,
+)
 from bgmodel.fitting.stop_data import stop_data
 from bgmodel.fitting.stop_likelihood import StopValues
 from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import slowing_of
 from tests.helpers import unwarned
 
@@ -69,3 +78,15 @@ def test_people_like_others_have_their_go_times_and_slowing(people):
         assert abs(table.loc[name, "value"] - 40) < 4 * table.loc[name, "se"]
     means = [np.nanmean(some["0"].rt_ms[~some["0"].stop]) for some in (slow, again)]
     assert means[0] == pytest.approx(means[1], abs=25)
+
+
+def test_the_order_of_trials_is_counted():
+    #      go     stop   stop    go   stop    go   stop  go
+    rt = [400.0, 300.0, np.nan, 500, np.nan, 460, 350, 600]
+    ssd = [np.nan, 200.0, 200.0, np.nan, 250.0, np.nan, 250.0, np.nan]
+    found = sequence({"a": StopTrials(rt, ssd)}).iloc[0].to_dict()
+    assert found == {
+        "p_first": 1.0, "p_odd": 0.5, "p_even": 0.5, "p_after_stop": 0.0,
+        "p_after_go": pytest.approx(2 / 3), "odd_after_stop": 0.0, "even_after_stop": 0.5,
+        "last_quarter_ms": 200.0,
+    }  # fmt: skip
