@@ -10,6 +10,7 @@
     decision = model.decide(evidence, posterior=0.82) # .accuracy, .to_dataframe(), .plot()
     model.activity(evidence[:5]).to_xarray().rate_hz.sel(nucleus="STN", channel=0)
     bg.compare(model, evidence).summary()             # with the MSPRT, trial by trial
+    bg.StopTask(delay_ms=60).decide(model, evidence, posterior=0.82)    # stop signals
     bg.Experiment.from_toml("lesion.toml").run().summary()
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.stimuli import Stimuli
+    from bgmodel.stopping.task import StopTask
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
@@ -62,6 +64,7 @@ LAZY = {
     "Condition": "bgmodel.conditions",
     "Experiment": "bgmodel.experiments.experiment",
     "Stimuli": "bgmodel.stimuli",
+    "StopTask": "bgmodel.stopping.task",
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.compare",
     "fit": "bgmodel.fitting.settings",
@@ -83,6 +86,7 @@ __all__ = [
     "Msprt",
     "Sprt",
     "Stimuli",
+    "StopTask",
     "Sweep",
     "Trace",
     "__version__",

@@ -15,8 +15,11 @@ from bgmodel.evidence import needed_truth
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
+from bgmodel.stopping.task import STREAM as SIGNALS
+from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support import toml_files
 from bgmodel.support.checks import whole
+from bgmodel.support.seeds import stream
 from circuits import DEFAULT
 from circuits.checks import check_finite, check_positive, check_types
 from circuits.declaration.edits import Edits
@@ -258,9 +261,13 @@ class Observed(Condition):
 
     foreperiod_ms: float = 500.0
     """Duration of the evidence-free foreperiod; responses within it count as anticipatory, ms."""
+    stop: StopTask | None = None
+    """Stop signals in a share of the trials; none by default."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.stop is not None and self.task.evidence is None:
+            self.stop.check_ends(self.task.step_ms * self.task.t_max)
         # OUT is sampled every ms.
         whole("foreperiod_ms", self.foreperiod_ms, 1)
 
@@ -275,12 +282,28 @@ class Observed(Condition):
         """Duration in which responses count as anticipatory: an informative foreperiod's, ms."""
         return self.task.expectancy_ms if self.task.expectancy_nats else self.foreperiod_ms
 
-    def behaviour(self, model: BasalGanglia, evidence: Evidence) -> Behaviour:
-        """Return the decisions of a model on evidence, at this condition's threshold."""
+    def behaviour(
+        self, model: BasalGanglia, evidence: Evidence, seed: int | None = None
+    ) -> Behaviour:
+        """Return the decisions of a model on evidence, at this condition's threshold.
+
+        Parameters
+        ----------
+        model : BasalGanglia
+            The circuit, its engine and its noise.
+        evidence : Evidence
+            Readings of all trials.
+        seed : int, optional
+            Seed of the stop signals; by default that of this record.
+        """
         from bgmodel.integrators.deciding import behaviour_of
 
         level = self.threshold_at(evidence.hypotheses)
-        return behaviour_of(model, evidence, level, self.foreperiod_ms)
+        if self.stop is None:
+            return behaviour_of(model, evidence, level, self.foreperiod_ms)
+        draws = stream(self.seed if seed is None else seed, SIGNALS)
+        stopping = decided(self.stop, model, evidence, level, draws)
+        return behaviour_of(model, evidence, level, self.foreperiod_ms, stopping)
 
     def with_changes(self, **changes: Any) -> Observed:
         """Return a plain Observed with some fields changed, without the fields of subclasses."""

@@ -51,6 +51,9 @@ LABELS = {
     "drift": "Drift",
     "boundary_separation": "Boundary separation",
     "non_decision_ms": "Non-decision time",
+    "p_respond": "Responses on stop trials",
+    "ssrt_ms": "Stop-signal reaction time",
+    "failed_minus_go_ms": "Failed stops minus go time",
 }
 """Measures of ``deciding.measures`` as a figure names them."""
 UNITS = {"decided": "trials", "drift": "1/s"}
@@ -243,7 +246,7 @@ def wilson(
     p = np.asarray(correct, dtype=float) / n
     centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
-    return centre - half, centre + half
+    return np.clip(centre - half, 0, 1), np.clip(centre + half, 0, 1)
 
 
 def psychometric(

@@ -51,6 +51,8 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
     in_spikes = read_table(spikes)
     parts = []
     for file, experiment in shipped().items():
+        if experiment.stop is not None:
+            continue  # figure G4
         share = settings.circuit_trials / FULL.circuit_trials
         # If only one truth counts, half of the trials remain.
         trials = max(round(share * experiment.task.trials), 240)

@@ -26,6 +26,7 @@ WIDTH, COLOURS = 1100, 96
 GROUPS = {
     "The circuit and the optimal test": ("figA", "figC"),
     "Dopamine and experiments": ("figD",),
+    "Stopping": ("figG",),
     "Fits to monkeys, people and patients": ("figF",),
     "Many alternatives and other circuits": ("figB",),
     "Touch": ("fig",),

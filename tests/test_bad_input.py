@@ -10,6 +10,7 @@ import bgmodel as bg
 from bgmodel.fitting import fit as fitting
 
 EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
+EVIDENCE_OF_STOP = bg.gaussian_evidence(40, d_prime=0.7, t_max=60, step_ms=10, seed=1)
 TRACE = bg.Msprt().run(EVIDENCE)
 CIRCUIT = bg.load_circuit("macaque")
 MODEL = bg.BasalGanglia(CIRCUIT, "algebra")
@@ -60,6 +61,8 @@ CALLS = {
     bg.Msprt().decide: DECIDE,
     bg.Sprt().decide: DECIDE,
     bg.Condition: {},
+    bg.StopTask: {},
+    bg.StopTask().decide: {"model": MODEL, "evidence": EVIDENCE_OF_STOP, "posterior": 0.8},
     stimuli: {},
     bg.compare: {"model": MODEL, "evidence": EVIDENCE, "resamples": 20},
     bg.Experiment.from_toml: {"file": "stn_conflict"},
@@ -86,6 +89,10 @@ LEGAL = {
     },
     "stimuli period_mm": ["nan", "inf", "negative", "huge"],  # of no say in Gaussian evidence
     "stimuli fold": ["negative", "huge"],
+    "amount_nats": ["negative", "huge"],
+    "nucleus": ["text"],  # whose circuit is not known yet
+    **{f"StopTask {name}": ["inf", "huge"] for name in ("duration_ms", "cancel_ms")},
+    **{f"StopTask {name}": ["huge"] for name in ("delay_ms", "delay_sd_ms", "staircases")},
     "stimuli evidence": ["text"],  # files that are read when trials are drawn
     "stimuli taps": ["text"],
     "baseline": ["negative", "huge"],

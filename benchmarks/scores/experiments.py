@@ -48,6 +48,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield a piece per experiment and engine."""
     share = COARSE_SHARE if fast else 1
     for name, experiment in shipped().items():
+        if experiment.stop is not None:
+            continue  # score signals
         trials = round(experiment.task.trials * share)
         smaller = replace(experiment, task=replace(experiment.task, trials=trials))
         make = partial(predictions, smaller, workers)

@@ -14,6 +14,7 @@ from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.fits import FitRun
+from bgmodel.commands.stopping import StopRun
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.commands.touch import Touch
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Any] = {
         "let dopamine learn. Example: bgmodel circuit show",
         CIRCUIT,
     ),
+    "stop": StopRun,
     "compare": Compare,
     "data": Data,
     "fit": FitRun,

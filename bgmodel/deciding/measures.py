@@ -44,6 +44,16 @@ MEASURES = {
     "non_decision_ms": "its non-decision time, ms",
 }
 """Every measure, with its unit."""
+OF_STOP = {
+    "p_respond": "share of stop trials with a response",
+    "ssrt_ms": "stop-signal reaction time by integration, ms: the quantile of the go times at "
+    "p_respond, minus the delay, averaged over delays with a p_respond of 0.25 to 0.75",
+    "failed_minus_go_ms": "mean time of failed stops minus that of go trials, ms",
+}
+"""Measures of a task with stop signals; there ``MEASURES`` are those of its go trials."""
+P_RANGE = (0.25, 0.75)
+"""Probability of responding on stop trials within which the consensus guide (Verbruggen et al.
+2019) accepts an estimate of the stop-signal reaction time."""
 OF_DIFFUSION = ("drift", "boundary_separation", "non_decision_ms")
 """Measures estimated by EZ-diffusion."""
 NO_DIFFUSION = (
@@ -60,7 +70,7 @@ ends of the range; for times the lower one, since missed trials take at least un
 OF_ALL = tuple(name for names in COUNTED.values() for name in names)
 SHARES = (
     *("accuracy", "choice_0", "accuracy_all", "accuracy_best"),
-    *("premature", "anticipatory", "missed", "mean_posterior"),
+    *("premature", "anticipatory", "missed", "mean_posterior", "p_respond"),
 )
 """Measures between 0 and 1."""
 
@@ -79,35 +89,48 @@ class Behaviour:
         Whether a separately simulated foreperiod without evidence ended in a response.
     hypotheses : int
         Number of alternatives.
+    ssd_ms : array (trials,), ms, optional
+        Stop-signal delays, in a task with stop signals; NaN in go trials.
     """
 
     decision: Decision
     posterior: Array
     anticipatory: Truths
     hypotheses: int
+    ssd_ms: Array | None = None
+
+    @property
+    def go(self) -> Truths:
+        """Which trials have no stop signal, (trials,)."""
+        return np.isnan(self.ssd_ms) if self.ssd_ms is not None else ~np.zeros_like(self.missed)
+
+    @property
+    def missed(self) -> Truths:
+        """Which trials have no response in time, (trials,)."""
+        return self.decision.forced
+
+    def columns(self) -> dict[str, Array | Truths]:
+        """Return what a table of trials adds to the decisions, by column."""
+        added = {} if self.ssd_ms is None else {"ssd_ms": self.ssd_ms}
+        return {"anticipatory": self.anticipatory, **added}
 
     def in_time(self) -> Decision:
         """Return the decisions, with missed trials undecided."""
-        missed, made = self.decision.forced, self.decision
-        return replace(
-            made,
-            choice=np.where(missed, UNDECIDED, made.choice),
-            time_ms=np.where(missed, np.nan, made.time_ms),
-            forced=np.zeros_like(missed),
-            deadline_ms=made.time_ms,
-            truth=None,
-        )
+        return replace(unforced(self.decision), deadline_ms=self.decision.time_ms, truth=None)
 
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
 
-        NaN if no trial that counts has a weight. The mean posterior is computed from the
+        With stop signals, these are of go trials, and those of ``OF_STOP`` are added. NaN if no
+        trial that counts has a weight. The mean posterior is computed from the
         likelihoods as given; times, accuracy and mean posterior are those of trials decided in
         time. Diffusion parameters are NaN with more than two alternatives, if the deadline cuts off
         more than ``CUT_OFF`` of all trials, and if the non-decision time of all trials, equally
         weighted, is below 0.
         """
-        missed, time_ms = self.decision.forced, self.decision.time_ms
+        stopping = {} if self.ssd_ms is None else self._stopping(self.ssd_ms, weights)
+        weights = weights * self.go
+        missed, time_ms = self.missed, self.decision.time_ms
         correct = self.decision.choice == self.decision.truth
         everyone = np.ones_like(missed)
         found = {
@@ -125,14 +148,50 @@ class Behaviour:
             "mean_posterior": mean(self.posterior, ~missed, weights),
         }
         # A diffusion has two boundaries.
-        of_two = self.hypotheses == 2 and missed.mean() <= CUT_OFF
-        if not of_two or self._diffusion(np.ones((1, len(missed))))["non_decision_ms"][0] < 0:
-            return found | {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
-        return found | self._diffusion(weights)
+        of_two = self.hypotheses == 2 and missed[self.go].mean() <= CUT_OFF
+        if (
+            not of_two
+            or self._diffusion(self.go[None].astype(np.float64))["non_decision_ms"][0] < 0
+        ):
+            found |= {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
+        else:
+            found |= self._diffusion(weights)
+        return found | stopping
 
     def against_evidence(self) -> str:
         """Return a warning if decisions in time go against the evidence, or an empty string."""
-        return against_evidence(self.posterior[~self.decision.forced], self.hypotheses)
+        return against_evidence(self.posterior[self.go & ~self.missed], self.hypotheses)
+
+    def _stopping(self, ssd_ms: Array, weights: Array) -> dict[str, Array]:
+        """Return the measures ``OF_STOP``."""
+        responded, time_ms = ~self.missed, self.decision.time_ms
+        failed = ~self.go & responded
+        go_ms = mean(time_ms, self.go & responded, weights)
+        total, sums = np.zeros(len(weights)), np.zeros(len(weights))
+        for delay in np.unique(ssd_ms[~self.go]):
+            here = ssd_ms == delay
+            if P_RANGE[0] <= responded[here].mean() <= P_RANGE[1]:
+                count = weights @ here
+                p = mean(responded, here, weights)
+                sums += np.nan_to_num(count * (self._quantile_of_go(p, weights) - delay))
+                total += count
+        ssrt_ms = np.full(len(weights), np.nan)
+        np.divide(sums, total, out=ssrt_ms, where=total > 0)
+        return {
+            "p_respond": mean(responded, ~self.go, weights),
+            "ssrt_ms": ssrt_ms,
+            "failed_minus_go_ms": mean(time_ms, failed, weights) - go_ms,
+        }
+
+    def _quantile_of_go(self, p: Array, weights: Array) -> Array:
+        """Return the n-th shortest go time, n = p times their number; omissions are the longest."""
+        go_ms = np.where(self.missed, np.inf, self.decision.time_ms)[self.go]
+        go_ms[np.isinf(go_ms)] = go_ms[np.isfinite(go_ms)].max(initial=0.0)
+        order = np.argsort(go_ms, kind="stable")
+        up_to = np.cumsum(weights[:, self.go][:, order], axis=1)
+        # A little less, for rounding: p is a ratio of the same weights.
+        below = up_to < (p * up_to[:, -1])[:, None] - 1e-9
+        return np.asarray(go_ms[order][np.minimum(below.sum(axis=1), len(order) - 1)])
 
     def _diffusion(self, weights: Array) -> dict[str, Array]:
         """Return the measures ``OF_DIFFUSION``, unchecked."""
@@ -142,6 +201,17 @@ class Behaviour:
         variance = mean((time_ms / 1e3) ** 2, right, weights) - mean_s**2
         drift, bound, other_s = ez_diffusion(accuracy, mean_s, variance, weights @ decided)
         return dict(zip(OF_DIFFUSION, (drift, bound, 1e3 * other_s), strict=True))
+
+
+def unforced(decision: Decision) -> Decision:
+    """Return decisions with those undecided that the deadline made."""
+    missed = decision.forced
+    return replace(
+        decision,
+        choice=np.where(missed, UNDECIDED, decision.choice),
+        time_ms=np.where(missed, np.nan, decision.time_ms),
+        forced=np.zeros_like(missed),
+    )
 
 
 def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
-from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
+from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
@@ -56,6 +56,10 @@ class Experiment(ExperimentRecord):
         d_prime = 0.5
         trials = 1000
         t_max = 120
+
+        [stop]                       # optional: stop signals in a share of the trials
+        share = 0.25
+        delay_ms = 60
 
         [control]                    # optional
         edits = []
@@ -129,7 +133,7 @@ class Experiment(ExperimentRecord):
         models[0].warn_of_noise(control.threshold_nats)
         weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
         found: list[dict[str, Any]] = []
-        trials = []
+        trials, go = [], 0
         for (name, condition), model in zip(both.items(), models, strict=True):
             behaviour = condition.behaviour(model, evidence)
             _check_decided(name, behaviour, self.waited_ms)
@@ -137,8 +141,9 @@ class Experiment(ExperimentRecord):
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
             table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
-            trials.append(table.assign(anticipatory=behaviour.anticipatory))
-        measures = _table(found, evidence.trials)
+            trials.append(table.assign(**behaviour.columns()))
+            go = int(behaviour.go.sum())
+        measures = _table(found, go, evidence.trials - go)
         if unchanged(measures):
             EditWarning.warn(
                 f"{UNCHANGED}: the manipulation has no effect on the {self.engine} engine, or none "
@@ -178,14 +183,16 @@ class Outcome(Facts):
         Control and manipulation.
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
-        and measure of ``MEASURES``: condition, measure, value, low, high, trials. Low and high are
+        and measure of ``MEASURES`` (and of ``OF_STOP`` with stop signals): condition, measure,
+        value, low, high, trials. Low and high are
         the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
         together; trials is the number of trials behind the value, for a change the smaller of two.
         Measures of decisions also have a condition "percent", the change in per cent of the
         control's value.
     trials : DataFrame
         One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
-        the foreperiod before it, simulated separately, ended in a response.
+        the foreperiod before it, simulated separately, ended in a response; with stop signals also
+        ssd_ms, the stop-signal delay.
     """
 
     experiment: Experiment
@@ -216,7 +223,7 @@ class Outcome(Facts):
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
         found: dict[str, pd.Series] = {}
         for name in CONDITIONS:
-            rows = shown[shown["condition"] == name].set_index("measure").loc[list(MEASURES)]
+            rows = shown[shown["condition"] == name].set_index("measure")
             found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
         return pd.DataFrame(found).round(3)
 
@@ -260,25 +267,36 @@ class Outcome(Facts):
         return forest(self.measures, self.verdicts(), self.published(), title)
 
 
-def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
-    """Return the measures of both conditions and of their change as a table."""
+def _table(found: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
+    """Return the measures of both conditions and of their change as a table.
+
+    Parameters
+    ----------
+    found : list of dict
+        Measures of the control and of the manipulation.
+    trials, stops : int
+        Number of trials without a stop signal, and with one.
+    """
     control, manipulation = found
-    change = {name: manipulation[name] - control[name] for name in MEASURES}
+    change = {name: manipulation[name] - control[name] for name in control}
     # The change in per cent is undefined for a control of 0.
     of = {name: np.where(control[name] == 0, np.nan, control[name]) for name in RELATIVE}
     percent = {name: 100 * change[name] / of[name] for name in RELATIVE}
     counts = [int(values["decided"][0]) for values in found]
+    behind = dict.fromkeys(OF_STOP, stops)
     rows = [
-        (condition, name, *interval(values[name]), decided if name in OF_DECIDED else trials)
+        (
+            condition, name, *interval(values[name]),
+            decided if name in OF_DECIDED else behind.get(name, trials),
+        )
         for condition, values, decided in zip(
             (*CONDITIONS, PERCENT),
             (control, manipulation, change, percent),
             (*counts, min(counts), min(counts)),
             strict=True,
         )
-        for name in MEASURES
-        if name in values
-    ]
+        for name in values
+    ]  # fmt: skip
     columns = ["condition", "measure", "value", "low", "high", "trials"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -289,7 +307,7 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     The behaviour of a manipulated circuit is an outcome and is never refused.
     """
     premature, waited = behaviour.decision.premature.mean(), behaviour.anticipatory.mean()
-    missed = behaviour.decision.forced
+    missed = behaviour.missed[behaviour.go]
     if condition == "control" and decides_without_evidence(premature, waited, foreperiod_ms):
         raise ValueError(
             f"the control decides without evidence: {premature:.0%} of its trials before the first "

@@ -17,6 +17,7 @@ from bgmodel.deciding.measures import (
     OF_ALL,
     OF_DECIDED,
     OF_DIFFUSION,
+    OF_STOP,
     SHARES,
 )
 from bgmodel.deciding.tradeoff import decides_without_evidence
@@ -100,7 +101,7 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
-    change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
+    change = by["change"][["value", "low", "high"]].reindex([*MEASURES, *OF_STOP])
     rows = []
     for p in experiment.predictions:
         found = tuple(map(float, change.loc[p.measure].to_numpy()))
@@ -248,7 +249,7 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
     for effect in experiment.effects:
         condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
         found = table[table["condition"] == condition].set_index("measure")
-        found = found[["value", "low", "high"]].astype(float).reindex(list(MEASURES))
+        found = found[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
 
         def judged(
             name: str, shift: float = 0.0, effect: Effect = effect, found: pd.DataFrame = found

@@ -7,7 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
+from bgmodel.deciding.measures import (
+    MEASURES,
+    OF_ALL,
+    OF_DECIDED,
+    OF_DIFFUSION,
+    OF_STOP,
+    SHARES,
+)
 from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
@@ -22,7 +29,7 @@ RELATIVE = (*OF_DECIDED, *OF_ALL)
 LIKELY = {"decided": (1.0, np.inf), "drift": (0.0, 1.0), "boundary_separation": (0.0, 1.0)}
 """Range of sizes of a change (other than 0) without a warning."""
 LIKELY |= dict.fromkeys(SHARES, (0.0, 0.5))
-LIKELY |= {name: (1.0, np.inf) for name in MEASURES if name.endswith("_ms")}
+LIKELY |= {name: (1.0, np.inf) for name in (*MEASURES, *OF_STOP) if name.endswith("_ms")}
 
 
 @dataclass(frozen=True)
@@ -30,7 +37,7 @@ class Prediction:
     """A predicted change of one measure."""
 
     measure: str
-    """A name in ``measures.MEASURES``."""
+    """A name in ``measures.MEASURES`` or ``measures.OF_STOP``."""
     direction: Literal["up", "down", "none"]
     """Direction of the change; "none" means that it stays within ``at_least``."""
     at_least: float
@@ -61,7 +68,7 @@ class Effect:
     """A published effect on one measure, as a number: manipulation minus control."""
 
     measure: str
-    """A name in ``measures.MEASURES``."""
+    """A name in ``measures.MEASURES`` or ``measures.OF_STOP``."""
     value: float
     """The change."""
     source: str
@@ -97,7 +104,8 @@ class Effect:
 
 def _check_measure(name: str) -> None:
     """Raise ValueError listing all names, for an unknown measure."""
-    require(name in MEASURES, "measure", f"must be one of {', '.join(MEASURES)}", name)
+    every = (*MEASURES, *OF_STOP)
+    require(name in every, "measure", f"must be one of {', '.join(every)}", name)
 
 
 def check_size(what: str, measure: str, size: float, below: float) -> None:
@@ -108,7 +116,7 @@ def check_size(what: str, measure: str, size: float, below: float) -> None:
     what : str
         The key that holds the size.
     measure : str
-        A name in ``measures.MEASURES``.
+        A name in ``measures.MEASURES`` or ``measures.OF_STOP``.
     size : float
         The size of the change, at least 0.
     below : float

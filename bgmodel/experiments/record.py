@@ -8,6 +8,7 @@ import pandas as pd
 
 from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
+from bgmodel.deciding.measures import OF_STOP
 from bgmodel.evidence import needed_truth
 from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.stimuli import Stimuli
@@ -63,6 +64,10 @@ class ExperimentRecord(Observed):
         told = [(effect.measure, effect.unit) for effect in self.effects]
         once = len(set(told)) == len(told)
         require(once, "effects", "must give a measure in one unit once", told)
+        if self.stop is None:
+            must = "must be one of a task without stop signals: there is no [stop]"
+            for measure in [one.measure for one in self.predictions] + [one[0] for one in told]:
+                require(measure not in OF_STOP, "measure", must, measure)
         self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.calibration import posterior_at
-from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.decision import Decision, any_crossing
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
@@ -153,7 +153,11 @@ def silent_nats(circuit: Circuit) -> float:
 
 
 def behaviour_of(
-    model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
+    model: BasalGanglia,
+    evidence: Evidence,
+    threshold_nats: float,
+    foreperiod_ms: float,
+    stopping: tuple[Decision, Array] | None = None,
 ) -> Behaviour:
     """Measure choices at one threshold, and anticipations in a foreperiod without evidence.
 
@@ -168,6 +172,9 @@ def behaviour_of(
     foreperiod_ms : float, ms
         Length of the foreperiod, simulated separately for each trial, unless the evidence has an
         informative foreperiod: then that one counts.
+    stopping : tuple of Decision and array (trials,), optional
+        The decisions in a task with stop signals and the stop-signal delays, ms (NaN in go trials);
+        by default there are no stop signals.
 
     Returns
     -------
@@ -180,14 +187,16 @@ def behaviour_of(
         If the evidence does not fit the circuit, or a run is impossible (its rates run away).
     """
     needed_truth(evidence)
-    decision = model.decided(evidence, threshold_nats)
+    decision, ssd_ms = stopping or (model.decided(evidence, threshold_nats), None)
     posterior = posterior_at(evidence, decision.time_ms, decision.choice)
     if evidence.foreperiod_steps:
-        return Behaviour(decision, posterior, decision.time_ms < 0, evidence.hypotheses)
+        early = decision.time_ms < 0
+        return Behaviour(decision, posterior, early, evidence.hypotheses, ssd_ms)
     responded = []
     for first in range(0, evidence.trials, BATCH):
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
         # Separate trials: their noise is independent of that of other trials.
         waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(any_crossing(waited, threshold_nats))
-    return Behaviour(decision, posterior, np.concatenate(responded), evidence.hypotheses)
+    early = np.concatenate(responded)
+    return Behaviour(decision, posterior, early, evidence.hypotheses, ssd_ms)

@@ -11,110 +11,25 @@ horse race of Logan & Cowan (1984).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.stopping.inputs import MOST_NATS, StopSignal, with_stop
 from bgmodel.stopping.observer import StopEvidence, log_odds_of_stop
 from bgmodel.stopping.trials import StopTrials, stop_trials
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import check_range, reals
-from circuits.errors import EditWarning, InputError, RangeWarning, require
+from circuits.errors import InputError
 
-MOST_NATS = 2.0
-"""Larger inputs to STN ring near 20 Hz and rebound by more than 0.15 nats when they end."""
 SETTLE_MS = 300.0
 """Time for which ``step_response`` holds the evidence constant before the signal."""
 CANCELLED = ("ctx", "ctx_inh")
 """Populations at which a stop signal has no effect: circuits driven by raw evidence cancel input
 that is common to all channels of cortex."""
-
-
-@dataclass(frozen=True)
-class StopSignal:
-    """How a stop signal reaches a circuit.
-
-    Parameters
-    ----------
-    nucleus : str
-        Nucleus that receives it, in all channels, or one channel of it: "STN[0]".
-    amount_nats : float
-        Input, nats; negative inhibits.
-    delay_ms : float
-        Delay from the signal to the nucleus, due to afferent pathways.
-    duration_ms : float
-        How long it lasts; infinite by default. A signal that ends postpones responses but does not
-        cancel them, because the evidence is still there when it ends.
-    """
-
-    nucleus: str = "STN"
-    amount_nats: float = 1.0
-    delay_ms: float = 0.0
-    duration_ms: float = float("inf")
-
-    def __post_init__(self) -> None:
-        check_range(0, np.inf, delay_ms=self.delay_ms)
-        require(self.duration_ms > 0, "duration_ms", "must be > 0", self.duration_ms)
-        require(np.isfinite(self.amount_nats), "amount_nats", "must be finite", self.amount_nats)
-        if self.nucleus == "STN" and self.amount_nats > MOST_NATS:
-            RangeWarning.warn(
-                f"amount_nats = {self.amount_nats:g} to STN, more than {MOST_NATS:g}: STN rings "
-                "near 20 Hz and rebounds when the input ends"
-            )
-        if np.isfinite(self.duration_ms):
-            EditWarning.warn(
-                f"an input of {self.duration_ms:g} ms postpones responses but does not cancel "
-                "them: the evidence is still there when it ends"
-            )
-
-    def onsets(self, ssd_ms: npt.ArrayLike) -> Array:
-        """Return when it reaches the nucleus in each trial, ms from the go stimulus, or NaN."""
-        return np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64) + self.delay_ms
-
-
-def with_stop(
-    evidence: Evidence, ssd_ms: npt.ArrayLike, signal: StopSignal, every_ms: float | None = None
-) -> Evidence:
-    """Return evidence with a stop signal as an input of the circuit.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The go task.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays from the onset of evidence; NaN in go trials.
-    signal : StopSignal
-        How it reaches the circuit.
-    every_ms : float, optional
-        Resolution of its onset, a whole fraction of the time between readings, which is the
-        default. An onset within an interval counts in proportion to the rest of that interval.
-
-    Raises
-    ------
-    ValueError
-        If there is not one delay per trial, all signals would come after the end, or the resolution
-        is not a whole fraction of the time between readings.
-    """
-    check_evidence(evidence)
-    ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
-    require(ssd.shape == (evidence.trials,), "ssd_ms", f"must be ({evidence.trials},)", ssd.shape)
-    per_step = 1 if every_ms is None else round(evidence.step_ms / every_ms)
-    whole = every_ms is None or abs(per_step * every_ms - evidence.step_ms) < 1e-9
-    must = f"must be a whole fraction of the time between readings, {evidence.step_ms:g} ms"
-    require(per_step >= 1 and whole, "every_ms", must, every_ms)
-    step = evidence.step_ms / per_step
-    begins = step * np.arange(per_step * (evidence.steps + 1))
-    onset = np.nan_to_num(signal.onsets(ssd), nan=np.inf)[:, None]
-    if np.isfinite(onset).any() and onset.min() >= begins[-1] + step:
-        must = f"must leave the signal time before the end, {begins[-1] + step:g} ms"
-        raise InputError.of("ssd_ms", must, float(np.nanmin(ssd)))
-    on = np.clip((begins + step - onset) / step, 0, 1)
-    off = np.clip((begins + step - onset - signal.duration_ms) / step, 0, 1)
-    return replace(evidence, inputs_nats=signal.amount_nats * (on - off)[:, :, None])
 
 
 def with_observed_stop(evidence: StopEvidence) -> Evidence:
@@ -155,19 +70,30 @@ def decide_with_stop(
         If the evidence leaves the circuit's range, or noise alone crosses the threshold, as in
         ``BasalGanglia.decide``.
     """
-    name = signal.nucleus
-    if name in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
-        raise InputError.of(
-            "nucleus", "must be one that the signal can act through, such as STN; input common to "
-            "all channels is cancelled behind cortex", name,
-        )  # fmt: skip
-    model = replace(model, circuit=model.circuit.with_inputs(name))
+    model = receiving(model, signal)
     level = model.threshold(threshold, posterior)
     model.warn_beyond_range(evidence)
     model.warn_of_noise(level)
     given = with_stop(evidence, ssd_ms, signal, every_ms)
     decision = model.decided(given, level, forced=False)
     return stop_trials(decision, ssd_ms, evidence.hypotheses)
+
+
+def receiving(model: BasalGanglia, signal: StopSignal) -> BasalGanglia:
+    """Return a model with an input for a stop signal.
+
+    Raises
+    ------
+    ValueError
+        If common input is cancelled at the nucleus, so that the signal would have no effect.
+    """
+    name = signal.nucleus
+    if name in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
+        raise InputError.of(
+            "nucleus", "must be one that the signal can act through, such as STN; input common to "
+            "all channels is cancelled behind cortex", name,
+        )  # fmt: skip
+    return replace(model, circuit=model.circuit.with_inputs(name))
 
 
 def step_response(

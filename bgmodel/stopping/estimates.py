@@ -14,14 +14,13 @@ import numpy.typing as npt
 import pandas as pd
 from scipy import optimize, special
 
+from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
 from circuits.errors import DataWarning, InputError
 
-P_RANGE = (0.25, 0.75)
-"""Probability of responding on stop trials within which the guide accepts an estimate."""
 FEWEST_STOPS = 50
 """Number of stop trials below which the guide calls estimates unreliable."""
 NODES = 40
@@ -164,6 +163,23 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
         rows.append((delay, len(times), p, low, high, mean, ssrt))
     names = ["ssd_ms", "trials", "p_respond", "low", "high", "failed_ms", "ssrt_ms"]
     return pd.DataFrame(rows, columns=names)
+
+
+def ssrt_by_delay(table: pd.DataFrame) -> float:
+    """Return the stop-signal reaction time, ms: the mean of those at each delay.
+
+    ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
+    as the go times, the quantile of the go times at the mean share of responses is not the mean
+    of their quantiles.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``inhibition_function``. Delays count in proportion to their trials, and only if the
+        probability of responding is within ``P_RANGE``; NaN if there are none.
+    """
+    used = table[table["p_respond"].between(*P_RANGE)]
+    return float(np.average(used["ssrt_ms"], weights=used["trials"])) if len(used) else np.nan
 
 
 def nth_time(times_ms: Array, p: float) -> float:

@@ -71,8 +71,7 @@ class StopTrials(Facts):
         if self.deadline_ms is not None and latest >= self.deadline_ms:
             must = f"must be before the deadline, {self.deadline_ms:g} ms"
             raise InputError.of("ssd_ms", must, float(latest))
-        if 0 < latest < IN_SECONDS:
-            DataWarning.warn(f"ssd_ms is at most {latest:g}: delays are in ms, not in seconds")
+        _warn_of_seconds("ssd_ms", latest)
 
     def facts(self) -> dict[str, str]:
         """Return the numbers of trials, the delays and the proportion of failed stops."""
@@ -131,6 +130,31 @@ def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> St
     return StopTrials(rt_ms, np.asarray(ssd_ms, float), right, float(decision.deadline_ms.max()))
 
 
+def check_delays(delays_ms: npt.ArrayLike) -> Array:
+    """Return a grid of delays as an array, ms.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or one is negative or not finite.
+
+    Warns
+    -----
+    UserWarning
+        If they look like seconds.
+    """
+    delays = np.atleast_1d(np.asarray(reals("delays_ms", delays_ms), dtype=np.float64))
+    fits = delays.ndim == 1 and delays.size and np.isfinite(delays).all() and (delays >= 0).all()
+    require(fits, "delays_ms", "must be numbers >= 0", delays_ms)
+    _warn_of_seconds("delays_ms", float(delays.max()))
+    return delays
+
+
+def _warn_of_seconds(name: str, latest_ms: float) -> None:
+    if 0 < latest_ms < IN_SECONDS:
+        DataWarning.warn(f"{name} is at most {latest_ms:g}: delays are in ms, not in seconds")
+
+
 def drawn_delays(
     trials: int, delays_ms: npt.ArrayLike, share: float, rng: np.random.Generator | int
 ) -> Array:
@@ -152,10 +176,8 @@ def drawn_delays(
     ValueError
         For a share outside 0..1, or delays that are negative or not finite.
     """
-    delays, rng = np.atleast_1d(np.asarray(delays_ms, float)), generator(rng)
+    delays, rng = check_delays(delays_ms), generator(rng)
     require(0 <= share <= 1, "share", "must be within 0..1", share)
-    fits = delays.size and np.isfinite(delays).all() and (delays >= 0).all()
-    require(fits, "delays_ms", "must be numbers >= 0", delays_ms)
     count = whole("trials", trials, 1)
     stop = rng.random(count) < share
     return np.where(stop, rng.choice(delays, count), np.nan)

@@ -7,6 +7,7 @@ import tomllib
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from circuits.errors import InputError
@@ -97,4 +98,6 @@ def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
     """Return the keys of the nested dataclass at a place."""
     for part in place:
         kind = get_type_hints(kind)[part] if isinstance(part, str) else get_args(kind)[0]
+        if isinstance(kind, UnionType):
+            kind = next(one for one in get_args(kind) if one is not NoneType)
     return [field.name for field in fields(kind)]

@@ -12,14 +12,14 @@ import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.calibration import miscalibrated
-from bgmodel.deciding.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
+from bgmodel.deciding.measures import CUT_OFF, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.predictions import FEWEST_DECIDED
 from bgmodel.experiments.record import MANY_MISSED
 from bgmodel.plots import labelled
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from bgmodel.sweeps.plan import Plan, Point
+from bgmodel.sweeps.plan import Plan, Point, measures_of
 from bgmodel.sweeps.shards import REMARK, read
 from circuits.declaration.edits import FRACTION, VERBS
 from circuits.errors import EditWarning, InputError
@@ -49,10 +49,10 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per measure of ``MEASURES``: measure, value (times in ms, shares of trials), low and
-        high (95 % interval, a bootstrap over trials, the same for points of one size), trials, and
-        remark (a warning of the run, or why it ended; usually empty). Values are NaN if the
-        circuit could not be run.
+        One row per measure of ``plan.measures_of``: measure, value (times in ms, shares of trials),
+        low and high (95 % interval, a bootstrap over trials, the same for points of one size),
+        trials, and remark (a warning of the run, or why it ended; usually empty). Values are NaN if
+        the circuit could not be run.
 
     Raises
     ------
@@ -61,16 +61,16 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     """
     behaviour, remark = read(point, folder)
     if behaviour is None:
-        table = pd.DataFrame({"measure": list(MEASURES)}).assign(
+        table = pd.DataFrame({"measure": measures_of(point)}).assign(
             value=np.nan, low=np.nan, high=np.nan
         )
         return table.assign(trials=0, **{REMARK: remark})
     trials = len(behaviour.decision.choice)
     found = [behaviour.measures(weights) for weights in _weights(point.seed, trials)]
-    joined = {name: np.concatenate([part[name] for part in found]) for name in MEASURES}
-    rows = [(name, *interval(joined[name])) for name in MEASURES]
+    joined = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    rows = [(name, *interval(joined[name])) for name in joined]
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
-    values = {name: float(joined[name][0]) for name in MEASURES}
+    values = {name: float(joined[name][0]) for name in joined}
     two = behaviour.hypotheses == 2
     caution = _caution(values, point.foreperiod_ms) or (_withheld(values) if two else "")
     against = "the circuit decides against the evidence" if behaviour.against_evidence() else ""

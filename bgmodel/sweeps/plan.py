@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from bgmodel.conditions import Observed, read_once
-from bgmodel.deciding.measures import MEASURES
+from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.integrators.basal_ganglia import gain_of, identity
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
+from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
@@ -25,11 +26,11 @@ from bgmodel.tactile.source import SHIPPED
 from bgmodel.version import __version__
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
-from circuits.errors import InputError, within
+from circuits.errors import InputError, require, within
 
 BLOCK = 10_000
 """Largest number of trials in a shard: seconds of the population engine, minutes of spikes."""
-TASK = "task."
+TASK, STOP = "task.", "stop."
 Value = bool | int | float | str
 
 
@@ -76,7 +77,12 @@ class Point(Observed):
         ]
 
 
-OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits"))
+OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits", "stop"))
+
+
+def measures_of(point: Point) -> list[str]:
+    """Return the names of the measures of a point."""
+    return [*MEASURES, *(OF_STOP if point.stop is not None else ())]
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,7 @@ class Shard:
             "posterior": of.stopping_posterior,
             **({} if of.threshold is None else {"threshold": of.threshold}),
             "foreperiod_ms": of.foreperiod_ms,
+            **({} if of.stop is None else {"stop": of.stop.used()}),
             "seed": of.seed,
             "task": task,
             "first": self.first,
@@ -121,10 +128,11 @@ class Plan(Point):
     """A sweep: shared settings, and the values that change from point to point.
 
     A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task such as
-    ``task.d_prime``, or an edit without its value: ``lesion STN``, ``scale STN->GPe``,
-    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; a key that would
-    change the same number as another edit, such as a factor on a weight that is set, is refused. A
-    key that is a complete edit takes the values true and false: the edit is made, or not.
+    ``task.d_prime`` or of its stop signals such as ``stop.amount_nats``, or an edit without its
+    value: ``lesion STN``, ``scale STN->GPe``, ``set STN.bias_nats``, ``dopamine``. It replaces the
+    same edit in ``edits``; a key that would change the same number as another edit, such as a
+    factor on a weight that is set, is refused. A key that is a complete edit takes the values true
+    and false: the edit is made, or not.
     """
 
     name: str = ""
@@ -146,8 +154,8 @@ class Plan(Point):
             raise InputError("all points must name the same keys, one or more", "points")
         self._check_once()
         for measure in self.show:
-            if measure not in MEASURES:
-                raise InputError(f"show must name {', '.join(MEASURES)}; got {measure!r}", "show")
+            every = measures_of(self)
+            require(measure in every, "show", f"must name {', '.join(every)}", measure)
 
     def _check_once(self) -> None:
         """Refuse a key in two spellings, and a value or a point given twice."""
@@ -216,6 +224,7 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
 def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
     """Return the fields of a point, as in a file."""
     values = asdict(same)
+    values["stop"] = None if same.stop is None else same.stop.used()
     made: list[str] = []
     left_out: list[str] = []
     for key, value in point.items():
@@ -226,6 +235,8 @@ def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, 
             value = str(folder / str(value))
         if key.startswith(TASK):
             values["task"][key.removeprefix(TASK)] = value
+        elif key.startswith(STOP):
+            values["stop"] = {**(values["stop"] or {}), key.removeprefix(STOP): value}
         elif key in OWN:
             values[key] = value
         elif isinstance(value, bool) and _is_whole(key):
@@ -251,8 +262,10 @@ def _line(key: str, value: Value) -> str:
     verb = key.partition(" ")[0]
     if verb not in VERBS:
         of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        of_stop = [f"{STOP}{f.name}" for f in fields(StopTask)]
+        every = ", ".join((*OWN, *of_task, *of_stop))
         raise InputError(
-            f"there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, and edits, "
+            f"there is no {key!r} to change; there are {every}, and edits, "
             f"which begin with {', '.join(VERBS)}, such as 'lesion STN'",
             key,
         )

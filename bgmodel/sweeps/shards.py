@@ -87,9 +87,9 @@ def _decided(shard: Shard) -> pd.DataFrame:
     model = of.model(of.hypotheses, seed=of.block_seed(shard.first), rates=False)
     evidence = of.block(shard.first, shard.trials).evidence
     model.warn_beyond_range(evidence)
-    found = of.behaviour(model, evidence)
+    found = of.behaviour(model, evidence, of.block_seed(shard.first))
     columns = {name: getattr(found.decision, name) for name in OF_DECISION}
-    measured = {"posterior": found.posterior, "anticipatory": found.anticipatory}
+    measured = {"posterior": found.posterior, **found.columns()}
     return pd.DataFrame({**columns, **measured, "truth": evidence.truth})
 
 
@@ -115,7 +115,11 @@ def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
         truth=columns["truth"],
     )
     return Behaviour(
-        decision, columns["posterior"], columns["anticipatory"], point.hypotheses
+        decision,
+        columns["posterior"],
+        columns["anticipatory"],
+        point.hypotheses,
+        columns.get("ssd_ms"),
     ), remark
 
 

@@ -41,6 +41,9 @@ class Course:
         Start and end, ms; without an end it lasts until the trial is over.
     rise_ms, decay_ms : float
         Time constants of rise and decay, ms; 0 is a step.
+    rate_hz, pulse_ms : float
+        A train of rectangular pulses, the first at ``from_ms``: their rate, and the width of each.
+        By default there is one lasting change.
     cite : str
         Source of the numbers.
     """
@@ -51,6 +54,8 @@ class Course:
     to_ms: float = math.inf
     rise_ms: float = 0.0
     decay_ms: float = 0.0
+    rate_hz: float = 0.0
+    pulse_ms: float = 0.0
     cite: str = ""
 
     def __post_init__(self) -> None:
@@ -65,6 +70,21 @@ class Course:
         check_range(0, math.inf, owner=name, rise_ms=self.rise_ms, decay_ms=self.decay_ms)
         if self.decay_ms and math.isinf(self.to_ms):
             raise InputError(f"{name}: without an end, to_ms, there is no decay_ms", "decay_ms")
+        self._check_train()
+
+    def _check_train(self) -> None:
+        """Raise ValueError for a train without a rate or width, or pulses that run together."""
+        rate, width = self.rate_hz, self.pulse_ms
+        check_range(0, math.inf, owner=self.name, rate_hz=rate, pulse_ms=width)
+        if bool(rate) != bool(width):
+            said = "a train of pulses needs both rate_hz and pulse_ms"
+            raise InputError(f"{self.name}: {said}", "pulse_ms" if rate else "rate_hz")
+        if rate:
+            must = f"must be shorter than the period, {1000 / rate:g} ms"
+            require(width * rate < 1000, "pulse_ms", must, width, owner=self.name)
+            must = "must be 0 in a train of pulses"
+            require(not self.rise_ms, "rise_ms", must, self.rise_ms, owner=self.name)
+            require(not self.decay_ms, "decay_ms", must, self.decay_ms, owner=self.name)
 
     @property
     def name(self) -> str:
@@ -88,6 +108,8 @@ class Course:
         if self.decay_ms:
             since = np.clip(time_ms - self.to_ms, 0, None)
             off = self.reached * np.exp(-since / self.decay_ms)
+        if self.rate_hz:
+            on = np.where((time_ms - self.from_ms) % (1000 / self.rate_hz) < self.pulse_ms, on, 0.0)
         begun, over = time_ms >= self.from_ms, time_ms >= self.to_ms
         return np.where(over, off, np.where(begun, on, 0.0))
 
@@ -101,6 +123,10 @@ class Course:
         ends = begins + 1
         low, high = np.clip(begins, first, last), np.clip(ends, first, last)
         mean = self.amount * (high - low)
+        if self.rate_hz:
+            return self.amount * (
+                self._pulsed(high - first, dt_ms) - self._pulsed(low - first, dt_ms)
+            )
         if self.rise_ms:
             tau = self.rise_ms / dt_ms
             mean -= self.amount * _area(low - first, high - first, tau)
@@ -108,6 +134,13 @@ class Course:
             low, high = np.maximum(begins, last), np.maximum(ends, last)
             mean += self.reached * _area(low - last, high - last, self.decay_ms / dt_ms)
         return mean
+
+    def _pulsed(self, since: Array, dt_ms: float) -> Array:
+        """Return the time within pulses up to times since the first one, all in ticks."""
+        period, width = 1000 / self.rate_hz / dt_ms, self.pulse_ms / dt_ms
+        # A time that is a pulse's edge except for rounding counts as the edge.
+        whole = np.floor(since / period + NEAR)
+        return np.asarray(whole * width + np.clip(since - whole * period, 0, width))
 
 
 def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -10,7 +10,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.conditions import POSTERIOR
-from bgmodel.deciding.measures import MEASURES
+from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
@@ -19,6 +19,7 @@ from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
+from bgmodel.stopping.task import StopTask
 from circuits import anatomy
 from circuits.declaration.edits import Edits
 from tests.helpers import GOOD, ROOT, behaving, refused, run, told
@@ -97,22 +98,23 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
     page = (ROOT / "docs/guides/experiments.md").read_text()
     keys, measures = page.split("## What is measured")
     named = re.findall(r"^\| (`.+?`) \|", measures, re.MULTILINE)
-    assert set(re.findall(r"`(\w+)`", " ".join(named))) == set(MEASURES)
+    assert set(re.findall(r"`(\w+)`", " ".join(named))) == {*MEASURES, *OF_STOP}
     rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
     in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
+    in_words |= {"no end": np.inf, "never": np.inf}
     defaults = {
         f.name: f.default if f.default_factory is MISSING else f.default_factory()
-        for kind in (Experiment, Stimuli, Changes)
+        for kind in (Experiment, Stimuli, Changes, StopTask)
         for f in fields(kind)
     }
-    of_parts = ("manipulation", "control", "predictions", "task", "effects")
+    of_parts = ("manipulation", "control", "predictions", "task", "effects", "stop")
     # `task` is a part of an experiment and a key of that part.
     wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
     wanted["posterior"] = POSTERIOR
     assert set(wanted) == set(rows)
     for key, text in rows.items():
         told = in_words[text] if text in in_words else tomllib.loads(f"x = {text.strip('`')}")["x"]
-        assert (tuple(told) if told == [] else told) == wanted[key], key
+        assert (tuple(told) if isinstance(told, list) else told) == wanted[key], key
 
 
 def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.deciding.measures import MEASURES, SHARES
+from bgmodel.deciding.measures import MEASURES, OF_STOP, SHARES
 from bgmodel.experiments.experiment import shipped
 from bgmodel.experiments.predictions import LIKELY, Effect, Prediction
 from circuits.errors import DataWarning
@@ -11,7 +11,7 @@ from tests.helpers import refused, unwarned
 
 
 def test_every_measure_has_likely_sizes_and_those_that_ship_are():
-    assert LIKELY.keys() == MEASURES.keys()
+    assert LIKELY.keys() == {*MEASURES, *OF_STOP}
     with unwarned():
         assert shipped()
         for size in (0.0, 1.0, 30.0, 5000.0):
@@ -51,7 +51,7 @@ def test_a_size_that_seems_to_be_in_another_unit_is_warned_of(measure, size):
             make()
 
 
-@pytest.mark.parametrize("measure", MEASURES)
+@pytest.mark.parametrize("measure", [*MEASURES, *OF_STOP])
 def test_likely_sizes_are_not_warned_of(measure):
     low, high = LIKELY[measure]
     with unwarned():

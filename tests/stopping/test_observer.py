@@ -141,6 +141,18 @@ def played(policy, evidence):
     return choice, taken
 
 
+def earned(evidence, thresholds, rewards):
+    """Return the reward of each trial, at thresholds as probabilities (response, withhold)."""
+    trace, gained = StopMsprt().run(evidence), {}
+    for go, stop in thresholds:
+        levels = -np.log([[go, go, stop]])
+        found = first_crossing(trace, levels, forced=False, checked=False)
+        ended = found.choice[0] >= 0
+        steps = np.where(ended, np.nan_to_num(found.time_ms[0]) / STEP_MS, STEPS)
+        gained[go, stop] = reward_of(found.choice[0], steps, evidence, rewards)
+    return gained
+
+
 def test_no_pair_of_constant_thresholds_earns_more_than_the_optimum():
     rewards = Rewards(reading=0.004)
     evidence = task(6000, 9)
@@ -149,14 +161,8 @@ def test_no_pair_of_constant_thresholds_earns_more_than_the_optimum():
     best = reward_of(choice, taken, evidence, rewards)
     error = best.std() / np.sqrt(len(best))
     assert best.mean() == pytest.approx(policy.value, abs=4 * error)
-    trace, gained = StopMsprt().run(evidence), {}
-    for go in (0.6, 0.7, 0.8, 0.9):
-        for stop in (0.6, 0.75, 0.9, 0.99):
-            levels = -np.log([[go, go, stop]])
-            found = first_crossing(trace, levels, forced=False, checked=False)
-            ended = found.choice[0] >= 0
-            steps = np.where(ended, np.nan_to_num(found.time_ms[0]) / STEP_MS, STEPS)
-            gained[go, stop] = reward_of(found.choice[0], steps, evidence, rewards)
+    pairs = [(go, stop) for go in (0.6, 0.7, 0.8, 0.9) for stop in (0.6, 0.75, 0.9, 0.99)]
+    gained = earned(evidence, pairs, rewards)
     for each in gained.values():
         apart = each - best
         assert apart.mean() < 2 * apart.std() / np.sqrt(len(apart))

@@ -13,6 +13,7 @@ from circuits.cells import Rate
 from circuits.declaration import table_files
 from circuits.declaration.courses import Course, extremes
 from circuits.declaration.rows import Population
+from circuits.engines import run
 from circuits.show import courses, html, text
 from tests.helpers import refused
 
@@ -61,6 +62,59 @@ def test_a_tick_holds_the_mean_of_the_course_in_it(course, dt_ms):
 def test_a_pulse_shorter_than_a_tick_keeps_its_area(width, first):
     course = Course("STN", 2.0, first, first + width)
     assert course.in_ticks(200, 0.5).sum() * 0.5 == pytest.approx(2 * width)
+
+
+@given(
+    st.floats(0, 20).map(lambda t: round(t, 2)),
+    st.sampled_from([20.0, 130.0, 185.0]),
+    st.floats(0.05, 5.0).map(lambda t: round(t, 2)),
+    st.sampled_from([0.1, 0.5, 1.0]),
+)
+def test_a_train_keeps_the_area_of_its_pulses_tick_by_tick(first, rate_hz, width, dt_ms):
+    train = Course("STN", 0.8, first, 220.0, rate_hz=rate_hz, pulse_ms=width)
+    found = train.in_ticks(round(220 / dt_ms), dt_ms)
+    starts = np.arange(first, 220.0, 1000 / rate_hz)
+    each = sum(
+        Course("STN", 0.8, start, min(start + width, 220.0)).in_ticks(len(found), dt_ms)
+        for start in starts
+        if start < 220.0 - 1e-6
+    )
+    np.testing.assert_allclose(found, each, atol=1e-6)
+
+
+def test_a_train_is_on_within_its_pulses():
+    train = Course("STN", 1.5, 10, 50, rate_hz=100, pulse_ms=2)
+    at = train.at(np.array([9.9, 10, 11.9, 12, 19.9, 20, 21, 22, 49, 50, 50.5]))
+    np.testing.assert_array_equal(at, [0, 1.5, 1.5, 0, 0, 1.5, 1.5, 0, 0, 0, 0])
+    assert extremes([train])[1][0] == 1.5
+    assert extremes([train])[0][0] == 0
+
+
+def test_a_train_averages_to_a_constant_of_its_duty_cycle():
+    """At 130 Hz STN's filter of 5 ms leaves little of the pulses: OUT is that of their mean."""
+    drive = np.tile([0.6, -0.6], (1, 10, 1))
+    pulses = anatomy.load_circuit("macaque").edited("add STN amount=2 rate_hz=130 pulse_ms=1")
+    constant = anatomy.load_circuit("macaque").edited("add STN amount=0.26")
+    out = [
+        run(each, drive, engine="rate", step_ms=50.0).output_nats[0, 200:, 0].mean()
+        for each in (pulses, constant)
+    ]
+    assert out[0] == pytest.approx(out[1], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("train", "says"),
+    [
+        ({"rate_hz": 100.0}, "pulse_ms a train of pulses needs both"),
+        ({"pulse_ms": 2.0}, "rate_hz a train of pulses needs both"),
+        ({"rate_hz": 100.0, "pulse_ms": 10.0}, "pulse_ms must be shorter than the period, 10 ms"),
+        ({"rate_hz": -1.0, "pulse_ms": 1.0}, "rate_hz must be >= 0"),
+        ({"rate_hz": 100.0, "pulse_ms": 1.0, "rise_ms": 2.0}, "rise_ms must be 0 in a train"),
+    ],
+)
+def test_a_train_that_makes_no_sense_is_refused(train, says):
+    with refused(says):
+        Course("STN", 0.5, 0.0, 100.0, **train)
 
 
 def test_a_step_at_a_tick_is_there_in_that_tick_and_whole():

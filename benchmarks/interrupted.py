@@ -9,7 +9,7 @@ removed, and the run that draws them again, in short steps, is stopped fifteen t
 SHA-256 of every file under figures/fast is compared, the cache of the contact library included.
 Linux; about half an hour on two cores:
 
-    python -m benchmarks.scores.stopping --folder /tmp/stopping
+    python -m benchmarks.interrupted --folder /tmp/interrupted
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import psutil
 from benchmarks import OUT
 from bgmodel.support.files import checksum, write_table
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 SEED = 2023
 WAYS = ["SIGINT group", "SIGINT command"] * 5
 WAYS += [f"SIGKILL {who}" for who in ("command", "job", "group", "everything", "command")]

@@ -1,0 +1,212 @@
+"""Inputs of a circuit that come at their own time in each trial, such as a stop signal."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_range, reals
+from circuits.checks import check_types
+from circuits.errors import DataWarning, EditWarning, InputError, RangeWarning, require
+
+MOST_NATS = 2.0
+"""Larger inputs to STN ring near 20 Hz and rebound by more than 0.15 nats when they end."""
+RESOLUTION_MS = 10.0
+"""Longest interval within which an input is constant."""
+
+
+@dataclass(frozen=True)
+class StopSignal:
+    """How a stop signal reaches a circuit.
+
+    Parameters
+    ----------
+    nucleus : str
+        Nucleus that receives it, in all channels, or one channel of it: "STN[0]".
+    amount_nats : float
+        Input, nats; negative inhibits.
+    delay_ms : float
+        Delay from the signal to the nucleus, due to afferent pathways.
+    duration_ms : float
+        How long it lasts; infinite by default. A signal that ends postpones responses but does not
+        cancel them, because the evidence is still there when it ends.
+    cancel_ms : float
+        Time from the signal until the response is cancelled: the evidence of the trial is back at
+        the prior from then on (Schmidt & Berke 2017). Infinite by default: nothing is cancelled.
+    """
+
+    nucleus: str = "STN"
+    """Nucleus that receives the signal, in all channels, or one channel of it: "STN[0]"."""
+    amount_nats: float = 1.0
+    """Input to the nucleus, nats; negative inhibits."""
+    delay_ms: float = 0.0
+    """Delay from the signal to the nucleus, due to afferent pathways, ms."""
+    duration_ms: float = float("inf")
+    """How long the input lasts, ms; without an end by default."""
+    cancel_ms: float = float("inf")
+    """Time from the signal until the response is cancelled for good, ms; never by default."""
+
+    def __post_init__(self) -> None:
+        check_types(self, type(self).__name__)
+        check_range(0, np.inf, delay_ms=self.delay_ms)
+        require(self.cancel_ms >= 0, "cancel_ms", "must be >= 0", self.cancel_ms)
+        require(self.duration_ms > 0, "duration_ms", "must be > 0", self.duration_ms)
+        require(np.isfinite(self.amount_nats), "amount_nats", "must be finite", self.amount_nats)
+        if self.nucleus == "STN" and self.amount_nats > MOST_NATS:
+            RangeWarning.warn(
+                f"amount_nats = {self.amount_nats:g} to STN, more than {MOST_NATS:g}: STN rings "
+                "near 20 Hz and rebounds when the input ends"
+            )
+        if np.isfinite(self.duration_ms) and np.isinf(self.cancel_ms):
+            EditWarning.warn(
+                f"an input of {self.duration_ms:g} ms postpones responses but does not cancel "
+                "them: the evidence is still there when it ends"
+            )
+
+    def onsets(self, ssd_ms: npt.ArrayLike) -> Array:
+        """Return when it reaches the nucleus in each trial, ms from the go stimulus, or NaN."""
+        return np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64) + self.delay_ms
+
+
+def with_stop(
+    evidence: Evidence, ssd_ms: npt.ArrayLike, signal: StopSignal, every_ms: float | None = None
+) -> Evidence:
+    """Return evidence with a stop signal as an input of the circuit.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The go task.
+    ssd_ms : array (trials,), ms
+        Stop-signal delays from the onset of evidence; NaN in go trials.
+    signal : StopSignal
+        How it reaches the circuit.
+    every_ms : float, optional
+        Resolution of its onset, as for ``with_input``.
+
+    Raises
+    ------
+    ValueError
+        If there is not one delay per trial, all signals would come after the end, or the resolution
+        is not a whole fraction of the time between readings.
+    """
+    check_evidence(evidence)
+    ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
+    require(ssd.shape == (evidence.trials,), "ssd_ms", f"must be ({evidence.trials},)", ssd.shape)
+    return with_onsets(evidence, signal.onsets(ssd), signal, every_ms)
+
+
+def with_onsets(
+    evidence: Evidence, onset_ms: Array, signal: StopSignal, every_ms: float | None = None
+) -> Evidence:
+    """Return evidence with a stop signal, given when it reaches the nucleus in each trial.
+
+    Parameters are those of ``with_stop``, but for ``onset_ms`` (trials,), ms from the onset of
+    evidence; NaN without a signal.
+    """
+    end = evidence.step_ms * (evidence.steps + 1)
+    if np.isfinite(onset_ms).any() and np.nanmin(onset_ms) >= end:
+        must = f"must leave the signal time before the end, {end:g} ms"
+        raise InputError.of("ssd_ms", must, float(np.nanmin(onset_ms)) - signal.delay_ms)
+    given = with_input(evidence, onset_ms, signal.amount_nats, signal.duration_ms, every_ms)
+    return cancelled(given, onset_ms - signal.delay_ms + signal.cancel_ms)
+
+
+def with_input(
+    evidence: Evidence,
+    onset_ms: npt.ArrayLike,
+    amount_nats: npt.ArrayLike = 1.0,
+    duration_ms: npt.ArrayLike = np.inf,
+    every_ms: float | None = None,
+) -> Evidence:
+    """Return evidence with an input of a circuit that has its own time and size in each trial.
+
+    It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``. An
+    input that is the same in every trial is simpler as a course of the circuit.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The task.
+    onset_ms : float or array (trials,), ms
+        When it begins, from the onset of evidence; NaN for trials without it.
+    amount_nats : float or array (trials,), nats
+        The input.
+    duration_ms : float or array (trials,), ms
+        How long it lasts.
+    every_ms : float, optional
+        Resolution, a whole fraction of the time between readings; by default the largest up to 10
+        ms. An input that begins within an interval counts in proportion to the rest of it.
+
+    Raises
+    ------
+    ValueError
+        If there is not one number per trial, the resolution is not a whole fraction of the time
+        between readings, or the evidence has inputs of another resolution.
+    """
+    per_step = _per_step(evidence.step_ms, every_ms)
+    step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)
+    begins = step * np.arange(times)
+    values = {"onset_ms": onset_ms, "amount_nats": amount_nats, "duration_ms": duration_ms}
+    onset, amount, lasts = (_per_trial(name, evidence, each) for name, each in values.items())
+    onset = np.where(np.isnan(onset), np.inf, onset)
+    on = np.clip((begins + step - onset) / step, 0, 1)
+    off = np.clip((begins + step - onset - lasts) / step, 0, 1)
+    added = (amount * (on - off))[:, :, None]
+    if evidence.inputs_nats is not None:
+        same = evidence.inputs_nats.shape[1] == times
+        must = "must be the resolution of the inputs that the evidence has"
+        require(same, "every_ms", must, f"{step:g} ms")
+        added = np.concatenate([evidence.inputs_nats, added], axis=2)
+    return replace(evidence, inputs_nats=added)
+
+
+def _per_step(step_ms: float, every_ms: float | None) -> int:
+    """Return the number of intervals between readings."""
+    if every_ms is None:
+        return int(np.ceil(step_ms / RESOLUTION_MS - 1e-9))
+    count = round(step_ms / every_ms)
+    whole = count >= 1 and abs(count * every_ms - step_ms) < 1e-9
+    must = f"must be a whole fraction of the time between readings, {step_ms:g} ms"
+    require(whole, "every_ms", must, every_ms)
+    return count
+
+
+def _per_trial(name: str, evidence: Evidence, given: npt.ArrayLike) -> Array:
+    """Return one number per trial, (trials, 1)."""
+    values = np.asarray(reals(name, given), dtype=np.float64)
+    must = f"must be one number, or ({evidence.trials},)"
+    require(values.shape in ((), (evidence.trials,)), name, must, values.shape)
+    return np.broadcast_to(values, (evidence.trials,))[:, None]
+
+
+def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
+    """Return evidence that is back at the prior from a time of each trial on.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The task.
+    at_ms : array (trials,), ms
+        When, from the onset of evidence; NaN or infinite for never.
+    """
+    reading = np.arange(1, evidence.steps + 1)
+    late = evidence.step_ms * reading >= np.asarray(at_ms, float)[:, None]
+    late &= reading <= evidence.readings[:, None]
+    if not late.any():
+        return evidence
+    first = late & (np.cumsum(late, axis=1) == 1)
+    # A circuit whose channels get their own evidence subtracts the baseline from every reading.
+    tone = evidence.baseline or 0.0
+    values = np.where(late[:, :, None], tone, evidence.log_likelihood)
+    heard = np.where(late[:, :, None], 0.0, evidence.log_likelihood - tone).sum(axis=1)
+    values[first] -= heard[first.any(axis=1)]
+    with warnings.catch_warnings():
+        # They were checked before; readings after a cancel are alike for all hypotheses on purpose.
+        warnings.simplefilter("ignore", DataWarning)
+        return replace(evidence, log_likelihood=values)

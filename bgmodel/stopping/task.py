@@ -1,0 +1,200 @@
+"""The stop-signal task as a record: how stop signals are added to the trials of any task."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from bgmodel.deciding.decision import Decision
+from bgmodel.deciding.measures import unforced
+from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.stopping.inputs import StopSignal, with_onsets
+from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.trials import StopTrials, check_delays, stop_trials
+from bgmodel.support import toml_files
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_range, whole
+from bgmodel.support.seeds import stream
+from circuits.errors import InputError, require
+
+if TYPE_CHECKING:
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+
+STREAM = "stop signals"
+"""Name of the random-number stream of stop trials, delays and trigger failures."""
+
+
+@dataclass(frozen=True)
+class StopTask(StopSignal):
+    """Stop signals in a share of a task's trials, and how they reach the circuit.
+
+    Response times are those of decisions. A motor delay would add to go times and to the
+    stop-signal reaction time alike.
+
+    Raises
+    ------
+    ValueError
+        For a number out of range, no delays, or, with staircases, fewer than two.
+
+    Warns
+    -----
+    UserWarning
+        If delays look like seconds, or as for ``StopSignal``.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    share: float = 0.25
+    """Probability of a stop signal, 0..1."""
+    delays_ms: tuple[float, ...] = (100.0, 150.0, 200.0, 250.0, 300.0, 350.0, 400.0, 450.0, 500.0)
+    """Stop-signal delays from the onset of evidence, ms: each is equally likely, or, with
+    staircases, a step of them."""
+    staircases: int = 0
+    """Number of interleaved staircases: a delay is followed by the next longer one after a
+    successful stop, by the next shorter one after a failed stop. 0 draws delays at random."""
+    delay_sd_ms: float = 0.0
+    """Standard deviation of the delay from the signal to the nucleus, ms; no delay is below 0."""
+    failures: float = 0.0
+    """Probability that a signal triggers nothing, 0..1."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(0 < self.share < 1, "share", "must be between 0 and 1", self.share)
+        check_range(0, 1, failures=self.failures)
+        check_range(0, np.inf, delay_sd_ms=self.delay_sd_ms)
+        whole("staircases", self.staircases, 0)
+        delays = check_delays(self.delays_ms)
+        if self.staircases and (len(delays) < 2 or not (np.diff(delays) > 0).all()):
+            must = "must be two rising numbers or more with staircases"
+            raise InputError.of("delays_ms", must, self.delays_ms)
+
+    def used(self) -> dict[str, Any]:
+        """Return the settings by name, for provenance; infinite times are left out."""
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if not (isinstance(value, float) and np.isinf(value))
+        }
+
+    def check_ends(self, end_ms: float) -> None:
+        """Raise ValueError if a signal would come after the end of the trials, ms."""
+        must = f"must be before the deadline, {end_ms:g} ms"
+        require(max(self.delays_ms) < end_ms, "delays_ms", must, max(self.delays_ms))
+
+    def decide(
+        self,
+        model: BasalGanglia,
+        evidence: Evidence,
+        *,
+        threshold: float | None = None,
+        posterior: float | None = None,
+        seed: int = 0,
+    ) -> StopTrials:
+        """Let a circuit decide with stop signals in a share of the trials, as ``bgmodel stop``.
+
+        Parameters
+        ----------
+        model : BasalGanglia
+            The circuit, its engine and its noise.
+        evidence : Evidence
+            Readings of all trials.
+        threshold, posterior : float
+            When it decides: one of them, as for ``BasalGanglia.decide``.
+        seed : int
+            Seed of the stop trials, their delays and trigger failures.
+
+        Returns
+        -------
+        StopTrials
+            Its response times and delays.
+
+        Raises
+        ------
+        ValueError
+            If a delay comes after the end, common input is cancelled at the nucleus, or as for
+            ``BasalGanglia.threshold``.
+
+        Warns
+        -----
+        UserWarning
+            If the evidence leaves the circuit's range, noise alone crosses the threshold, or a
+            staircase never reverses.
+        """
+        from bgmodel.integrators.basal_ganglia import BasalGanglia
+
+        require(isinstance(model, BasalGanglia), "model", "must be a BasalGanglia", model)
+        check_evidence(evidence)
+        level = model.threshold(threshold, posterior)
+        model.warn_beyond_range(evidence)
+        model.warn_of_noise(level)
+        decision, ssd = decided(self, model, evidence, level, stream(seed, STREAM))
+        return stop_trials(unforced(decision), ssd, evidence.hypotheses)
+
+
+def decided(
+    task: StopTask, model: BasalGanglia, evidence: Evidence, level: float, rng: np.random.Generator
+) -> tuple[Decision, Array]:
+    """Return a circuit's decisions, and the stop-signal delays.
+
+    Parameters
+    ----------
+    task : StopTask
+        Stop signals, and how they reach the circuit.
+    model : BasalGanglia
+        The circuit, without an input for the signal.
+    evidence : Evidence
+        Readings of all trials; a share of them become stop trials.
+    level : float, nats
+        OUT at which the circuit decides.
+    rng : Generator
+        Draws stop trials, delays and trigger failures, the same for any circuit.
+
+    Returns
+    -------
+    decision : Decision
+        Decisions of all trials; trials without a response are forced by the deadline.
+    ssd_ms : array (trials,), ms
+        Stop-signal delays; NaN in go trials.
+
+    Raises
+    ------
+    ValueError
+        If a delay comes after the end, or common input is cancelled at the nucleus.
+    """
+    from bgmodel.stopping.circuit import receiving
+
+    task.check_ends(evidence.step_ms * evidence.steps)
+    model = receiving(model, task)
+    stop = rng.random(evidence.trials) < task.share
+    late = np.maximum(task.delay_sd_ms * rng.standard_normal(len(stop)), -task.delay_ms)
+    late[rng.random(len(stop)) < task.failures] = np.nan
+
+    def at(ssd_ms: Array) -> Decision:
+        given = with_onsets(evidence, task.onsets(ssd_ms) + late, task)
+        return model.decided(given, level)
+
+    delays = np.asarray(task.delays_ms, float)
+    if not task.staircases:
+        ssd = np.where(stop, rng.choice(delays, len(stop)), np.nan)
+        return at(ssd), ssd
+    each = [at(np.where(stop, delay, np.nan)) for delay in delays]
+    place = np.zeros(len(stop), int)
+    responded = np.stack([~one.forced[stop] for one in each])
+    place[stop] = walk(responded, delays, delays[_starts(len(delays), task.staircases)])
+    return _chosen(each, place), np.where(stop, delays[place], np.nan)
+
+
+def _starts(delays: int, staircases: int) -> list[int]:
+    """Return the first delay of each staircase, spread evenly."""
+    inner = np.linspace(0, delays - 1, staircases + 2)[1:-1]
+    return [round(place) for place in inner]
+
+
+def _chosen(each: list[Decision], place: Array) -> Decision:
+    """Return the decision of each trial at its delay."""
+    trial = np.arange(len(place))
+    names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
+    found = {n: np.stack([getattr(one, n) for one in each])[place, trial] for n in names}
+    return replace(each[0], **found)

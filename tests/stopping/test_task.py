@@ -1,0 +1,312 @@
+"""The stop-signal task as a record: in experiments, in sweeps, and what is refused."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.cli import main
+from bgmodel.commands.stopping import TASK as STANDARD
+from bgmodel.conditions import STREAM, Observed
+from bgmodel.deciding.decision import UNDECIDED, Decision
+from bgmodel.deciding.measures import OF_STOP, Behaviour
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.stimuli import Stimuli
+from bgmodel.stopping.circuit import decide_with_stop
+from bgmodel.stopping.drawing import draw
+from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
+from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
+from bgmodel.stopping.task import StopTask, decided
+from bgmodel.stopping.trials import StopTrials
+from bgmodel.sweeps.plan import Plan
+from bgmodel.sweeps.sweep import Sweep
+from circuits.errors import DataWarning, EditWarning
+from tests.helpers import refused, unwarned
+
+TASK = Stimuli(d_prime=0.35, step_ms=10.0, t_max=100, trials=600)
+MODEL = bg.BasalGanglia("macaque", seed=3)
+LEVEL = MODEL.threshold(None, 0.82)
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return bg.gaussian_evidence(400, d_prime=0.35, t_max=100, step_ms=10, seed=5)
+
+
+def rng():
+    return np.random.default_rng(7)
+
+
+def test_go_trials_are_those_of_the_task_without_signals(evidence):
+    """No trial depends on another: adding signals to some leaves all others as they were."""
+    with_signals, ssd = decided(StopTask(), MODEL, evidence, LEVEL, rng())
+    without = MODEL.decided(evidence, LEVEL)
+    go = np.isnan(ssd)
+    assert 0.15 < (~go).mean() < 0.35
+    np.testing.assert_array_equal(with_signals.time_ms[go], without.time_ms[go])
+    assert (with_signals.time_ms[~go] != without.time_ms[~go]).any()
+
+
+def test_drawn_delays_are_a_stop_signal_of_that_delay(evidence):
+    """The record and the function of Python give the same trials."""
+    task = StopTask(amount_nats=0.5, delay_ms=40.0)
+    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    same = decide_with_stop(
+        MODEL, evidence, ssd, StopSignal(amount_nats=0.5, delay_ms=40.0), threshold=LEVEL
+    )
+    np.testing.assert_array_equal(~found.forced, same.responded)
+    assert set(ssd[~np.isnan(ssd)]) <= set(task.delays_ms)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_trigger_failures_are_go_trials(evidence, share):
+    found, ssd = decided(StopTask(failures=share), MODEL, evidence, LEVEL, rng())
+    go = MODEL.decided(evidence, LEVEL)
+    same = found.time_ms == go.time_ms
+    assert same.all() == (share == 1.0)
+    assert not np.isnan(ssd).all()
+
+
+def test_the_spread_of_the_delay_leaves_its_mean(evidence):
+    spread, _ = decided(StopTask(delay_ms=80, delay_sd_ms=30), MODEL, evidence, LEVEL, rng())
+    fixed, _ = decided(StopTask(delay_ms=80), MODEL, evidence, LEVEL, rng())
+    assert (spread.time_ms != fixed.time_ms).any()
+    assert spread.forced.sum() == pytest.approx(fixed.forced.sum(), abs=12)
+
+
+def test_staircases_settle_where_half_of_the_signals_fail(evidence):
+    task = StopTask(share=0.5, staircases=2, delays_ms=tuple(range(50, 600, 50)))
+    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    stop = ~np.isnan(ssd)
+    assert found.forced[stop].mean() == pytest.approx(0.5, abs=0.08)
+    again = decide_with_stop(MODEL, evidence, ssd, StopSignal(), threshold=LEVEL)
+    np.testing.assert_array_equal(~found.forced, again.responded)
+    # Each staircase goes one up after a successful stop, one down after a failed one.
+    own = np.flatnonzero(stop)[::2]
+    inside = (ssd[own[:-1]] > 50) & (ssd[own[:-1]] < 550)
+    moved = np.where(found.forced[own[:-1]], 50, -50)
+    np.testing.assert_array_equal(np.diff(ssd[own])[inside], moved[inside])
+
+
+def test_cancelling_makes_a_pulse_stop(evidence):
+    """A pulse only postpones; a reset of the evidence, before it ends, leaves what was too fast."""
+    ssd = np.append(np.nan, np.full(evidence.trials - 1, 250.0))
+    held = decide_with_stop(MODEL, evidence, ssd, StopSignal(), threshold=LEVEL)
+    with pytest.warns(EditWarning):
+        pulse = StopSignal(duration_ms=150.0)
+    with unwarned():
+        cancel = StopSignal(duration_ms=150.0, cancel_ms=100.0)
+        late = StopSignal(duration_ms=150.0, cancel_ms=400.0)
+    found = {
+        name: decide_with_stop(MODEL, evidence, ssd, signal, threshold=LEVEL).p_respond
+        for name, signal in {"pulse": pulse, "cancel": cancel, "late": late}.items()
+    }
+    assert found["pulse"] > 0.9
+    assert found["cancel"] == pytest.approx(held.p_respond, abs=0.02)
+    assert found["cancel"] < found["late"] <= found["pulse"]
+
+
+def test_a_cancelled_trial_is_back_at_its_prior():
+    prior = np.array([0.7, 0.3])
+    drawn = replace(bg.gaussian_evidence(6, d_prime=1.0, t_max=20, step_ms=10, seed=1), prior=prior)
+    given = with_stop(drawn, [50, np.nan, 0, 120, 150, 30], StopSignal(delay_ms=20, cancel_ms=60))
+    at = np.array([11, 21, 6, 18, 21, 9])  # the first reading from SSD + 60 ms on
+    for trial, first in enumerate(at):
+        after = given.posterior[trial, first:]
+        assert after == pytest.approx(np.broadcast_to(prior, after.shape))
+        np.testing.assert_array_equal(
+            given.log_likelihood[trial, : first - 1], drawn.log_likelihood[trial, : first - 1]
+        )
+
+
+def test_inputs_add_up_column_by_column(evidence):
+    one = with_input(evidence, 100.0, 0.5)
+    two = with_input(one, np.where(np.arange(400) < 200, 50.0, np.nan), -1.0, 30.0)
+    np.testing.assert_array_equal(two.inputs_nats[..., :1], one.inputs_nats)
+    assert two.inputs_nats[:, :, 1].sum(axis=1).tolist() == [-3.0] * 200 + [0.0] * 200
+    with refused("every_ms must be the resolution of the inputs that the evidence has"):
+        with_input(one, 100.0, every_ms=5.0)
+
+
+def test_measures_of_known_trials():
+    """Go times of 1..100 ms; at 20 ms, half of the stop trials have a response: 50 - 20 ms."""
+    go = np.arange(1.0, 101.0)
+    time_ms = np.concatenate([go, [10.0, 20.0, np.nan, np.nan], [5.0] * 4])
+    ssd = np.concatenate([np.full(100, np.nan), np.full(4, 20.0), np.full(4, 90.0)])
+    missed = np.isnan(time_ms)
+    trials = len(ssd)
+    decision = Decision(
+        np.where(missed, 1, 0), np.where(missed, 200.0, time_ms), missed, np.zeros(trials, bool),
+        1.0, np.full(trials, 200.0), np.zeros(trials, int),
+    )  # fmt: skip
+    found = Behaviour(decision, np.full(trials, 0.9), np.zeros(trials, bool), 2, ssd)
+    values = found.measures(np.ones((1, trials)))
+    assert {name: values[name][0] for name in OF_STOP} == {
+        "p_respond": 0.75, "ssrt_ms": 30.0, "failed_minus_go_ms": 50 / 6 - 50.5,
+    }  # fmt: skip
+    assert values["mean_ms"][0] == 50.5
+    assert values["missed"][0] == 0.0
+    assert values["decided"][0] == 100
+    # Without the fast half of the go trials, the same share is reached later.
+    weights = np.concatenate([np.repeat([0.0, 1.0], 50), np.ones(8)])[None]
+    assert found.measures(weights)["ssrt_ms"][0] == 75 - 20
+    assert found.in_time().choice.min() == UNDECIDED
+
+
+def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
+    """A race of known stop-signal reaction time, with go times as skewed as the circuit's."""
+    draws = np.random.default_rng(8)
+    go_ms = 100 + draws.gamma(1.5, 250, 60_000)
+    ssd_ms = np.where(
+        draws.random(60_000) < 0.5, draws.choice(np.arange(100, 501, 50), 60_000), np.nan
+    )
+    escaped = ~(go_ms > ssd_ms + 70)
+    trials = StopTrials(np.where(escaped, go_ms, np.nan), ssd_ms)
+    assert ssrt_by_delay(inhibition_function(trials)) == pytest.approx(70, abs=4)
+    assert estimate_ssrt(trials).ssrt_ms < 60
+    decision = Decision(
+        np.where(escaped, 0, 1), np.where(escaped, go_ms, 3000.0), ~escaped,
+        np.zeros(60_000, bool), 1.0, np.full(60_000, 3000.0), np.zeros(60_000, int),
+    )  # fmt: skip
+    both = Behaviour(decision, np.full(60_000, 0.9), np.zeros(60_000, bool), 2, ssd_ms)
+    measured = both.measures(np.ones((1, 60_000)))["ssrt_ms"][0]
+    assert measured == pytest.approx(ssrt_by_delay(inhibition_function(trials)))
+
+
+def test_an_experiment_measures_stopping():
+    """After a loss of STN too large for the signal to block, more stops fail."""
+    weak = Experiment(
+        name="x", note="", manipulation=Experiment.from_toml("stn_lesion_partial").manipulation,
+        task=TASK, stop=StopTask(amount_nats=0.4, share=0.4), seed=4,
+    )  # fmt: skip
+    done = weak.run()
+    change = done.measures[done.measures["condition"] == "change"].set_index("measure")
+    assert change.loc["p_respond", "low"] > 0
+    counts = done.measures.groupby("measure")["trials"].max()
+    assert counts["p_respond"] + counts["missed"] == 600
+    assert {"ssd_ms", "anticipatory"} <= set(done.trials)
+    assert list(done.summary().index[-3:]) == list(OF_STOP)
+    assert "p_respond" in done.text()
+
+
+def test_a_sweep_goes_over_the_stop_signal():
+    plan = Plan(
+        task=replace(TASK, trials=200), stop=StopTask(share=0.5, delays_ms=(300.0,)),
+        grid={"stop.amount_nats": (0.05, 1.0)}, show=("p_respond", "ssrt_ms"),
+    )  # fmt: skip
+    table = Sweep(plan).run().summary()
+    assert table["p_respond"].iloc[0] > 0.8 > 0.5 > table["p_respond"].iloc[1]
+    assert np.isfinite(table["ssrt_ms"].iloc[1])
+    with refused("show must name"):
+        Plan(grid={"seed": (1, 2)}, show=("p_respond",))
+
+
+def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
+    monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
+    plan = Plan(
+        task=replace(TASK, trials=200), stop=StopTask(share=0.5), grid={"stop.delay_ms": (0.0,)}
+    )
+    (point,) = Sweep(plan).points
+    first, second = (
+        point.behaviour(point.model(2), point.block(n, 100).evidence, point.block_seed(n)).ssd_ms
+        for n in (0, 100)
+    )
+    assert (np.isnan(first) != np.isnan(second)).any()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("share = 0", "share must be between 0 and 1"),
+        ("share = 1.0", "share must be between 0 and 1"),
+        ("delays_ms = []", "delays_ms must be numbers >= 0"),
+        ("delays_ms = [-5]", "delays_ms must be numbers >= 0"),
+        ("delays_ms = [100, 2000]", "delays_ms must be before the deadline, 1000 ms"),
+        ("failures = 1.5", "failures must be within 0..1"),
+        ("delay_sd_ms = -1", "delay_sd_ms must be"),
+        ("staircases = 1\ndelays_ms = [200]", "delays_ms must be two rising numbers"),
+        ("staircases = -1", "staircases must be"),
+        ("cancel_ms = -1", "cancel_ms must be >= 0"),
+        ("strength = 1", "stop.strength key 'stop.strength'; there are .*share"),
+        ("nucleus = 'ctx'", "nucleus must be one that the signal can act through"),
+        ("nucleus = 'STM'", "more_inputs must be among .*STN"),
+    ],
+)
+def test_a_bad_stop_task_gets_one_clear_sentence(tmp_path, text, says):
+    path = tmp_path / "x.toml"
+    given = "name='x'\nnote=''\n[task]\nd_prime=0.35\nstep_ms=10.0\nt_max=100\ntrials=100\n"
+    path.write_text(f"{given}[stop]\n{text}\n[manipulation]\nedits=['lesion STN 5%']\n")
+    assert tomllib.loads(path.read_text())
+    with refused(says):
+        Experiment.from_toml(path).run()
+
+
+def test_what_is_doubtful_is_warned_of():
+    with pytest.warns(DataWarning, match="in ms, not in seconds"):
+        StopTask(delays_ms=(0.2, 0.3))
+    with pytest.warns(EditWarning, match="does not cancel"):
+        StopTask(duration_ms=100.0)
+
+
+def test_measures_of_stopping_need_stop_signals(tmp_path):
+    path = tmp_path / "x.toml"
+    path.write_text(
+        "name='x'\nnote=''\n[manipulation]\nedits=['lesion STN 5%']\n[[predictions]]\n"
+        "measure='p_respond'\ndirection='up'\nat_least=0.05\n"
+    )
+    with refused(r"measure must be one of a task without stop signals: there is no \[stop\]"):
+        Experiment.from_toml(path)
+
+
+def test_a_condition_without_signals_is_as_before(evidence):
+    assert Observed().stop is None
+    found = Observed(task=TASK).behaviour(MODEL, evidence)
+    assert found.ssd_ms is None
+    assert found.go.all()
+    assert "p_respond" not in found.measures(np.ones((1, 400)))
+
+
+def test_the_command_and_python_decide_alike(tmp_path, capsys):
+    """One seed, one table: the command adds nothing of its own."""
+    out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
+    options = ["--trials", "300", "--t-max", "100", "--seed", "5", "--stop.delay-ms", "40"]
+    assert main(["stop", str(out), "--drawing", str(drawing), *options]) == 0
+    said = capsys.readouterr().out
+    condition = bg.Condition(task=replace(STANDARD, trials=300, t_max=100), seed=5)
+    evidence = condition.drawn(STREAM).evidence
+    stop = bg.StopTask(share=0.5, delay_ms=40.0)
+    mine = stop.decide(condition.model(2), evidence, posterior=0.82, seed=5)
+    pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
+    assert "40 ms are the given delay to STN" in said
+    assert drawing.stat().st_size > 10_000
+    assert main(["stop", "--json", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["p_respond"] == mine.p_respond
+    assert len(found["records"]) == len(stop.delays_ms)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--stop.share", "0"], "share must be between 0 and 1"),
+        (["--t-max", "20"], "delays_ms must be before the deadline, 200 ms"),
+        (["--stop.nucleus", "ctx_inh"], "nucleus must be one that the signal can act through"),
+        (["--workers", "0"], "workers must be"),
+        (["--drawing", "x.doc"], "drawing must end in"),
+    ],
+)
+def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
+    assert main(["stop", str(tmp_path / "x.csv"), "--trials", "100", *options]) == 2
+    assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_figure_says_when_no_estimate_is_accepted(evidence):
+    found = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
+    text = draw(found).get_suptitle()
+    assert f"{int(found.stop.sum())} stop trials" in text
+    assert "accepts no SSRT" in text
