@@ -12,7 +12,8 @@ import numpy as np
 
 from bgmodel.fitting.raised import threshold_nats
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit
-from bgmodel.stopping.circuit import StopSignal, step_response
+from bgmodel.stopping.circuit import step_response
+from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
 

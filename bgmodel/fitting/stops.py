@@ -18,7 +18,7 @@ from bgmodel.fitting.stop_likelihood import (
     maximum,
 )
 from bgmodel.fitting.stop_model import TEST, StopModel
-from bgmodel.stopping.circuit import MOST_NATS
+from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
