@@ -11,6 +11,7 @@ from scipy import special
 from bgmodel import stream
 from bgmodel.fitting.stop_data import StopData
 from bgmodel.fitting.stop_likelihood import StopValues
+from bgmodel.stopping.restored import LATE_MS, restored_delays
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Truths
@@ -126,6 +127,20 @@ def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = N
         apart = ssd - ssd.mean()
         if apart.any():
             found.append(100 * (apart * failed).sum() / (apart**2).sum())
+    return np.array(found)
+
+
+def late_delays(people: Mapping[str, StopTrials]) -> Array:
+    """Return, per participant, the proportion of restored delays that follow the response.
+
+    They are inferred without response times, so that these are a test; NaN if none is restored.
+    """
+    found = []
+    for trials in people.values():
+        missing = (trials.ssd_ms == 0) & trials.responded
+        restored = restored_delays(trials, use_times=False).ssd_ms[missing]
+        late = restored + LATE_MS >= trials.rt_ms[missing]
+        found.append(late.mean() if len(late) else np.nan)
     return np.array(found)
 
 

@@ -20,6 +20,7 @@ import pandas as pd
 from benchmarks.methods.stopped import (
     counted_ssrt,
     known_people,
+    late_delays,
     like,
     mean_and_error,
     sequence,
@@ -102,6 +103,8 @@ def estimates(kind: str, people: int) -> pd.DataFrame:
     rows.append(("refused", (table["refusal"] != "").sum(), np.nan, len(table)))
     zero = sum(((t.ssd_ms == 0) & t.responded).sum() for t in chosen.values())
     rows.append(("delays_of_zero", zero, np.nan, len(table)))
+    if kind == "recorded":
+        rows.append(("late_delays", *mean_and_error(late_delays(chosen))))
     rows.append(("inhibition_slope", *mean_and_error(slopes(chosen))))
     shuffled = slopes(chosen, stream(SCORING_SEED, "shuffled"))
     rows.append(("inhibition_slope_shuffled", *mean_and_error(shuffled)))

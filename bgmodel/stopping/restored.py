@@ -25,7 +25,9 @@ LATE_MS = 10.0
 """A missing delay may lie this far before the response, because screens and keys have delays."""
 
 
-def restored_delays(trials: StopTrials, step_ms: float = STEP_MS) -> StopTrials:
+def restored_delays(
+    trials: StopTrials, step_ms: float = STEP_MS, *, use_times: bool = True
+) -> StopTrials:
     """Return trials in which delays recorded as 0 are those of the participant's staircases.
 
     Two interleaved staircases are assumed, each one step up after a successful stop and one down
@@ -40,6 +42,9 @@ def restored_delays(trials: StopTrials, step_ms: float = STEP_MS) -> StopTrials:
         exactly 0 are restored; delays of a few ms were given, and remain.
     step_ms : float
         Step of the staircases, ms.
+    use_times : bool
+        Whether a restored delay before the response is a contradiction. Without it, response times
+        are a test of the restored delays.
 
     Warns
     -----
@@ -51,7 +56,7 @@ def restored_delays(trials: StopTrials, step_ms: float = STEP_MS) -> StopTrials:
     missing = (trials.ssd_ms[stops] == 0) & trials.responded[stops]
     if not missing.any():
         return trials
-    path, contradictions = _path(trials, stops, missing, step_ms)
+    path, contradictions = _path(trials, stops, missing, step_ms, use_times)
     if contradictions > len(stops) / 10:
         DataWarning.warn(
             f"{contradictions:.0f} of {len(stops)} stop trials contradict two staircases with "
@@ -63,7 +68,7 @@ def restored_delays(trials: StopTrials, step_ms: float = STEP_MS) -> StopTrials:
 
 
 def _path(
-    trials: StopTrials, stops: Integers, missing: Truths, step_ms: float
+    trials: StopTrials, stops: Integers, missing: Truths, step_ms: float, use_times: bool
 ) -> tuple[Integers, float]:
     """Return the step of the staircase that each stop trial belongs to, and the contradictions.
 
@@ -76,7 +81,7 @@ def _path(
     steps = np.arange(levels)
     after = np.clip(steps + np.where(np.isnan(rt), 1, -1)[:, None], 0, levels - 1)
     wrong = np.abs(ssd[:, None] - steps * step_ms) > step_ms / 2
-    early = steps * step_ms + LATE_MS < rt[:, None]
+    early = use_times & (steps * step_ms + LATE_MS < rt[:, None])
     cost = np.where(missing[:, None], early, wrong).astype(float)
     to_come, first = np.zeros((levels, levels)), np.zeros((len(stops), levels, levels), bool)
     for k in range(len(stops) - 1, -1, -1):
