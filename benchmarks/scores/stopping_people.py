@@ -56,6 +56,8 @@ FITS = {
 """Models and the options of their fits; None is the default circuit."""
 KNOWN = StopValues(220.0, 0.0, 20.0, 0.0, 0.0)
 """The stop process of simulated participants whose stop-signal reaction time is known."""
+SETS = 12
+"""Number of simulated sets of participants to which the fit is repeated."""
 SIMULATED, GO, STOPS = 40, 300, 100
 """Their number, and the numbers of go and stop trials."""
 
@@ -66,11 +68,25 @@ def people_of(kind: str, people: int) -> dict[str, StopTrials]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         every = dict(list(read_people().items())[:people])
-        restored = {who: restored_delays(trials) for who, trials in every.items()}
-        if kind == "simulated":
-            fit = fit_stops(restored, go=unknown(people))
-            return like(restored, fit.likelihood.data, fit.values, SCORING_SEED)
-    return every if kind == "recorded" else restored
+    if kind == "recorded":
+        return every
+    if kind == "simulated":
+        return simulated(people, SCORING_SEED)
+    return {who: restored_delays(trials) for who, trials in every.items()}
+
+
+def simulated(people: int, seed: int) -> dict[str, StopTrials]:
+    """Return simulated participants with the parameters of the fit to the restored delays."""
+    fit = right(people)
+    return like(people_of("restored", people), fit.likelihood.data, fit.values, seed)
+
+
+@cache
+def right(people: int) -> StopFit:
+    """Return the fit whose parameters simulated participants have."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return fit_stops(people_of("restored", people), go=unknown(people))
 
 
 @cache
@@ -127,9 +143,8 @@ def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
     latency = np.median(fit.likelihood.latency_ms(fit.values.strength_nats))
     thresholds = fit.likelihood.thresholds
     return found.assign(
-        latency_ms=latency, threshold_median=np.nanmedian(thresholds),
-        threshold_most=np.nanmax(thresholds), people=len(fit.likelihood.data.names),
-        stop_trials=len(fit.likelihood.data.ssd_ms),
+        latency_ms=latency, threshold_median=np.median(thresholds), threshold_most=thresholds.max(),
+        people=len(fit.likelihood.data.names), stop_trials=len(fit.likelihood.data.ssd_ms),
     )  # fmt: skip
 
 
@@ -164,6 +179,24 @@ def _parts(half: str, found: Prediction) -> pd.DataFrame:
     return pd.concat(every, ignore_index=True)
 
 
+def refitted(people: int, sets: int) -> pd.DataFrame:
+    """Return the parameters found in simulated sets of participants, next to the true ones."""
+    values, errors = [], []
+    for number in range(sets):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = fit_stops(simulated(people, SCORING_SEED + number), go=unknown(people))
+        values.append([getattr(fit.values, name) for name in fit.errors])
+        errors.append(list(fit.errors.values()))
+    found = np.array(values)
+    true = right(people)
+    return pd.DataFrame(
+        {"parameter": list(true.errors), "true": [getattr(true.values, n) for n in true.errors],
+         "mean": found.mean(axis=0), "error": found.std(axis=0, ddof=1) / np.sqrt(sets),
+         "sd": found.std(axis=0, ddof=1), "stated": np.mean(errors, axis=0), "sets": sets}
+    )  # fmt: skip
+
+
 def recovered(failures: float, people: int) -> pd.DataFrame:
     """Return the bias of estimators for participants with a known stop-signal reaction time."""
     values = StopValues(KNOWN.ssrt_ms, 0.0, KNOWN.ssrt_trial_sd_ms, failures, 0.0)
@@ -196,6 +229,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for name, kind in (*((name, "restored") for name in FITS), ("test", "simulated")):
         make = partial(predicted, name, kind, people)
         yield Piece("predicted", f"{name} {kind}", trials, 40, make)
+    make = partial(refitted, people, 2 if fast else SETS)
+    yield Piece("refitted", "test", trials, 60, make)
     some = COARSE if fast else SIMULATED
     for failures in (0.0, 0.1):
         make = partial(recovered, failures, some)
@@ -205,7 +240,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the tables of pages."""
     found = {"people": "people", "people_delays": "delays", "people_fits": "fits",
-             "people_simulated": "simulated"}  # fmt: skip
+             "people_simulated": "simulated", "people_refitted": "refitted"}  # fmt: skip
     every = {name: (kind, made[kind]) for name, kind in found.items()}
     for part in ("halves", "deciles", "times"):
         rows = made["predicted"]
