@@ -67,7 +67,7 @@ def test_figure_g1_has_three_panels(followed, tmp_path):
 
 
 def test_figure_g2_shows_the_race_and_the_circuit_at_one_place(tmp_path):
-    paths = stored("inhibition", "people", "tone")
+    paths = stored("inhibition", "relative", "tone")
     figure = drawn(figG2.draw(FAST, *paths, output=tmp_path))
     assert len(figure.axes) == 6
     table = read_table(paths[0])

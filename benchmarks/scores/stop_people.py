@@ -17,6 +17,7 @@ from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
+from bgmodel.stopping.restored import restored_delays
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from circuits.errors import DataWarning
@@ -27,9 +28,10 @@ BINS = 10
 def people() -> pd.DataFrame:
     """Return p(respond) and times of failed stops in tenths of z, with 95 % intervals over people.
 
-    Left out are people for whom the consensus guide accepts no estimate (Verbruggen et al. 2019).
+    Recorded delays of 0, which stand for signals that came after the response, are restored. Left
+    out are people for whom the consensus guide accepts no estimate (Verbruggen et al. 2019).
     """
-    parts = [_relative(who, one) for who, one in read_people().items()]
+    parts = [_relative(who, restored_delays(one)) for who, one in read_people().items()]
     trials = pd.concat([part for part in parts if len(part)], ignore_index=True)
     rng = stream(SCORING_SEED, "people")
     weights = resampled(len(trials), RESAMPLES, rng, trials["who"])

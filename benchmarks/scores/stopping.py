@@ -195,7 +195,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     yield Piece("arky", "signals", few, 0.003 * few, partial(arkypallidal, few))
     yield from _of_observer(few, fewer)
     yield Piece("rates", "STN and SNr", few // 2, 0.003 * few, partial(rates, few // 2))
-    yield Piece("people", "shipped", 0, 2, people)
+    yield Piece("relative", "people", 0, 2, people)
 
 
 def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
+from bgmodel.commands.stopped import fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
 from bgmodel.version import __version__
@@ -32,6 +33,10 @@ class FitRun(FitSettings, Shows):
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
     bgmodel fit mine.csv --strength contrast --mechanism onset_stn --draws
+
+    With --task stop, DATA holds stop-signal trials: stop_signal_cnp, a table with participant_id,
+    rt and ssd (s), or a folder of BIDS events. All participants are fitted together:
+    bgmodel fit stop_signal_cnp --task stop --restore-delays
     """
 
     data: Positional[str]
@@ -42,6 +47,11 @@ class FitRun(FitSettings, Shows):
     """Models: constant_gap, falling_gap, or a circuit, by its name or as a .toml file."""
     draws: bool = False
     """Sample from the posterior too: adds 90 % credible intervals."""
+    task: Literal["choices", "stop"] = "choices"
+    """What DATA holds: choices between two alternatives, or stop-signal trials."""
+    restore_delays: bool = False
+    """With --task stop: infer stop-signal delays recorded as 0, because the response came before
+    the signal, from two interleaved staircases with steps of 50 ms."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -50,6 +60,11 @@ class FitRun(FitSettings, Shows):
         self.check()
         if not self.models:
             raise InputError("models must name at least one", "models")
+        if self.task == "stop":
+            fit_stop_signals(self)
+            return
+        if self.restore_delays:
+            raise InputError("--restore-delays needs --task stop", "restore_delays")
         choices = self.read(self.data)
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = self.people(choices)
@@ -82,7 +97,8 @@ class FitRun(FitSettings, Shows):
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
-        own = ("data", "folder", "models", "participant", "draws", *UNRECORDED)
+        own = ("data", "folder", "models", "participant", "draws", "task", "restore_delays",
+               *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:

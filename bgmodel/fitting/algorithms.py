@@ -21,6 +21,15 @@ BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise
 FALL = Parameter(
     "fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls exponentially, 1/s; 0 is constant"
 )
+START = Parameter(
+    "start",
+    -0.9,
+    0.9,
+    0.0,
+    "start of the evidence as a share of the bound: 1 is that of response 1, -1 that of response 0",
+    free=False,
+)
+"""A bias to one response; none by default."""
 
 
 EARLY, PARTS = 20, 8
@@ -85,32 +94,41 @@ class GapModel:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sensitivity, bound, its rate of fall, and parameters of responses."""
-        return (SENSITIVITY, BOUND, *((FALL,) if self.falls else ()), *RESPONSE)
+        """Sensitivity, bound, its rate of fall, start, and parameters of responses."""
+        return (SENSITIVITY, BOUND, *((FALL,) if self.falls else ()), START, *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision in each bin; see ``Model``."""
-        drift = values["sensitivity"] * strength
         bound = values["bound"]
+        start = bound * values.get("start", np.zeros(len(bound)))
+        # A start on the other side is the mirror image: densities are computed once for both.
+        mirrored = start < 0
+        start, drift = (
+            np.abs(start),
+            values["sensitivity"] * np.where(mirrored, -strength, strength),
+        )
         falls = values["fall_per_s"] if self.falls else np.zeros(len(bound))
         found = np.empty((len(strength), 2, grid.bins))
         time_s, width_s, first = _parts(grid.bins)
-        shapes = np.stack([bound, falls], axis=1)
+        shapes = np.stack([bound, falls, start], axis=1)
         for shape in np.unique(shapes, axis=0):
             cells = (shapes == shape).all(axis=1)
-            at_rest, gap = self._at_rest(float(shape[0]), float(shape[1]), time_s, width_s)
-            mass = passage.with_drift(at_rest, gap, time_s, drift[cells]) * width_s
+            a, fall, z = map(float, shape)
+            at_rest, gap = self._at_rest(a, fall, z, time_s, width_s)
+            mass = passage.with_drift(at_rest, gap, time_s, drift[cells], z) * width_s
             found[cells] = np.add.reduceat(mass, first, axis=2)
+        found[mirrored] = found[mirrored, ::-1]
         return found
 
     def _at_rest(
-        self, bound: float, fall_per_s: float, time_s: Array, width_s: Array
+        self, bound: float, fall_per_s: float, start: float, time_s: Array, width_s: Array
     ) -> tuple[Array, Array]:
-        """Return the density without drift at times, and the bound at these times."""
+        """Return the densities without drift at times, and the bound at these times."""
         if fall_per_s == 0:
-            return passage.constant_at_rest(bound, time_s), np.full(len(time_s), bound)
+            at_rest = passage.constant_at_rest(bound, time_s, start)
+            return at_rest, np.full(len(time_s), bound)
         gap, slope = passage.exponential(bound, 1 / fall_per_s)
-        return passage.falling_at_rest(gap, slope, time_s, width_s), gap(time_s)
+        return passage.falling_at_rest(gap, slope, time_s, width_s, start), gap(time_s)
 
     def halves(self) -> tuple[Model, Model]:
         """Return itself twice, since it is exact."""

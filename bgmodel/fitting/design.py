@@ -16,6 +16,8 @@ from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError
 
+FAVOURS = "favours"
+"""Condition of a design by sides: the response, 0 or 1, that the strength of a cell favours."""
 ALONE = 1.0
 """Strength of every trial if there is no column of strengths."""
 
@@ -60,6 +62,12 @@ class Design:
         """Grid of the densities."""
         return self.observed.grid
 
+    @property
+    def side(self) -> Array:
+        """1 where response 1 of the observed trials is that of the table, else -1, (cells,)."""
+        levels = self.conditions.get(FAVOURS, ["1"] * self.cells)
+        return np.where(np.array(levels) == "0", -1.0, 1.0)
+
     def label(self, cell: int) -> str:
         """Return the name of a cell."""
         names = [f"{column} {levels[cell]}" for column, levels in self.conditions.items()]
@@ -80,6 +88,7 @@ def design_of(
     *,
     rt_window: tuple[float, float] | None = None,
     pooled: bool = False,
+    sides: bool = False,
 ) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 
@@ -98,6 +107,8 @@ def design_of(
     pooled : bool
         Whether to pool several participants. Without it, choices of several give a warning and are
         pooled all the same.
+    sides : bool
+        Whether strengths of opposite sign have cells of their own, for models with a bias.
 
     Raises
     ------
@@ -111,8 +122,8 @@ def design_of(
             raise InputError(f"no condition is called {column!r}; there are {there}", "by", column)
     if not pooled:
         _warn_of_several(choices)
-    check_sides(choices, by)
-    return _laid(choices, by, rt_window)
+    check_sides(choices, by, biased=sides)
+    return _laid(choices, by, rt_window, sides)
 
 
 def _warn_of_several(choices: Choices) -> None:
@@ -127,21 +138,24 @@ def _warn_of_several(choices: Choices) -> None:
         )
 
 
-def _laid(choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None) -> Design:
+def _laid(
+    choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
+) -> Design:
     """Return the cells of choices, with the trials within the window binned on a grid."""
-    response, keys = _mirrored(choices), _keys(choices, by)
+    response, keys = _mirrored(choices), _keys(choices, by, sides)
     cells = sorted(set(keys))
     place = {key: number for number, key in enumerate(cells)}
     cell = np.array([place[key] for key in keys])
     deadline_s = choices.deadline_s
     window, inside = in_window(choices.rt_s, cell, rt_window, deadline_s, name_of(choices))
     if not inside.all():
-        rest = _laid(choices.where(inside), by, window)
+        rest = _laid(choices.where(inside), by, window, sides)
         return replace(rest, left_out=int((~inside).sum()))
     longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S
     grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
     observed = Observed(cell, response, choices.rt_s, grid, deadline_s, window)
-    conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(by)}
+    columns = [*by, *([FAVOURS] if sides else [])]
+    conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(columns)}
     return Design(np.array([cell[0] for cell in cells]), conditions, observed, who=name_of(choices))
 
 
@@ -153,9 +167,12 @@ def _mirrored(choices: Choices) -> Integers:
     return np.where((choices.strength < 0) & (response >= 0), 1 - response, response)
 
 
-def _keys(choices: Choices, by: Sequence[str]) -> list[tuple[Any, ...]]:
-    """Return the size of the strength, and the level of each column, of each trial."""
+def _keys(choices: Choices, by: Sequence[str], sides: bool) -> list[tuple[Any, ...]]:
+    """Return the size of the strength, the level of each column, and the side, of each trial."""
     signed = choices.strength
     strength = np.full(choices.trials, ALONE) if signed is None else np.abs(signed)
     columns = [choices.conditions[column].to_numpy(dtype=str) for column in by]
+    if sides:
+        favoured = np.ones(choices.trials) if signed is None else signed >= 0
+        columns.append(np.where(favoured, "1", "0"))
     return list(zip(strength.tolist(), *columns, strict=True))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import FAVOURS
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.plots import wilson
 from bgmodel.support.arrays import Array
@@ -26,7 +27,7 @@ TITLES = (
     "d  Quantiles 0.1, 0.3, 0.5, 0.7, 0.9",
 )
 LABELS = (
-    "Share of response 1",
+    "Share of the favoured response",
     "Mean response time (s)",
     "Standard deviation (s)",
     "Response time (s)",
@@ -47,7 +48,8 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     Returns
     -------
     Figure
-        Four panels over strength: share of response 1, mean, standard deviation and quantiles of
+        Four panels over strength: share of the response that the
+        strength favours (response 1 without strengths), mean, standard deviation and quantiles of
         response times; data are markers, models lines. Error bars of the data are 95 % intervals
         (Wilson's for choices, 1.96 standard errors for means). Each condition has its own marker
         and line; with a single strength, conditions are placed along the axis. The title has the
@@ -109,7 +111,11 @@ def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
     columns = list(cells.columns)
     told = columns[columns.index("strength") + 1 : columns.index("trials")]
     names = [name for name in told if cells[name].nunique() > 1]
-    conditions = [", ".join(str(row[name]) for name in names) for _, row in cells.iterrows()]
+    # A side is a response, which alone would not say what it is.
+    words = {name: f"{FAVOURS} " if name == FAVOURS else "" for name in names}
+    conditions = [
+        ", ".join(f"{words[name]}{row[name]}" for name in names) for _, row in cells.iterrows()
+    ]
     strengths = sorted(cells["strength"].unique())
     if len(strengths) == 1:
         return np.arange(len(cells), dtype=float), conditions, [""] * len(cells)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.algorithms import SENSITIVITY, Model
+from bgmodel.fitting.algorithms import SENSITIVITY, START, Model
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
 from bgmodel.fitting.responses import moments, responded
@@ -46,6 +46,9 @@ class Likelihood:
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s, at a vector of the fit."""
         values = self.freedom.values(vector)
+        if START.name in values:
+            # Trials whose strength favours response 0 are mirrored.
+            values[START.name] = values[START.name] * self.design.side
         grid = self.design.grid
         decided = self.model.decided(values, self.design.strength, grid)
         response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}

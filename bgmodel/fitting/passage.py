@@ -1,14 +1,13 @@
 """First-passage times of a diffusion between two bounds, constant or falling with time.
 
-The difference of the evidence is X(t) = v t + W(t), with W a Brownian motion of unit variance per
-second; it is decided at X = a(t) (response 1) or X = -a(t) (response 0). Drift enters by Girsanov's
-theorem: at the bound X is known, so the density at drift v is that at drift 0 times
-``exp(+-v a(t) - v^2 t / 2)``.
+The difference of the evidence is X(t) = z + v t + W(t), with z its start and W a Brownian motion of
+unit variance per second; it is decided at X = a(t) (response 1) or X = -a(t) (response 0). Drift
+enters by Girsanov's theorem: at the bound X is known, so the density at drift v is that at drift 0
+times ``exp(v (+-a(t) - z) - v^2 t / 2)``.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -63,11 +62,10 @@ def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
     return np.asarray(np.sqrt(np.where(a * v < 0.02, near, variance)))
 
 
-def constant_at_rest(bound: float, time_s: Array) -> Array:
-    """Return the density of decision times for a constant bound and no drift, 1/s.
+def constant_at_rest(bound: float, time_s: Array, start: float = 0.0) -> Array:
+    """Return the densities of both responses for a constant bound and no drift, (2, times), 1/s.
 
-    For both responses together, by the two series of Navarro & Fuss (2009): modes for late times,
-    images for early ones.
+    By the two series of Navarro & Fuss (2009): modes for late times, images for early ones.
 
     Parameters
     ----------
@@ -75,16 +73,19 @@ def constant_at_rest(bound: float, time_s: Array) -> Array:
         A.
     time_s : array (times,), s
         Above 0.
+    start : float, sqrt(s)
+        z, between -A and A.
     """
-    scaled = np.asarray(time_s, float)[:, None] / (2 * bound) ** 2
-    k = np.arange(TERMS)
-    modes = (2 * k + 1) * (-1.0) ** k * np.exp(-(((2 * k + 1) * np.pi) ** 2) * scaled / 2)
-    late = 2 * np.pi * modes.sum(axis=1)
-    away = k - TERMS // 2 + 0.5
-    sign = (-1.0) ** (k - TERMS // 2)
-    images = sign * away * np.exp(-(away**2) / (2 * scaled))
-    early = images.sum(axis=1) / np.sqrt(2 * np.pi * scaled[:, 0] ** 3)
-    density = np.where(scaled[:, 0] > 0.15, late, early)
+    scaled = np.asarray(time_s, float) / (2 * bound) ** 2
+    # Distance from the start to the bound of response 0 and of 1, in units of that between them.
+    away = np.array([bound + start, bound - start])[:, None, None] / (2 * bound)
+    n = np.arange(1, 2 * TERMS)
+    modes = n * np.sin(np.pi * n * away) * np.exp(-((n * np.pi) ** 2) * scaled[:, None] / 2)
+    late = np.pi * modes.sum(axis=2)
+    there = away + 2 * np.arange(-TERMS // 2, TERMS // 2)
+    images = there * np.exp(-(there**2) / (2 * scaled[:, None]))
+    early = images.sum(axis=2) / np.sqrt(2 * np.pi * scaled**3)
+    density = np.where(scaled > 0.15, late, early)
     return np.asarray(np.maximum(density, 0.0) / (2 * bound) ** 2)
 
 
@@ -93,8 +94,9 @@ def falling_at_rest(
     slope: Callable[[Array], Array],
     time_s: Array,
     width_s: Array | None = None,
+    start: float = 0.0,
 ) -> Array:
-    """Return the density of decision times for bounds +-a(t) and no drift, 1/s.
+    """Return the densities of both responses for bounds +-a(t) and no drift, (2, times), 1/s.
 
     Parameters
     ----------
@@ -105,12 +107,14 @@ def falling_at_rest(
     width_s : array (times,), s, optional
         Weight of each time in an integral; by default times are equally spaced and begin one
         interval after 0.
+    start : float, sqrt(s)
+        z, between -a(0) and a(0).
 
     Notes
     -----
     The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
-    where two times coincide; for two mirror-symmetric bounds there is one unknown. On a grid of
-    times it is a triangular system.
+    where two times coincide. For two mirror-symmetric bounds the equations of the sum and of the
+    difference of both responses are separate; on a grid of times each is a triangular system.
     """
     from scipy.linalg import solve_triangular
 
@@ -124,13 +128,20 @@ def falling_at_rest(
             / np.sqrt(2 * np.pi * since)
         )  # fmt: skip
 
-    first = -2 * flux(a, times, fall)
+    from_0, from_1 = flux(a + start, times, fall), flux(a - start, times, fall)
     since = times[:, None] - times
     before = since > 1e-12
     since = np.where(before, since, 1.0)
-    kernel = flux(a[:, None] - a, since, fall[:, None]) + flux(a[:, None] + a, since, fall[:, None])
-    system = np.eye(len(times)) - np.where(before, 2 * width * kernel, 0.0)
-    return np.asarray(np.maximum(2 * solve_triangular(system, first, lower=True), 0.0))
+    same = flux(a[:, None] - a, since, fall[:, None])
+    other = flux(a[:, None] + a, since, fall[:, None])
+
+    def solved(kernel: Array, first: Array) -> Array:
+        system = np.eye(len(times)) - np.where(before, 2 * width * kernel, 0.0)
+        return np.asarray(solve_triangular(system, -2 * first, lower=True))
+
+    total = solved(same + other, from_0 + from_1)
+    apart = solved(same - other, from_1 - from_0) if start else np.zeros(len(times))
+    return np.maximum(np.stack([total - apart, total + apart]) / 2, 0.0)
 
 
 def exponential(bound: float, fall_s: float) -> tuple[Callable[[Array], Array], ...]:
@@ -142,15 +153,19 @@ def exponential(bound: float, fall_s: float) -> tuple[Callable[[Array], Array], 
     return at, lambda time_s: -at(time_s) / fall_s
 
 
-def with_drift(at_rest: Array, bound: Array, time_s: Array, drift: npt.ArrayLike) -> Array:
+def with_drift(
+    at_rest: Array, bound: Array, time_s: Array, drift: npt.ArrayLike, start: float = 0.0
+) -> Array:
     """Return the densities of both responses at drifts.
 
     Parameters
     ----------
-    at_rest, bound, time_s : array (times,)
-        Density without drift, both responses together, 1/s; a(t); times, s.
+    at_rest, bound, time_s : array (2, times), (times,), (times,)
+        Densities without drift, 1/s; a(t); times, s.
     drift : array (cells,), 1/sqrt(s)
         v.
+    start : float, sqrt(s)
+        z, as for the densities without drift.
 
     Returns
     -------
@@ -158,6 +173,6 @@ def with_drift(at_rest: Array, bound: Array, time_s: Array, drift: npt.ArrayLike
         Responses 0 and 1.
     """
     v = np.asarray(drift, float)[:, None]
-    common = -(v**2) * time_s / 2 - math.log(2)
+    common = -(v**2) * time_s / 2 - v * start
     weights = np.stack([np.exp(common - v * bound), np.exp(common + v * bound)], axis=1)
     return np.asarray(weights * at_rest)

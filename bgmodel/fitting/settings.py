@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from bgmodel.fitting.design import Design
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.parameters import Parameter
     from bgmodel.tables.choices import Choices
     from circuits.circuit import Circuit
 
+ADDED = "+"
+"""Before a name in ``free``: in addition to the parameters that are free by default."""
 GAPS = {"constant_gap": False, "falling_gap": True}
 """Models other than circuits: names of the sequential test, and whether its bounds fall."""
 
@@ -46,7 +49,8 @@ class FitSettings:
     """What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
     or, with a threshold, a change within a trial: rising_dopamine or onset_stn."""
     free: tuple[str, ...] = ()
-    """Parameters to fit; by default all except a threshold that --mechanism replaces."""
+    """Parameters to fit; by default all except start and a threshold that --mechanism replaces.
+    With a plus, in addition to these: "+start"."""
     fix: tuple[str, ...] = ()
     """Parameters to fix at a value, such as "lapse=0.02"."""
     vary: tuple[str, ...] = ()
@@ -90,6 +94,21 @@ class FitSettings:
         """Fixed parameters and their values."""
         return {name: _number(*pair) for name, *pair in (_pair(h, "fix") for h in self.fix)}
 
+    @property
+    def _named(self) -> tuple[str, ...]:
+        """Names of ``free``, without plus signs."""
+        return tuple(name.removeprefix(ADDED) for name in self.free)
+
+    def _freed(self, known: Mapping[str, Parameter], own: Callable[[str], str]) -> list[str] | None:
+        """Return the names of free parameters of a model; None for those that are by default."""
+        added = [name.startswith(ADDED) for name in self.free]
+        if any(added) and not all(added):
+            must = "must have a plus before all names (in addition to the default) or before none"
+            raise InputError.of("free", must, self.free)
+        named = [own(each) for each in self._named if own(each) in known]
+        default = [name for name, each in known.items() if each.free] if any(added) else []
+        return list(dict.fromkeys([*default, *named])) or None
+
     def read(self, data: str | Path | pd.DataFrame) -> Choices:
         """Return the trials of a table; arguments as for ``tables.choices.read_choices``."""
         from bgmodel.tables.choices import read_choices
@@ -111,9 +130,13 @@ class FitSettings:
 
     def design(self, choices: Choices) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
+        from bgmodel.fitting.algorithms import START
         from bgmodel.fitting.design import design_of
 
-        return design_of(choices, self.columns, rt_window=self.rt_window, pooled=self.pooled)
+        sides = START.name in {*self._named, *self.varied, *self.fixed}
+        return design_of(
+            choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
+        )
 
     def model(
         self, model: str | Path | Circuit, *, seconds: float = 3.0, folder: Path | None = None
@@ -162,7 +185,7 @@ class FitSettings:
             For a parameter that no model has.
         """
         known = {each.name: 0 for model in models.values() for each in model.parameters}
-        for option, names in (("free", self.free), ("fix", self.fixed), ("vary", self.varied)):
+        for option, names in (("free", self._named), ("fix", self.fixed), ("vary", self.varied)):
             for name in names:
                 if name not in known and name != "threshold":
                     there = ", ".join(("threshold", *known))
@@ -170,8 +193,10 @@ class FitSettings:
         found = []
         for name, model in models.items():
             own = {each.name for each in model.parameters} | {"threshold"}
-            lacking = ", ".join(each for each in self.free if each not in own)
-            if lacking:
+            lacking = ", ".join(each for each in self._named if each not in own)
+            if lacking and self.free[0].startswith(ADDED):
+                found.append(f"{name} has no {lacking} and is fitted without")
+            elif lacking:
                 found.append(
                     f"{name} has no {lacking}, so all its parameters outside --free are fixed; "
                     "'threshold' is each model's own"
@@ -185,7 +210,7 @@ class FitSettings:
         """
         from bgmodel.fitting.optimum import likelihood_of
 
-        known = {each.name for each in model.parameters}
+        known = {each.name: each for each in model.parameters}
 
         def own(name: str) -> str:
             return model.threshold_name if name == "threshold" else name
@@ -195,7 +220,7 @@ class FitSettings:
         return likelihood_of(
             model,
             design,
-            free=[own(each) for each in self.free if own(each) in known] or None,
+            free=self._freed(known, own),
             fixed={k: v for k, v in fixed.items() if k in known},
             vary={k: v for k, v in vary.items() if k in known},
         )
@@ -250,7 +275,7 @@ def fit(
     mechanism : str
         What changes the criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
     free : sequence of str, or str
-        Parameters to fit; all by default.
+        Parameters to fit; by default all except start. With a plus, in addition: ``"+start"``.
     fix : mapping from names to values, optional
         Fixed parameters: ``{"lapse": 0.02}``.
     vary : mapping from names to columns, optional

@@ -25,7 +25,7 @@ def name_of(choices: Choices) -> str:
     return people[0] if len(people) == 1 else EVERYONE
 
 
-def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
+def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = False) -> None:
     """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
     Parameters
@@ -34,6 +34,8 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
         Choices of one person, or of several pooled.
     by : sequence of str
         Columns of conditions: each level may have another bias.
+    biased : bool
+        Whether the model has a bias; then there is no warning of one.
 
     Raises
     ------
@@ -54,11 +56,12 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
         named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
         _check_right(some, who + named)
         share, z = lean(some)
-        if abs(z) > STANDARD_ERRORS:
+        if abs(z) > STANDARD_ERRORS and not biased:
             DataWarning.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
-                f"than if both sides were alike ({abs(z):.1f} standard errors). Models have no "
-                f"such bias: it affects the other parameters{_coded(some, share)}"
+                f"than if both sides were alike ({abs(z):.1f} standard errors). Without "
+                "a start (free='+start', at the terminal --free +start, for a sequential test) "
+                f"models have no such bias: it affects the other parameters{_coded(some, share)}"
             )
     if above <= CHANCE and np.isfinite(choices.correct).sum() >= ENOUGH:
         DataWarning.warn(

@@ -1,26 +1,34 @@
-"""Stop-signal trials of people: the set that ships, and your own tables."""
+"""Stop-signal trials of people: the set that ships, your own tables, and BIDS events."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.events import is_events, read_events
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
-from bgmodel.tables.shipped import shipped_table
-from circuits.errors import DataWarning, InputError, within
+from bgmodel.tables.shipped import STOP_SET, shipped_table
+from circuits.errors import DataWarning, InputError, require, within
 
-SHIPPED = "stop_signal_cnp"
+SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
 COLUMNS = ("participant_id", "rt", "ssd")
+MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
+"""With more than this proportion of responses in at least so many stop trials with a delay of 0,
+these delays are probably missing."""
 SLOWEST_S = 20.0
-"""Largest median response time, s: longer ones are in ms."""
+"""Largest median response time and delay, s: longer ones are in ms."""
 
 
-def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTrials]:
+def read_people(
+    table: pd.DataFrame | str | Path = SHIPPED, *, columns: Mapping[str, str] | None = None
+) -> dict[str, StopTrials]:
     """Return the stop-signal trials of each participant.
 
     Parameters
@@ -28,24 +36,33 @@ def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTri
     table : DataFrame, path or str
         One row per trial: participant_id, rt and ssd, both in seconds from the go stimulus; rt is
         empty without a response, ssd in go trials. If there are columns ``stimulus`` and
-        ``response``, a response is correct where both are equal. By default the set that ships.
+        ``response``, a response is correct where both are equal. A folder, or a file that ends in
+        ``_events.tsv``, holds BIDS events: see ``bgmodel.stopping.events``. By default the set that
+        ships.
+    columns : mapping, optional
+        Other names of columns, such as ``{"rt": "RT", "ssd": "delay"}``; in BIDS events also of
+        ``trial_type``.
 
     Raises
     ------
     ValueError
         If a column is missing, times are in ms, or the trials of a participant are impossible: see
         ``StopTrials``.
+
+    Warns
+    -----
+    UserWarning
+        If nearly all stop trials with a delay of exactly 0 have a response, as in the set that
+        ships: see ``bgmodel.stopping.restored``.
     """
-    if isinstance(table, str) and table == SHIPPED:
-        table = shipped_table(SHIPPED)[0]
-    elif not isinstance(table, pd.DataFrame):
-        table = read_table(table)
+    table = _table(table, columns)
     missing = [name for name in COLUMNS if name not in table]
     if missing:
         must = f"must have the columns {', '.join(COLUMNS)}"
         raise InputError.of("table", must, list(table.columns))
-    if table["rt"].median() > SLOWEST_S:
-        raise InputError.of("rt", "must be in seconds", float(table["rt"].median()))
+    for name in ("rt", "ssd"):
+        median = float(table[name].median())
+        require(not median > SLOWEST_S, name, "must be in seconds", median)
     people = {}
     for who, rows in table.groupby("participant_id", sort=True):
         correct = None
@@ -56,7 +73,31 @@ def read_people(table: pd.DataFrame | str | Path = SHIPPED) -> dict[str, StopTri
             people[str(who)] = StopTrials(rt_ms, ssd_ms, correct)
         except InputError as error:
             raise within(f"participant {who}", error, "table") from None
+    _warn_of_zeros(table)
     return people
+
+
+def _table(table: pd.DataFrame | str | Path, columns: Mapping[str, str] | None) -> pd.DataFrame:
+    """Return the rows of a table, of the set that ships, or of BIDS events."""
+    if isinstance(table, str) and table == SHIPPED:
+        return shipped_table(SHIPPED)[0]
+    if not isinstance(table, pd.DataFrame):
+        path = path_of(table, "table")
+        if is_events(path):
+            return read_events(path, columns)
+        table = read_table(path)
+    return table.rename(columns={theirs: ours for ours, theirs in (columns or {}).items()})
+
+
+def _warn_of_zeros(table: pd.DataFrame) -> None:
+    """Warn if delays of 0 are probably those of signals that came too late to be given."""
+    at_zero = table.loc[table["ssd"] == 0, "rt"].notna()
+    if len(at_zero) >= FEWEST_AT_ZERO and at_zero.mean() > MOST_AT_ZERO:
+        DataWarning.warn(
+            f"{at_zero.sum()} of {len(at_zero)} stop trials with a delay of 0 have a response: the "
+            "signal was probably not given because the response came first. restored_delays "
+            "infers the delays from the staircases"
+        )
 
 
 def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:

@@ -48,6 +48,22 @@ with equal ones."""
 SAME = 1e-6
 """Relative difference below which two strengths differ only by rounding."""
 
+DELAYS = ("ssd", "stop_signal_delay", "stopsignaldelay")
+"""Names of a column of stop-signal delays, without capitals."""
+FIT_STOPS = "use bgmodel fit --task stop"
+
+
+def check_no_stops(table: pd.DataFrame) -> None:
+    """Refuse tables with stop trials: their missing responses are not slow choices."""
+    for name in table:
+        delays = str(name).lower() in DELAYS and pd.to_numeric(table[name], errors="coerce")
+        if delays is not False and (stops := int(delays.notna().sum())):
+            raise InputError(
+                f"column {str(name)!r} has the stop-signal delays of {stops} trials, which are no "
+                f"choices: {FIT_STOPS}, or leave these trials out",
+                name,
+            )
+
 
 def check_times(rt_s: Array) -> None:
     """Refuse times that are not in seconds; warn of doubtful units and of rounding.

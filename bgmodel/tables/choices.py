@@ -16,7 +16,9 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables.cautions import (
+    FIT_STOPS,
     check_deadline,
+    check_no_stops,
     check_signs,
     check_times,
     warn_of_copies,
@@ -36,7 +38,7 @@ from bgmodel.tables.columns import (
     rows,
     strengths,
 )
-from bgmodel.tables.shipped import SETS, shipped
+from bgmodel.tables.shipped import SETS, STOP_SET, shipped
 from bgmodel.tables.text_files import read_rows
 from circuits.errors import InputError, require, within
 
@@ -217,6 +219,7 @@ def read_choices(
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     try:
         used = [*wanted, *([] if strength is None else [strength])]
+        check_no_stops(table)
         table = rows(table, used, participant)
         warn_of_copies(table, used)
         rt_s, response = answers(table, deadline_s, upper)
@@ -253,6 +256,8 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     if isinstance(source, pd.DataFrame):
         return "a table", source
     path = path_of(source, "source")
+    if str(source) == STOP_SET:
+        raise InputError(f"it holds stop-signal trials, not choices: {FIT_STOPS}", "source")
     if source in SETS:
         return str(source), shipped()[str(source)].table
     if not path.suffix:

@@ -11,6 +11,8 @@ import pandas as pd
 from bgmodel.support.files import read_provenance, read_table
 
 SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
+STOP_SET = "stop_signal_cnp"
+"""The set of stop-signal trials, which are no choices; ``bgmodel.stopping.people`` reads it."""
 
 
 @dataclass(frozen=True, eq=False)

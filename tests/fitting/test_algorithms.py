@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
-from bgmodel.fitting.algorithms import BOUND, FALL, GapModel
+from bgmodel.fitting.algorithms import BOUND, FALL, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 
@@ -86,7 +86,7 @@ def test_drift_is_sensitivity_times_strength():
 
 
 def test_a_model_names_its_parameters_and_its_threshold():
-    assert CONSTANT.parameters[1:] == (BOUND, *RESPONSE)
-    assert FALLING.parameters[1:] == (BOUND, FALL, *RESPONSE)
+    assert CONSTANT.parameters[1:] == (BOUND, START, *RESPONSE)
+    assert FALLING.parameters[1:] == (BOUND, FALL, START, *RESPONSE)
     assert {model.threshold_name for model in (CONSTANT, FALLING)} == {BOUND.name}
     assert CONSTANT.identity() != FALLING.identity()

@@ -105,6 +105,61 @@ def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, b
     )
 
 
+START = st.floats(-0.85, 0.85)
+
+
+def from_start(bound, start, drift, times):
+    at_rest = passage.constant_at_rest(bound, times, start)
+    (found,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift], start)
+    return found * (times[1] - times[0])
+
+
+@given(st.floats(-4.0, 4.0), st.floats(0.3, 1.2), START)
+@settings(max_examples=40)
+def test_from_any_start_choices_and_mean_times_are_the_closed_forms(drift, bound, share):
+    """P(1) = (1 - e^(-2 v (A + z))) / (1 - e^(-4 v A)); E[T] = (E[X] - z) / v."""
+    z = share * bound
+    times = np.linspace(0.0, 18 * bound**2, 12_001)[1:]
+    found = from_start(bound, z, drift, times)
+    if abs(drift * bound) < 1e-3:
+        right, mean = (bound + z) / (2 * bound), bound**2 - z**2
+    else:
+        right = np.expm1(-2 * drift * (bound + z)) / np.expm1(-4 * drift * bound)
+        mean = ((2 * right - 1) * bound - z) / drift
+    assert found.sum() == pytest.approx(1, abs=2e-3)
+    assert found[1].sum() == pytest.approx(right, abs=2e-3)
+    assert found.sum(axis=0) @ times == pytest.approx(mean, abs=3e-3 * bound**2)
+
+
+@given(st.floats(0.4, 1.2), START, st.floats(-3.0, 3.0))
+@settings(max_examples=20)
+def test_a_start_and_a_drift_of_the_other_sign_exchange_the_responses(bound, share, drift):
+    times = np.arange(1, 400) * 0.005
+    for fall_s in (None, 0.7):
+        both = []
+        for sign in (1, -1):
+            z = sign * share * bound
+            if fall_s is None:
+                at_rest, gap = passage.constant_at_rest(bound, times, z), np.full(399, bound)
+            else:
+                at, slope = passage.exponential(bound, fall_s)
+                at_rest, gap = passage.falling_at_rest(at, slope, times, start=z), at(times)
+            both.append(passage.with_drift(at_rest, gap, times, [sign * drift], z)[0])
+        assert both[0] == pytest.approx(both[1][::-1], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [-0.6, 0.0, 0.3, 0.8])
+def test_from_any_start_a_bound_that_does_not_fall_is_constant(share):
+    times = np.arange(1, 1500) * 0.001
+    z = share * 0.7
+    falling = passage.falling_at_rest(*constant(0.7), times, start=z)
+    own = passage.constant_at_rest(0.7, times, z)
+    # The first times after a start near a bound are steep.
+    assert falling[:, 20:] == pytest.approx(own[:, 20:], abs=5e-3)
+    wrong = passage.falling_at_rest(*constant(0.7), times, start=z + 0.05)
+    assert np.abs(wrong - own)[:, 20:].max() > 0.05
+
+
 def of_pyddm(bound, fall_s, drift, dt):
     """Return both masses and the mean time that PyDDM finds at a step."""
     from pyddm import Model

@@ -11,6 +11,7 @@ from bgmodel.stopping.estimates import (
     nth_time,
     p_respond,
 )
+from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused
@@ -20,19 +21,17 @@ DELAYS = np.arange(50.0, 550.0, 50.0)
 
 
 def raced(seed, go=300, stops=100, ssrt_ms=TRUE_MS, sd_ms=20.0, failures=0.0):
-    """Return the trials of an independent race with one staircase, one up, one down."""
+    """Return the trials of an independent race with two staircases, one up, one down."""
     rng = np.random.default_rng(seed)
     times = 380 + rng.gamma(2.0, 50.0, go + stops)
     ssd = np.full(go + stops, np.nan)
-    delay = 250.0
-    for trial in np.sort(rng.choice(go + stops, stops, replace=False)):
-        ssd[trial] = delay
-        finish = delay + rng.normal(ssrt_ms, sd_ms)
-        if rng.random() < failures or times[trial] <= finish:
-            delay = max(delay - 50, 0)
-        else:
-            times[trial] = np.nan
-            delay += 50
+    stop = np.sort(rng.choice(go + stops, stops, replace=False))
+    steps = np.arange(0.0, 1001.0, 50.0)
+    finish = steps[:, None] + rng.normal(ssrt_ms, sd_ms, stops)
+    table = (times[stop] <= finish) | (rng.random(stops) < failures)
+    index = walk(table, steps, [200.0, 300.0])
+    ssd[stop] = steps[index]
+    times[stop[~table[index, np.arange(stops)]]] = np.nan
     return StopTrials(times, ssd)
 
 

@@ -62,6 +62,7 @@ def test_the_guide_refuses_three_people(table):
     [
         (lambda t: t.drop(columns="ssd"), "table columns"),
         (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
+        (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0]), "ssd seconds"),
         (lambda t: t.assign(ssd=-0.1), "ssd_ms participant a"),
         (lambda t: t.assign(ssd=0.2), "ssd_ms participant a"),
     ],

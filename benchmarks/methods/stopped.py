@@ -1,0 +1,178 @@
+"""Simulated participants of the stop-signal task, with staircases, and simple checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from bgmodel import stream
+from bgmodel.fitting.stop_data import StopData
+from bgmodel.fitting.stop_likelihood import StopValues
+from bgmodel.stopping.restored import LATE_MS, restored_delays
+from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.arrays import Array, Truths
+
+DELAYS = np.arange(0.0, 1201.0, 50.0)
+"""Delays of staircases, ms."""
+STARTS = (250.0, 350.0)
+"""First delay of the two staircases, ms."""
+
+
+def raced(
+    go_ms: Array, stop: Truths, ssrt_ms: Array, failure: Truths, rng: np.random.Generator
+) -> StopTrials:
+    """Return the trials of a race, with delays from two staircases in random order.
+
+    Parameters
+    ----------
+    go_ms : array (trials,), ms
+        Time at which a response would be made; infinite for none.
+    stop : bool array (trials,)
+        Which trials have a stop signal.
+    ssrt_ms, failure : array (stop trials,)
+        Stop-signal reaction time; whether the signal triggers nothing.
+    rng : Generator
+        For the order of staircases.
+    """
+    stops = np.flatnonzero(stop)
+    failed = (go_ms[stops] <= DELAYS[:, None] + ssrt_ms) | (failure & np.isfinite(go_ms[stops]))
+    of = rng.permutation(len(stops)) % len(STARTS)
+    index = np.empty(len(stops), dtype=np.int64)
+    for which, start in enumerate(STARTS):
+        index[of == which] = walk(failed[:, of == which], DELAYS, start)
+    ssd_ms = np.full(len(go_ms), np.nan)
+    ssd_ms[stops] = DELAYS[index]
+    rt_ms = np.where(np.isfinite(go_ms), go_ms, np.nan)
+    rt_ms[stops[~failed[index, np.arange(len(stops))]]] = np.nan
+    return StopTrials(rt_ms, ssd_ms)
+
+
+def known_people(
+    seed: int, people: int, go: int, stops: int, values: StopValues
+) -> dict[str, StopTrials]:
+    """Return participants of a race whose stop-signal reaction time is known.
+
+    Go times are 380 ms plus a gamma variate of shape 2 and mean 100 ms.
+    """
+    found = {}
+    for who in range(people):
+        rng = stream(seed, "known", str(who))
+        trials = go + stops
+        stop = np.zeros(trials, bool)
+        stop[rng.choice(trials, stops, replace=False)] = True
+        ssrt, failure = _stop_processes(values, stops, rng)
+        times = 380 + rng.gamma(2.0, 50.0, trials)
+        found[f"{who}"] = raced(times, stop, ssrt, failure, rng)
+    return found
+
+
+def like(
+    people: Mapping[str, StopTrials], data: StopData, values: StopValues, seed: int
+) -> dict[str, StopTrials]:
+    """Return simulated participants who differ from real ones only in that the model is right.
+
+    Each has the go times of a participant, drawn with replacement, the same stop trials, and the
+    mean slowing after a stop trial.
+    """
+    slower = data.slower_ms[data.slower_ms > 0].mean() if (data.slower_ms > 0).any() else 0.0
+    found = {}
+    for number, who in enumerate(data.names):
+        rng, stop = stream(seed, "like", who), people[who].stop
+        times = np.maximum(rng.choice(data.go_ms[number], len(stop)), 0)
+        times += slower * np.append(False, stop[:-1])
+        times[rng.random(len(stop)) > data.responded[number]] = np.inf
+        ssrt, failure = _stop_processes(values, int(stop.sum()), rng)
+        found[who] = raced(times, stop, ssrt, failure, rng)
+    return found
+
+
+def _stop_processes(
+    values: StopValues, stops: int, rng: np.random.Generator
+) -> tuple[Array, Truths]:
+    """Draw a participant, and the stop-signal reaction time and trigger failure of each trial."""
+    mean = values.ssrt_ms + values.ssrt_people_sd_ms * rng.standard_normal()
+    odds = values.failures_people_sd * rng.standard_normal()
+    share = special.expit(special.logit(values.failures) + odds) if values.failures else 0.0
+    ssrt = mean + values.ssrt_trial_sd_ms * rng.standard_normal(stops)
+    return ssrt, rng.random(stops) < share
+
+
+def counted_ssrt(trials: StopTrials) -> float:
+    """Return the integration estimate by sorting and counting, without the package's functions."""
+    slowest = max(t for t in trials.rt_ms[~trials.stop] if t == t)
+    go = sorted(slowest if t != t else t for t in trials.rt_ms[~trials.stop])
+    stop = [t == t for t in trials.rt_ms[trials.stop]]
+    n = -(-sum(stop) * len(go) // len(stop))
+    return float(go[n - 1] - sum(trials.ssd_ms[trials.stop]) / len(stop))
+
+
+def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = None) -> Array:
+    """Return the slope of responding over the delay of each participant, per 100 ms.
+
+    Parameters
+    ----------
+    people : mapping from names to StopTrials
+        Trials.
+    rng : Generator, optional
+        Shuffles the delays of each participant's stop trials: a negative control.
+    """
+    found = []
+    for trials in people.values():
+        ssd, failed = trials.ssd_ms[trials.stop], trials.responded[trials.stop].astype(float)
+        ssd = ssd if rng is None else rng.permutation(ssd)
+        apart = ssd - ssd.mean()
+        if apart.any():
+            found.append(100 * (apart * failed).sum() / (apart**2).sum())
+    return np.array(found)
+
+
+def late_delays(people: Mapping[str, StopTrials]) -> Array:
+    """Return, per participant, the proportion of restored delays that follow the response.
+
+    They are inferred without response times, so that these are a test; NaN if none is restored.
+    """
+    found = []
+    for trials in people.values():
+        missing = (trials.ssd_ms == 0) & trials.responded
+        restored = restored_delays(trials, use_times=False).ssd_ms[missing]
+        late = restored + LATE_MS >= trials.rt_ms[missing]
+        found.append(late.mean() if len(late) else np.nan)
+    return np.array(found)
+
+
+def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
+    """Return what depends on the order of trials, one row per participant.
+
+    Columns p_first, p_odd, p_even, p_after_stop, p_after_go, odd_after_stop, even_after_stop and
+    last_quarter_ms; a first stop trial is odd.
+    """
+    rows = []
+    for trials in people.values():
+        stops = np.flatnonzero(trials.stop)
+        failed, after = trials.responded[stops], np.append(False, trials.stop)[stops]
+        go, quarter = np.where(trials.stop, np.nan, trials.rt_ms), len(trials.rt_ms) // 4
+        means = [_mean(go[:quarter]), _mean(go[-quarter:])]
+        rows.append(
+            {"p_first": failed[0], "p_odd": failed[::2].mean(), "p_even": failed[1::2].mean(),
+             "p_after_stop": _mean(failed[after]), "p_after_go": _mean(failed[~after]),
+             "odd_after_stop": after[::2].mean(), "even_after_stop": after[1::2].mean(),
+             "last_quarter_ms": means[1] - means[0]}
+        )  # fmt: skip
+    return pd.DataFrame(rows).astype(float)
+
+
+def _mean(values: Array | Truths) -> float:
+    """Return the mean of the known values; NaN if there are none."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
+def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
+    """Return mean, standard error and number of known values."""
+    known = np.asarray(values, float)
+    known = known[np.isfinite(known)]
+    return float(known.mean()), float(known.std(ddof=1) / np.sqrt(len(known))), len(known)

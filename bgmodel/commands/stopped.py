@@ -1,0 +1,104 @@
+"""Fits of stop-signal data at the terminal: `bgmodel fit --task stop`."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bgmodel.commands.checks import UNRECORDED, recorded, say
+from bgmodel.support import files
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.fitting.stop_model import StopModel
+    from bgmodel.stopping.trials import StopTrials
+
+PARAMETERS, PEOPLE = "stop_parameters.csv", "stop_people.csv"
+"""Tables of a fit: parameters of each model, and estimates of each participant."""
+USED = ("data", "folder", "models", "task", "restore_delays", "noise_nats", *UNRECORDED)
+"""Options that have an effect on a fit of stop-signal data, or on its files."""
+
+
+def fit_stop_signals(command: Any) -> None:
+    """Fit the stop process of each model to all participants, print it and write its tables.
+
+    Parameters
+    ----------
+    command : FitRun
+        The command, which imports this module.
+    """
+    _check_unused(command)
+    folder = command.folder or Path("fits") / Path(command.data).stem
+    paths = [folder / name for name in (PARAMETERS, PEOPLE)]
+    for path in paths:
+        files.check_new(path, force=command.force and files.is_result(path))
+    files.check_writable(folder)
+    models = {name: _model(name, command.noise_nats) for name in command.models}
+    people = _people(command)
+    texts, parameters, estimates = _fitted(people, models)
+    asked = {name: recorded(getattr(command, name)) for name in USED if name not in UNRECORDED}
+    asked["folder"] = None
+    for table, path in zip((parameters, estimates), paths, strict=True):
+        files.write_table(table, path, **asked)
+    command.show("\n\n".join(texts), parameters)
+    command.note(f"-> {folder}: {PARAMETERS}, {PEOPLE}")
+
+
+def _check_unused(command: Any) -> None:
+    """Raise ValueError for an option that has no effect on stop-signal data."""
+    for field in fields(command):
+        if field.name not in USED and getattr(command, field.name) != field.default:
+            option = field.name.replace("_", "-")
+            raise InputError(f"--{option} has no effect with --task stop: leave it out", field.name)
+
+
+def _model(name: str, noise_nats: float) -> StopModel:
+    """Return the stop process of the test or of a circuit."""
+    from bgmodel.fitting.stop_model import TEST, circuit_stop
+
+    if name == "falling_gap":
+        must = "must be of constant_gap, or circuits, for --task stop"
+        raise InputError.of("models", must, name)
+    return TEST if name == "constant_gap" else circuit_stop(name, noise_nats)
+
+
+def _people(command: Any) -> dict[str, StopTrials]:
+    """Return the participants' trials, with delays restored if that was asked for."""
+    import warnings
+
+    from bgmodel.stopping.people import read_people
+    from bgmodel.stopping.restored import restored_delays
+    from circuits.errors import DataWarning
+
+    with warnings.catch_warnings():
+        if command.restore_delays:
+            warnings.simplefilter("ignore", DataWarning)
+        people = read_people(command.data)
+    if command.restore_delays:
+        people = {who: restored_delays(trials) for who, trials in people.items()}
+    return people
+
+
+def _fitted(
+    people: dict[str, StopTrials], models: dict[str, StopModel]
+) -> tuple[list[str], pd.DataFrame, pd.DataFrame]:
+    """Return the summary of each model, the parameters of all, and estimates of participants."""
+    import pandas as pd
+
+    from bgmodel.fitting.stop_data import go_processes
+    from bgmodel.fitting.stops import fit_stops
+    from bgmodel.stopping.people import estimates_of
+
+    say(f"fitting the go trials of {len(people)} participants")
+    go = go_processes(people)
+    estimates: Any = estimates_of(people).merge(go, on="participant_id")
+    texts, tables = [], []
+    for name, model in models.items():
+        say(f"fitting the stop trials: {name}")
+        fit = fit_stops(people, model, go=go)
+        texts.append(fit.summary())
+        tables.append(fit.parameters().assign(model=name, log_likelihood=fit.log_likelihood))
+    return texts, pd.concat(tables, ignore_index=True), estimates

@@ -1,0 +1,133 @@
+"""Stop-signal trials from BIDS events (``*_events.tsv``; Gorgolewski et al. 2016).
+
+BIDS prescribes the columns ``onset`` and ``duration`` and seconds as the unit; the names of the
+others are those of each data set. The names of OpenNeuro ds000030, ds000008 and similar sets are
+known, and others can be given.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.support.arrays import Array
+from bgmodel.tables.columns import MISSING
+from bgmodel.tables.text_files import read_rows
+from circuits.errors import DataWarning, InputError, require, within
+
+NAMES = {
+    "trial_type": ("trial_type", "TrialType", "TrialOutcome", "trial_outcome"),
+    "rt": ("response_time", "ReactionTime", "reaction_time", "rt", "RT"),
+    "ssd": ("stop_signal_delay", "StopSignalDelay", "ssd", "SSD"),
+}
+"""Names of each column in published sets, in the order in which they are looked for."""
+STOP, GO = re.compile("stop", re.IGNORECASE), re.compile(r"(?<!no)(?<!no-)go", re.IGNORECASE)
+"""Types of stop trials, such as "STOP" and "failed stop", and of go trials, such as "GO"."""
+SUBJECT = re.compile(r"sub-([A-Za-z0-9]+)")
+ENDING = "_events.tsv"
+
+
+def is_events(path: Path) -> bool:
+    """Whether a path is that of BIDS events: a folder, or a file with their ending."""
+    return path.is_dir() or path.name.endswith(ENDING)
+
+
+def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Return the stop-signal trials of BIDS events.
+
+    Parameters
+    ----------
+    path : path
+        One file of events, or a folder that holds files in and below it. If names of files have a
+        task with "stop" in it, only those are read.
+    columns : mapping, optional
+        The set's names of trial_type, rt and ssd, where they are not among ``NAMES``.
+
+    Returns
+    -------
+    DataFrame
+        participant_id (``sub-...``), trial, rt and ssd (s); rt is NaN without a response (n/a or 0
+        in the file), ssd in go trials. Runs of a participant follow one another.
+
+    Raises
+    ------
+    ValueError
+        If there are no such files, a column is missing, a stop trial has no delay, or there are no
+        go or no stop trials.
+
+    Warns
+    -----
+    UserWarning
+        If trials are neither go nor stop trials by their type; they are left out.
+    """
+    unknown = sorted({*(columns or {})} - {*NAMES})
+    require(not unknown, "columns", f"must name columns of {', '.join(NAMES)}", unknown)
+    parts, left_out = [], 0
+    for file in _files(path):
+        try:
+            part, others = _read(file, columns or {})
+        except InputError as error:
+            raise within(file.name, error, "path") from None
+        parts.append(part)
+        left_out += others
+    table = pd.concat(parts, ignore_index=True)
+    if left_out:
+        DataWarning.warn(f"{left_out} events are neither go nor stop trials, and are left out")
+    for kind, found in (("go", table["ssd"].isna()), ("stop", table["ssd"].notna())):
+        require(found.any(), "trial_type", f"must include {kind} trials", "none")
+    table["trial"] = table.groupby("participant_id").cumcount()
+    return table[["participant_id", "trial", "rt", "ssd"]]
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of events, sorted; ValueError if there are none."""
+    if not path.is_dir():
+        return [path]
+    found = sorted(path.rglob(f"*{ENDING}"))
+    tasks = [file for file in found if re.search(r"task-[A-Za-z0-9]*stop", file.name, re.I)]
+    require(found, "path", f"must hold files that end in {ENDING}", str(path))
+    return tasks or found
+
+
+def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
+    """Return the go and stop trials of a file, and the number of other events."""
+    subject = SUBJECT.search(file.name)
+    require(subject, "path", 'must have a name with "sub-" and the participant', file.name)
+    cells = read_rows(file)
+    kind = cells[_column(cells, "trial_type", columns)]
+    stop = kind.str.contains(STOP).to_numpy(bool)
+    go = kind.str.contains(GO).to_numpy(bool) & ~stop
+    rt, ssd = (_numbers(cells, _column(cells, name, columns)) for name in ("rt", "ssd"))
+    lacking = stop & np.isnan(ssd)
+    require(not lacking.any(), "ssd", "must be a number in each stop trial", int(lacking.sum()))
+    table = pd.DataFrame(
+        {
+            "participant_id": subject.group(0) if subject else "",
+            "rt": np.where(rt > 0, rt, np.nan),
+            "ssd": np.where(stop, ssd, np.nan),
+        }
+    )
+    return table[go | stop], int((~(go | stop)).sum())
+
+
+def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
+    """Return the name that a file has for a column; ValueError if it has none."""
+    wanted = (columns[name],) if name in columns else NAMES[name]
+    found = [each for each in wanted if each in cells]
+    if not found:
+        must = f"must be a column, called {' or '.join(wanted)}; columns= gives another name"
+        raise InputError.of(name, must, list(cells.columns))
+    return found[0]
+
+
+def _numbers(cells: pd.DataFrame, column: str) -> Array:
+    """Return a column as numbers; NaN where a cell is empty or n/a."""
+    text = cells[column].str.strip()
+    numbers = pd.to_numeric(text, errors="coerce").to_numpy(float)
+    wrong = np.isnan(numbers) & ~text.isin([*MISSING, "n/a"]).to_numpy(bool)
+    require(not wrong.any(), column, "must hold numbers or n/a", text[wrong].tolist()[:3])
+    return numbers

@@ -1,0 +1,123 @@
+"""A bias to one response: recovered, told from none, and mirrored with the sides."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import FAVOURS, design_of
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.fitting.settings import FitSettings
+from bgmodel.tables.choices import read_choices
+from circuits.errors import DataWarning
+from tests.helpers import refused, unwarned
+
+TRUE = {"sensitivity": 10.0, "bound": 0.7, "start": 0.25}
+RESPONSES = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
+STRENGTHS = np.array([-0.3, -0.1, 0.0, 0.1, 0.3])
+
+
+def drawn(seed, trials=400, model=None, **values):
+    """Return a table of choices from a model's own density, at signed strengths."""
+    model, grid = model or GapModel(), Grid(400)
+    every = {k: np.full(len(STRENGTHS), v) for k, v in {**TRUE, **RESPONSES, **values}.items()}
+    density = responded(
+        model.decided(every, STRENGTHS, grid), grid, **{k: every[k] for k in RESPONSES}
+    )
+    rng, rows = np.random.default_rng(seed), []
+    for strength, one in zip(STRENGTHS, density, strict=True):
+        below = one.ravel().cumsum() * BIN_S
+        place = np.searchsorted(below, below[-1] * rng.random(trials), side="right")
+        response, bins = np.divmod(place, grid.bins)
+        rt = (bins + rng.random(trials)) * BIN_S
+        rows.append(pd.DataFrame({"rt": rt, "response": response, "coherence": strength}))
+    return pd.concat(rows, ignore_index=True).assign(participant_id="a")
+
+
+def fitted(table, free="+start", model="constant_gap", **options):
+    asked = FitSettings(strength="coherence", free=(free,) if free else (), **options)
+    choices = asked.read(table)
+    found = optimum(asked.likelihood(asked.design(choices), asked.model(model)))
+    return found, {k: float(np.atleast_1d(v)[0]) for k, v in found.values.items()}
+
+
+@pytest.mark.parametrize(
+    ("model", "more"), [("constant_gap", {}), ("falling_gap", {"fall_per_s": 1.0})]
+)
+def test_a_start_is_recovered(model, more):
+    table = drawn(91_001, model=GapModel(model == "falling_gap"), **more)
+    with unwarned():
+        found, values = fitted(table, model=model)
+    without, _ = fitted(table, "", model=model)
+    assert values["start"] * found.likelihood.design.side[0] == pytest.approx(0.25, abs=0.05)
+    assert found.log_likelihood > without.log_likelihood + 50
+
+
+def test_without_a_bias_it_is_worth_nothing():
+    table = drawn(91_002, start=0.0)
+    found, _ = fitted(table)
+    assert dict(zip(found.likelihood.freedom.names, found.vector, strict=True))["start"] == (
+        pytest.approx(0.0, abs=0.06)
+    )
+    # Twice the gain is chi-squared with one degree of freedom.
+    asked = FitSettings(strength="coherence")
+    by_side = design_of(asked.read(table), sides=True)
+    without = optimum(likelihood_of(GapModel(), by_side))
+    assert 0 <= found.log_likelihood - without.log_likelihood + 1e-3 < 5.5
+
+
+def test_exchanged_responses_exchange_the_bias():
+    """Table and strengths turned round: the same fit with a start of the other sign."""
+    table = drawn(91_003)
+    turned = table.assign(response=1 - table["response"], coherence=-table["coherence"])
+    one, other = (dict(zip(f.likelihood.freedom.names, f.vector, strict=True)) for f in
+                  (fitted(table)[0], fitted(turned)[0]))  # fmt: skip
+    assert other["start"] == pytest.approx(-one["start"], abs=0.01)
+    for name in ("sensitivity", "bound", "t0_s"):
+        assert other[name] == pytest.approx(one[name], rel=0.01)
+
+
+def test_splitting_sides_alone_changes_no_likelihood():
+    choices = read_choices(drawn(91_004, start=0.0), strength="coherence")
+    whole, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))
+    assert sides.design.cells == 5
+    assert whole.design.cells == 3
+    assert sides(whole.freedom.start) == pytest.approx(whole(whole.freedom.start), rel=1e-12)
+    assert set(sides.design.conditions[FAVOURS]) == {"0", "1"}
+
+
+def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
+    table = drawn(91_005)
+    with pytest.warns(DataWarning, match=r"\+start"):
+        FitSettings(strength="coherence").design(read_choices(table, strength="coherence"))
+    with unwarned():
+        FitSettings(strength="coherence", free=("+start",)).design(
+            read_choices(table, strength="coherence")
+        )
+
+
+def test_a_start_of_each_level_of_a_condition():
+    left, right = drawn(91_006, start=0.3), drawn(91_007, start=-0.3)
+    table = pd.concat([left.assign(cue="a"), right.assign(cue="b")], ignore_index=True)
+    found, _ = fitted(table, "", vary=("start=cue",))
+    values = dict(zip(found.likelihood.freedom.names, found.vector, strict=True))
+    assert values["start[cue=a]"] == pytest.approx(0.3, abs=0.06)
+    assert values["start[cue=b]"] == pytest.approx(-0.3, abs=0.06)
+
+
+def test_python_fits_it_by_the_same_name_and_a_circuit_says_that_it_has_none():
+    table = drawn(91_008, trials=100)
+    fit = bg.fit(table, "constant_gap", strength="coherence", free="+start")
+    values = fit.parameters().set_index("parameter")["value"]
+    assert values["start"] == pytest.approx(0.25, abs=0.12)
+    assert {"sensitivity", "bound", "t0_s", "lapse"} <= set(values.index)
+    with refused("free must name a parameter"):
+        bg.fit(table, "macaque", strength="coherence", free="+start")
+    with refused("free must have a plus before all names"):
+        bg.fit(table, "constant_gap", strength="coherence", free=["+start", "bound"])
+    both = FitSettings(free=("+start",))
+    models = {name: both.model(name) for name in ("constant_gap", "macaque")}
+    (said,) = both.check_parameters(models)
+    assert said == "macaque has no start and is fitted without"

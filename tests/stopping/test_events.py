@@ -1,0 +1,95 @@
+"""BIDS events of stop-signal sets: names of published sets, names that are given, bad files."""
+
+import numpy as np
+import pytest
+
+from bgmodel.stopping.people import read_people
+from circuits.errors import DataWarning
+from tests.helpers import refused, unwarned
+
+GENERIC = """onset\tduration\ttrial_type\tresponse_time\tstop_signal_delay
+0.5\t1\tgo\t0.412\tn/a
+2.5\t1\tsuccessful stop\tn/a\t0.25
+4.5\t1\tgo\tn/a\tn/a
+6.5\t1\tfailed stop\t0.388\t0.3
+"""
+CNP = """onset\tduration\ttrial_type\tTrialOutcome\tReactionTime\tStopSignalDelay
+0.5\t1\tGO\tSuccessfulGo\t0.4163\t0
+2.5\t1\tSTOP\tSuccessfulStop\t0\t0.2503
+4.5\t1\tGO\tUnsuccessfulGo\t0\t0
+6.5\t1\tSTOP\tUnsuccessfulStop\t0.3880\t0.3001
+"""
+
+
+def written(folder, text, name="sub-01_task-stopsignal_events.tsv"):
+    path = folder / "sub-01" / "func" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(("text", "go_ms"), [(GENERIC, 412.0), (CNP, 416.3)])
+def test_names_of_published_sets_are_known(tmp_path, text, go_ms):
+    path = written(tmp_path, text)
+    with unwarned():
+        people = read_people(path)
+    trials = people["sub-01"]
+    np.testing.assert_allclose(trials.rt_ms, [go_ms, np.nan, np.nan, 388.0])
+    np.testing.assert_allclose(trials.ssd_ms, [np.nan, 250.0, np.nan, 300.0], atol=0.5)
+    names = ["response", "successful stop", "omission", "failed stop"]
+    assert trials.outcome.tolist() == names
+
+
+def test_a_folder_is_read_with_all_runs_and_only_the_stop_task(tmp_path):
+    for run in (1, 2):
+        written(tmp_path, GENERIC, f"sub-01_task-stopsignal_run-{run}_events.tsv")
+    written(tmp_path, CNP, "sub-02_task-stopsignal_events.tsv")
+    written(tmp_path, "onset\tduration\n1\t1\n", "sub-01_task-rest_events.tsv")
+    people = read_people(tmp_path)
+    assert {who: len(each.rt_ms) for who, each in people.items()} == {"sub-01": 8, "sub-02": 4}
+
+
+def test_other_names_can_be_given(tmp_path):
+    text = GENERIC.replace("response_time", "Key.RT").replace("stop_signal_delay", "lag")
+    path = written(tmp_path, text)
+    with refused("rt must be a column, called response_time or ReactionTime"):
+        read_people(path)
+    found = read_people(path, columns={"rt": "Key.RT", "ssd": "lag"})["sub-01"]
+    np.testing.assert_array_equal(
+        found.rt_ms, read_people(written(tmp_path, GENERIC))["sub-01"].rt_ms
+    )
+    table = tmp_path / "mine.csv"
+    table.write_text("participant_id,RT,delay\na,0.4,\na,,0.2\n")
+    assert read_people(table, columns={"rt": "RT", "ssd": "delay"})["a"].p_respond == 0
+
+
+def test_events_of_other_types_are_left_out_with_a_warning(tmp_path):
+    text = GENERIC + "8.5\t1\tjunk\t0.4\tn/a\n9.5\t1\tnogo\t0.4\tn/a\n"
+    with pytest.warns(DataWarning, match="2 events are neither go nor stop"):
+        people = read_people(written(tmp_path, text))
+    assert len(people["sub-01"].rt_ms) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "says"),
+    [
+        (GENERIC.replace("stop\tn/a\t0.25", "stop\tn/a\tn/a"), None, "ssd each stop trial, got 1"),
+        (GENERIC.replace("0.412", "fast"), None, "response_time must hold numbers"),
+        (GENERIC.replace(" stop", ""), None, "trial_type must include stop trials"),
+        (GENERIC.replace("0.25", "250").replace("0.3\n", "300\n"), None, "ssd must be in seconds"),
+        (GENERIC, "events/task-stop_events.tsv", "path must have a name with .sub-"),
+    ],
+)
+def test_bad_events_are_refused(tmp_path, text, name, says):
+    path = written(tmp_path, text)
+    if name:
+        path = path.rename(path.with_name("task-stop_events.tsv"))
+    with refused(says):
+        read_people(path)
+
+
+def test_a_folder_without_events_is_refused(tmp_path):
+    with refused("path must hold files that end in _events.tsv"):
+        read_people(tmp_path)
+    with refused("columns must name columns of trial_type, rt, ssd"):
+        read_people(written(tmp_path, GENERIC), columns={"delay": "lag"})

@@ -1,0 +1,109 @@
+"""Delays that were not recorded are inferred where they were known, and others left alone."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.people import read_people
+from bgmodel.stopping.restored import restored_delays
+from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.trials import StopTrials
+from circuits.errors import DataWarning
+from tests.helpers import refused, unwarned
+
+DELAYS = np.arange(0.0, 901.0, 50.0)
+SSRT_MS = 150.0
+
+
+def walked(seed, stops=60):
+    """Return trials of a race with two staircases, delays jittered as a screen's are."""
+    rng = np.random.default_rng(seed)
+    trials = 4 * stops
+    times = 380 + rng.gamma(2.0, 120.0, trials)
+    ssd = np.full(trials, np.nan)
+    signal = np.sort(rng.choice(trials, stops, replace=False))
+    index = walk(times[signal] <= DELAYS[:, None] + SSRT_MS, DELAYS, [250.0, 350.0])
+    ssd[signal] = DELAYS[index] + rng.uniform(0.1, 6.0, stops)
+    times[signal[times[signal] > DELAYS[index] + SSRT_MS]] = np.nan
+    return StopTrials(times, ssd)
+
+
+def unrecorded(trials):
+    """Return the trials as a program records them that gives no signal after a response."""
+    return replace(trials, ssd_ms=np.where(trials.rt_ms < trials.ssd_ms, 0.0, trials.ssd_ms))
+
+
+def test_delays_that_are_known_are_found_again():
+    errors, missing = [], 0
+    for seed in range(20):
+        whole = walked(seed)
+        zeroed = unrecorded(whole)
+        found = restored_delays(zeroed)
+        given = zeroed.ssd_ms != 0
+        np.testing.assert_array_equal(found.ssd_ms[given], whole.ssd_ms[given])
+        errors += list(np.abs(found.ssd_ms - whole.ssd_ms)[~given & whole.stop] > 10)
+        missing += int((~given).sum())
+    assert missing > 60
+    # Where both staircases explain what follows, either may be chosen.
+    assert np.mean(errors) < 0.15
+
+
+def test_an_estimate_is_biased_by_missing_delays_and_restored_with_them():
+    pairs = [(walked(seed), unrecorded(walked(seed))) for seed in range(20)]
+    true, zeroed, restored = (
+        np.mean([estimate_ssrt(each, checked=False).ssrt_ms for each in some])
+        for some in (
+            [whole for whole, _ in pairs],
+            [some for _, some in pairs],
+            [restored_delays(some) for _, some in pairs],
+        )
+    )
+    assert zeroed > true + 10
+    assert restored == pytest.approx(true, abs=2)
+
+
+def test_the_shipped_delays_of_zero_contradict_no_staircase():
+    with pytest.warns(DataWarning, match="268 of 274 stop trials with a delay of 0"):
+        people = read_people()
+    for trials in people.values():
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = restored_delays(trials)
+        new = found.ssd_ms[found.ssd_ms != trials.ssd_ms]
+        new = new[~np.isnan(new)]
+        # The search allows for contradictions; there are none.
+        times = trials.rt_ms[(trials.ssd_ms == 0) & trials.responded]
+        assert (new + 10 >= times).all()
+
+
+def test_the_restored_delays_follow_the_responses_even_if_times_are_not_used():
+    """A test of the inference: nothing but the staircases puts these delays after the response."""
+    with pytest.warns(DataWarning, match="268 of 274"):
+        people = read_people()
+    late = []
+    for trials in people.values():
+        missing = (trials.ssd_ms == 0) & trials.responded
+        found = restored_delays(trials, use_times=False)
+        late += list(found.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
+    assert len(late) == 268
+    assert np.mean(late) > 0.9
+
+
+def test_trials_without_missing_delays_are_returned_as_they_are():
+    trials = StopTrials([400.0, np.nan, 300.0], [np.nan, 0.0, 3.0])
+    with unwarned():
+        assert restored_delays(trials) is trials
+
+
+def test_delays_that_are_no_staircase_are_warned_of():
+    rng = np.random.default_rng(1)
+    trials = walked(1)
+    ssd = np.where(trials.stop, rng.permutation(DELAYS.repeat(20)[: len(trials.rt_ms)]), np.nan)
+    ssd[np.flatnonzero(trials.stop & trials.responded)[:5]] = 0.0
+    with pytest.warns(DataWarning, match="contradict two staircases"):
+        restored_delays(replace(trials, ssd_ms=ssd))
+    with refused("step_ms must be > 0"):
+        restored_delays(trials, step_ms=0)
