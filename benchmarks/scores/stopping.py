@@ -4,7 +4,7 @@ The circuit stops in closed form: a signal of A nats to STN adds its step respon
 that a full run can be predicted from the same trial without a signal. Evaluated on seeds that
 tuned nothing; delays were chosen on other seeds, so that 0.2 to 0.8 of the stop trials are
 answered. The comparison with the ideal observer, signals that end, published effects and people
-are in ``stop_observer``, ``stop_cancel``, ``stop_published`` and ``stop_people``.
+are in ``stop_observer``, ``stop_cancel``, ``stop_published`` and ``stop_relative``.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from benchmarks.scores.stop_observer import (
     observed,
     paired,
 )
-from benchmarks.scores.stop_people import people
 from benchmarks.scores.stop_published import rates
+from benchmarks.scores.stop_relative import people
 from benchmarks.scores.stop_runs import (
     POSTERIOR,
     SCORING_SEED,
