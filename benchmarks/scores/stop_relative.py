@@ -28,7 +28,7 @@ BINS = 10
 def people() -> pd.DataFrame:
     """Return p(respond) and times of failed stops in tenths of z, with 95 % intervals over people.
 
-    Recorded delays of 0, which stand for signals that came after the response, are restored. Left
+    Recorded delays of 0 (the response came before the signal) are restored. Left
     out are people for whom the consensus guide accepts no estimate (Verbruggen et al. 2019).
     """
     parts = [_relative(who, restored_delays(one)) for who, one in read_people().items()]

@@ -1,7 +1,7 @@
 """The stop-signal task in people: estimates, violations, and a stop process in closed form.
 
 The 126 healthy adults of the shipped set are analysed twice: with delays as recorded, where a delay
-of 0 stands for a signal that was never given because the response came first, and with these delays
+of 0 means that the signal was never given because the response came first, and with these delays
 restored from the staircases. A stop process is fitted to all, by the test and by the circuit, and
 to odd and even stop trials to predict the other half. Simulated participants, for whom the model is
 right, give the size of each measure that would be expected; others have a known stop-signal

@@ -64,7 +64,7 @@ class Design:
 
     @property
     def side(self) -> Array:
-        """1 where response 1 of the observed trials is that of the table, else -1, (cells,)."""
+        """1 where response 1 of the observed trials is that of the table, -1 where it is response 0."""
         levels = self.conditions.get(FAVOURS, ["1"] * self.cells)
         return np.where(np.array(levels) == "0", -1.0, 1.0)
 
@@ -108,7 +108,7 @@ def design_of(
         Whether to pool several participants. Without it, choices of several give a warning and are
         pooled all the same.
     sides : bool
-        Whether strengths of opposite sign have cells of their own, for models with a bias.
+        Whether strengths of opposite sign are separate cells, for models with a bias.
 
     Raises
     ------

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @styled
 def draw(trials: StopTrials) -> Figure:
-    """Draw the inhibition function beside that of a race, and the distributions of times."""
+    """Draw the inhibition function with that of a race, and the distributions of times."""
     with warnings.catch_warnings():
         # Few trials are in the title.
         warnings.simplefilter("ignore", DataWarning)

@@ -136,7 +136,7 @@ def check_delays(delays_ms: npt.ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If there are none, or one is negative or not finite.
+        If the grid is empty, or a delay is negative or not finite.
 
     Warns
     -----

@@ -42,7 +42,7 @@ def rng():
 
 
 def test_go_trials_are_those_of_the_task_without_signals(evidence):
-    """No trial depends on another: adding signals to some leaves all others as they were."""
+    """No trial depends on another: signals in some trials change no other trial."""
     with_signals, ssd = decided(StopTask(), MODEL, evidence, LEVEL, rng())
     without = MODEL.decided(evidence, LEVEL)
     go = np.isnan(ssd)
@@ -271,7 +271,7 @@ def test_a_condition_without_signals_is_as_before(evidence):
 
 
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
-    """One seed, one table: the command adds nothing of its own."""
+    """One seed, one table, at the terminal and in Python."""
     out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
     options = ["--trials", "300", "--t-max", "100", "--seed", "5", "--stop.delay-ms", "40"]
     assert main(["stop", str(out), "--drawing", str(drawing), *options]) == 0
