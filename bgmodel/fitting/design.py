@@ -64,7 +64,7 @@ class Design:
 
     @property
     def side(self) -> Array:
-        """1 where response 1 of the observed trials is that of the table, -1 where it is response 0."""
+        """1 where observed response 1 is that of the table, -1 where it is response 0, (cells,)."""
         levels = self.conditions.get(FAVOURS, ["1"] * self.cells)
         return np.where(np.array(levels) == "0", -1.0, 1.0)
 

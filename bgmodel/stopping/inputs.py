@@ -37,7 +37,7 @@ class StopSignal:
         cancel them, because the evidence is still there when it ends.
     cancel_ms : float
         Time from the signal until the response is cancelled: the evidence of the trial is back at
-        the prior from then on (Schmidt & Berke 2017). Infinite by default: the response is only postponed.
+        the prior from then on (Schmidt & Berke 2017). Infinite by default, which cancels none.
     """
 
     nucleus: str = "STN"
