@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.identify import Directions, _masses, directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.responses import Observed
@@ -214,3 +214,16 @@ def test_errors_that_are_infinite_without_a_pair_alike_are_said():
     (caution,) = flat.cautions()
     assert caution.startswith("no standard error can be given for a, b, c:")
     assert not Directions(names, np.ones(3), np.eye(3)).cautions()
+
+
+@pytest.mark.parametrize("deadline_s", [None, 0.6])
+def test_outcomes_of_a_cell_are_all_there_are(deadline_s):
+    """Their probabilities sum to 1; without a response by the deadline is one of them."""
+    seconds = {} if deadline_s is None else {"deadline_s": deadline_s}
+    some = drawn(
+        GapModel(), [0.05, 0.4], 60, 71, seconds=3.0, sensitivity=8.0, bound=0.7, **seconds
+    )
+    likelihood = likelihood_of(GapModel(), design_of(some))
+    masses = _masses(likelihood, likelihood.freedom.start)
+    assert masses.sum(axis=1) == pytest.approx(1.0, abs=1e-6)
+    assert (masses[:, -1] > 0.01).all() == (deadline_s is not None)
