@@ -158,9 +158,7 @@ class GaussianFeatures:
         samples[np.arange(trials), :, truth] += separation
         values = soft_histogram(samples, self.centres).reshape(trials, self.t_max, -1)
         names = tuple(str(i) for i in range(self.channels))
-        return Features(
-            values, truth, names, self.step_ms, log_likelihood=separation * samples
-        )
+        return Features(values, truth, names, self.step_ms, log_likelihood=separation * samples)
 
 
 @dataclass(frozen=True)
@@ -189,12 +187,12 @@ class PoissonFeatures:
     """Time between readings, ms."""
 
     def __post_init__(self) -> None:
-        check_positive(
-            peak=self.peak, base=self.base, width=self.width, step_ms=self.step_ms
-        )
+        check_positive(peak=self.peak, base=self.base, width=self.width, step_ms=self.step_ms)
         whole("channels", self.channels, 2)
         whole("t_max", self.t_max, 1)
-        require(self.units >= self.channels, "units", "must be one per hypothesis or more", self.units)
+        require(
+            self.units >= self.channels, "units", "must be one per hypothesis or more", self.units
+        )
 
     @property
     def means(self) -> Array:

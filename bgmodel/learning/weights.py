@@ -51,7 +51,9 @@ class Feedback:
         check_range(0, 1, valid=self.valid, given=self.given)
         require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
         if self.given == 0:
-            raise InputError("without any feedback nothing can be learned: given must be > 0", "given")
+            raise InputError(
+                "without any feedback nothing can be learned: given must be > 0", "given"
+            )
         if self.reversal is not None:
             whole("reversal", self.reversal, 1)
 
@@ -320,7 +322,9 @@ class Loop:
         moved = self._parameters + step * change
         self._parameters = self.rule.bounded(moved)
         if not np.isfinite(self._parameters).all():
-            said = f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
+            said = (
+                f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
+            )
             raise InputError(said, "rate", self.learner.rate)
         known = np.nan_to_num(surprise, nan=0.0)
         self._state = self.critic.learn(self._state, trial, known)
@@ -451,5 +455,3 @@ def _warn_of_overshoot(critic: Critic, course: WeightCourse, decider: Decider) -
             f"{decider.criterion:g} on average, so the criterion is no estimate of the confidence "
             "and weights will be too large: use the critic 'settled' or 'read-out'"
         )
-
-

@@ -75,9 +75,7 @@ class InCircuit:
         evidence = self._evidence(part, nats)
         first = number * len(weights)
         drive = self.model.drive(evidence)
-        trace = self.model.trace(
-            self.model.run_drive(drive, evidence.step_ms, first), evidence
-        )
+        trace = self.model.trace(self.model.run_drive(drive, evidence.step_ms, first), evidence)
         levels = threshold_from_posterior(criterion, len(part.names))
         decision = crossing_of_each(trace, levels, checked=False)
         last = np.floor(decision.time_ms / part.step_ms + 1e-9).astype(np.intp) - 1
