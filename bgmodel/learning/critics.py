@@ -1,0 +1,223 @@
+"""Critics: the reward that a learner of weights expects when it has chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import check_range
+from circuits.errors import InputError
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial of every learner, as critics and rules see it.
+
+    Parameters
+    ----------
+    eligibility : array (runs, units)
+        Trace of the features up to the decision.
+    choice : int array (runs,)
+        Chosen hypothesis.
+    drive : array (runs, hypotheses), nats
+        Drive of each channel by the readings up to the decision, y.
+    posterior : array (runs, hypotheses)
+        softmax(y).
+    read_out : array (runs,)
+        Posterior of the choice as read from OUT, ``exp(-OUT_c)``, with its noise.
+    criterion : array (runs,)
+        Posterior at which the trial would stop.
+    reward : array (runs,)
+        Reward received; NaN without feedback.
+    surplus : array (runs, units)
+        Eligibility less its running mean.
+    """
+
+    eligibility: Array
+    choice: Integers
+    drive: Array
+    posterior: Array
+    read_out: Array
+    criterion: Array
+    reward: Array
+    surplus: Array
+
+    def of_choice(self, values: Array) -> Array:
+        """Return the value of the chosen hypothesis (runs,) from (runs, hypotheses)."""
+        return np.asarray(values[np.arange(len(self.choice)), self.choice])
+
+
+@dataclass(frozen=True)
+class Critic:
+    """Base class: expected reward, and what is learned about it."""
+
+    name: ClassVar[str] = ""
+    unit_rewards: ClassVar[bool] = True
+    """Whether the expected reward is a probability, so that rewards must be 0 or 1."""
+    reliable: ClassVar[bool] = True
+    """Whether it assumes that feedback is always valid."""
+
+    def start(self, runs: int) -> Array:
+        """Return what is learned, (runs, p)."""
+        return np.zeros((runs, 0))
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return the expected reward, (runs,)."""
+        raise NotImplementedError
+
+    def learn(self, state: Array, trial: Trial, error: Array) -> Array:
+        """Return the state after a trial; the error is 0 in runs without feedback."""
+        return state
+
+
+@dataclass(frozen=True)
+class RunningMean(Critic):
+    """The running mean of rewards, whatever the confidence: a scalar baseline."""
+
+    name: ClassVar[str] = "mean"
+    unit_rewards: ClassVar[bool] = False
+    reliable: ClassVar[bool] = False
+    rate: float = 0.01
+    """Weight of each reward."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, rate=self.rate)
+
+    def start(self, runs: int) -> Array:
+        """Return the mean, 0, and the number of rewards."""
+        return np.zeros((runs, 2))
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return the mean reward of earlier trials."""
+        return state[:, 0]
+
+    def learn(self, state: Array, trial: Trial, error: Array) -> Array:
+        """Move the mean towards the reward; the first rewards count equally."""
+        told = np.isfinite(trial.reward)
+        count = state[:, 1] + told
+        rate = np.maximum(self.rate, 1 / np.maximum(count, 1))
+        surprise = np.where(told, trial.reward - state[:, 0], 0.0)
+        return np.stack([state[:, 0] + rate * surprise, count], axis=1)
+
+
+@dataclass(frozen=True)
+class Confidence(Critic):
+    """The posterior of the choice, P_c: the probability of a reward if the weights are exact."""
+
+    name: ClassVar[str] = "confidence"
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return P_c."""
+        return trial.of_choice(trial.posterior)
+
+
+@dataclass(frozen=True)
+class SettledConfidence(Critic):
+    """P_c up to the highest posterior that a circuit can express."""
+
+    name: ClassVar[str] = "settled"
+    ceiling: float = 0.947
+    """Highest posterior; that of the default circuit, ``exp(-readable_nats[0])``."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, ceiling=self.ceiling)
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return P_c, capped."""
+        return np.minimum(trial.of_choice(trial.posterior), self.ceiling)
+
+
+@dataclass(frozen=True)
+class ReadOutConfidence(Critic):
+    """P_c as read from the output of the circuit, SNr, up to the highest that it can express."""
+
+    name: ClassVar[str] = "read-out"
+    ceiling: float = 0.947
+    """Highest posterior; that of the default circuit, ``exp(-readable_nats[0])``."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, ceiling=self.ceiling)
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return ``exp(-OUT_c)``, capped."""
+        return np.minimum(trial.read_out, self.ceiling)
+
+
+@dataclass(frozen=True)
+class Criterion(Critic):
+    """The criterion itself, a constant: correct only if decisions hardly overshoot it."""
+
+    name: ClassVar[str] = "criterion"
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return the posterior at which trials stop."""
+        return trial.criterion
+
+
+@dataclass(frozen=True)
+class Affine(Critic):
+    """``a + b P_c``, for feedback that is valid in a share of trials; a and b are learned.
+
+    If feedback is reversed in a share 1 - v of trials, ``E[r] = (1 - v) + (2 v - 1) P_c``.
+    """
+
+    name: ClassVar[str] = "affine"
+    reliable: ClassVar[bool] = False
+    valid: float = 1.0
+    """Share of valid feedback, the initial v; above 0.5."""
+    rate: float = 0.002
+    """Step size of v; 0 keeps it constant, for a learner to whom it is known."""
+
+    def __post_init__(self) -> None:
+        check_range(0.5, 1, valid=self.valid)
+        check_range(0, 1, rate=self.rate)
+
+    def start(self, runs: int) -> Array:
+        """Return v, (runs, 1)."""
+        return np.full((runs, 1), self.valid)
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return ``(1 - v) + (2 v - 1) P_c``."""
+        v = state[:, 0]
+        return np.asarray(1 - v + (2 * v - 1) * trial.of_choice(trial.posterior))
+
+    def learn(self, state: Array, trial: Trial, error: Array) -> Array:
+        """Move v along the gradient of the squared error."""
+        slope = 2 * trial.of_choice(trial.posterior) - 1
+        return np.asarray(np.clip(state + (self.rate * error * slope)[:, None], 0.5, 1.0))
+
+
+@dataclass(frozen=True)
+class ActionValue(Critic):
+    """The drive of the chosen channel, y_c, taken as the value of the action (Q learning)."""
+
+    name: ClassVar[str] = "value"
+    unit_rewards: ClassVar[bool] = False
+    reliable: ClassVar[bool] = False
+
+    def expected(self, state: Array, trial: Trial) -> Array:
+        """Return y_c."""
+        return trial.of_choice(trial.drive)
+
+
+CRITICS: dict[str, Callable[[], Critic]] = {
+    critic.name: critic
+    for critic in (
+        RunningMean, Confidence, SettledConfidence, ReadOutConfidence, Criterion, Affine,
+        ActionValue,
+    )
+}  # fmt: skip
+"""Critics by name, with their default options."""
+
+
+def critic_of(given: Critic | str) -> Critic:
+    """Return a critic, given as such or by name; ValueError for an unknown name."""
+    if isinstance(given, Critic):
+        return given
+    if given not in CRITICS:
+        raise InputError.of("critic", f"must be one of {', '.join(CRITICS)}", given)
+    return CRITICS[given]()

@@ -1,0 +1,218 @@
+"""Sources of features: tactile taps, Gaussian evidence and populations of Poisson cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.learning.features import Features, even_centres, soft_histogram
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_positive, whole
+from bgmodel.support.seeds import generator
+from bgmodel.tactile.source import FOLDS, source
+from bgmodel.tactile.task import Task
+from circuits.errors import require
+
+UNITS = 16
+"""Default number of sensory units; our choice."""
+
+
+def _shuffled_truth(trials: int, hypotheses: int, rng: np.random.Generator) -> Array:
+    """Return the truth of each trial, equally often each hypothesis, in random order."""
+    return np.asarray(rng.permutation(np.arange(trials) % hypotheses))
+
+
+@dataclass(frozen=True)
+class PooledFeatures:
+    """All readings of some taps as features, from which trials are drawn with replacement.
+
+    Parameters
+    ----------
+    values : tuple of arrays (readings, units)
+        Features of the readings under each hypothesis.
+    log_likelihood : tuple of arrays (readings, hypotheses), nats
+        Their log-likelihoods, fitted on other taps than those that are scored.
+    names : tuple of str
+        Names of the hypotheses.
+    t_max : int
+        Readings in a trial.
+    step_ms : float
+        Time between readings, ms.
+    """
+
+    values: tuple[Array, ...]
+    log_likelihood: tuple[Array, ...]
+    names: tuple[str, ...]
+    t_max: int = 40
+    step_ms: float = 50.0
+
+    def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
+        """Draw trials of independent readings."""
+        rng = generator(rng)
+        truth = _shuffled_truth(whole("trials", trials, 1), len(self.names), rng)
+        place = rng.random((trials, self.t_max))
+        values = np.empty((trials, self.t_max, self.values[0].shape[1]))
+        exact = np.empty((trials, self.t_max, len(self.names)))
+        for i, (table, nats) in enumerate(zip(self.values, self.log_likelihood, strict=True)):
+            index = (place[truth == i] * len(table)).astype(np.intp)
+            values[truth == i], exact[truth == i] = table[index], nats[index]
+        return Features(values, truth, self.names, self.step_ms, log_likelihood=exact)
+
+
+def tap_features(
+    taps: pd.DataFrame,
+    task: Task,
+    *,
+    units: int = UNITS,
+    fold: int = 0,
+    t_max: int = 40,
+    step_ms: float = 50.0,
+) -> tuple[PooledFeatures, PooledFeatures]:
+    """Return the features of decoded taps for learning, and of other taps for scoring.
+
+    A reading is a decoded angle, or a difference of two; units have triangular tuning curves over
+    it. Five of six folds of the taps are for learning; the exact likelihoods are fitted to them.
+
+    Parameters
+    ----------
+    taps : DataFrame
+        Decoded taps, as from ``bgmodel.tactile.source.held_out_taps``.
+    task : Task
+        The task, such as ``SameDifferent(period_mm=2)``.
+    units : int
+        Number of units.
+    fold : int
+        Fold that is scored, 0..5.
+    t_max : int
+        Readings in a trial.
+    step_ms : float
+        Time between readings, ms.
+
+    Returns
+    -------
+    learned, scored : PooledFeatures
+    """
+    likelihood = source(taps, task, fold=fold).likelihood
+    pool = task.pool(taps)
+    held = [np.arange(len(part)) % FOLDS == fold for part in pool]
+    parts = [
+        task.readings([part[mask == out] for part, mask in zip(pool, held, strict=True)])
+        for out in (False, True)
+    ]
+    # Equal weight to each hypothesis: same/different has more readings of one than of the other.
+    few = min(len(part) for part in parts[0])
+    thinned = [part[np.linspace(0, len(part) - 1, few).astype(np.intp)] for part in parts[0]]
+    centres = even_centres(thinned, units)
+    period = task.range_deg[1] - task.range_deg[0] if task.circular else None
+    learned, scored = (
+        PooledFeatures(
+            tuple(soft_histogram(part, centres, period) for part in readings),
+            tuple(likelihood(part) for part in readings),
+            task.names,
+            t_max,
+            step_ms,
+        )
+        for readings in parts
+    )
+    return learned, scored
+
+
+@dataclass(frozen=True)
+class GaussianFeatures:
+    """Gaussian evidence seen through tuned units: one sample per channel and reading.
+
+    The samples are those of ``bgmodel.gaussian_evidence``; each channel has ``units`` units with
+    triangular tuning curves.
+    """
+
+    d_prime: float = 0.5
+    """Discriminability of two hypotheses by one reading."""
+    channels: int = 2
+    """Number of hypotheses."""
+    units: int = 8
+    """Number of units per channel."""
+    t_max: int = 40
+    """Readings in a trial."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+
+    def __post_init__(self) -> None:
+        check_positive(d_prime=self.d_prime, step_ms=self.step_ms)
+        whole("channels", self.channels, 2)
+        whole("t_max", self.t_max, 1)
+        whole("units", self.units, 2)
+
+    @property
+    def centres(self) -> Array:
+        """Preferred samples (units,), from 2 below the mean of other channels to 2 above the truth's."""
+        return np.linspace(-2.0, 2.0 + self.d_prime / np.sqrt(2), self.units)
+
+    def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
+        """Draw trials of independent readings."""
+        rng = generator(rng)
+        separation = self.d_prime / np.sqrt(2)
+        truth = _shuffled_truth(whole("trials", trials, 1), self.channels, rng)
+        samples = rng.standard_normal((trials, self.t_max, self.channels))
+        samples[np.arange(trials), :, truth] += separation
+        values = soft_histogram(samples, self.centres).reshape(trials, self.t_max, -1)
+        names = tuple(str(i) for i in range(self.channels))
+        return Features(values, truth, names, self.step_ms, log_likelihood=separation * samples)
+
+
+@dataclass(frozen=True)
+class PoissonFeatures:
+    """Spike counts of a population with circular tuning curves, for N evenly spaced stimuli.
+
+    The count of unit k in a reading is Poisson with mean
+    ``base + peak exp(width (cos(theta_k - theta_i) - 1))`` under hypothesis i.
+    """
+
+    channels: int = 4
+    """Number of hypotheses."""
+    units: int = UNITS
+    """Number of units, their preferred stimuli evenly spaced."""
+    peak: float = 0.3
+    """Largest tuned mean count per reading."""
+    base: float = 0.2
+    """Untuned mean count per reading."""
+    width: float = 1.0
+    """Concentration of the tuning curves."""
+    centred: bool = False
+    """Whether the mean count of each unit over the hypotheses is subtracted."""
+    t_max: int = 40
+    """Readings in a trial."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+
+    def __post_init__(self) -> None:
+        check_positive(peak=self.peak, base=self.base, width=self.width, step_ms=self.step_ms)
+        whole("channels", self.channels, 2)
+        whole("t_max", self.t_max, 1)
+        require(
+            self.units >= self.channels, "units", "must be one per hypothesis or more", self.units
+        )
+
+    @property
+    def means(self) -> Array:
+        """Mean count of each unit under each hypothesis, (hypotheses, units)."""
+        stimulus = 2 * np.pi * np.arange(self.channels) / self.channels
+        preferred = 2 * np.pi * np.arange(self.units) / self.units
+        distance = stimulus[:, None] - preferred
+        return np.asarray(self.base + self.peak * np.exp(self.width * (np.cos(distance) - 1)))
+
+    def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
+        """Draw trials of independent readings."""
+        rng = generator(rng)
+        means = self.means
+        truth = _shuffled_truth(whole("trials", trials, 1), self.channels, rng)
+        shape = (trials, self.t_max, self.units)
+        counts = rng.poisson(np.broadcast_to(means[truth][:, None], shape)).astype(np.float64)
+        exact = counts @ np.log(means).T - means.sum(axis=1)
+        names = tuple(str(i) for i in range(self.channels))
+        found = Features(counts, truth, names, self.step_ms, log_likelihood=exact)
+        if not self.centred:
+            return found
+        removed = means.mean(axis=0)
+        return replace(found, values=counts - removed, removed=removed)

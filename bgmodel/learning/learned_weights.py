@@ -1,0 +1,233 @@
+"""Learned weights: as evidence, against exact likelihoods, and against counts with the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.learning.features import Features
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import check_positive
+from bgmodel.support.reprs import Facts, span
+from circuits.errors import InputError, require
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class WeightCourse:
+    """The course of learning.
+
+    Parameters
+    ----------
+    kept : int array (times,)
+        Numbers of trials after which weights were kept.
+    weights : array (runs, times, hypotheses, units)
+        These weights.
+    correct : bool array (runs, trials)
+        Whether choices were right.
+    readings : array (runs, trials)
+        Readings before the choice.
+    confidence : array (runs, trials)
+        Posterior of the choice according to the weights at that time.
+    final : array (runs, hypotheses, units)
+        Weights at the end, averaged over the learner's last trials.
+    """
+
+    kept: Integers
+    weights: Array
+    correct: Truths
+    readings: Array
+    confidence: Array
+    final: Array
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Learned against exact log-likelihood ratios of single readings, one value per run.
+
+    Parameters
+    ----------
+    slope : array (runs,)
+        Nats of drive per nat of the exact ratios, by least squares; 1 is calibrated.
+    r : array (runs,)
+        Correlation with the exact ratios.
+    """
+
+    slope: Array
+    r: Array
+
+
+@dataclass(frozen=True, repr=False)
+class LearnedWeights(Facts):
+    """Weights of several runs, from sensory units to channels.
+
+    Parameters
+    ----------
+    weights : array (runs, hypotheses, units)
+        Nats of evidence per unit of activity.
+    names : tuple of str
+        Names of the hypotheses.
+    gain : float
+        Nats of drive per nat of evidence while they were learned: a calibrated drive is
+        ``gain * weights @ phi``.
+    course : WeightCourse, optional
+        The course of learning.
+    """
+
+    weights: Array
+    names: tuple[str, ...]
+    gain: float = 1.0
+    course: WeightCourse | None = None
+
+    def __post_init__(self) -> None:
+        fits = self.weights.ndim == 3 and self.weights.shape[1] == len(self.names)
+        must = f"must be of shape (runs, {len(self.names)}, units)"
+        require(fits, "weights", must, self.weights.shape)
+        check_positive(gain=self.gain)
+
+    def facts(self) -> dict[str, str]:
+        """Return runs, hypotheses, units and the range of weights."""
+        found = {
+            "runs": f"{self.runs}",
+            "hypotheses": " ".join(self.names),
+            "units": f"{self.weights.shape[2]}",
+            "weights": span(self.weights),
+        }
+        if self.course is not None:
+            found["trials"] = f"{self.course.correct.shape[1]}"
+        return found
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return len(self.weights)
+
+    def after(self, trials: int) -> LearnedWeights:
+        """Return the weights kept last within a number of trials; ValueError if there are none."""
+        course = self.course
+        if course is None or trials < course.kept[0]:
+            raise InputError.of("trials", "must be one at which weights were kept", trials)
+        at = int(np.searchsorted(course.kept, trials, side="right")) - 1
+        return replace(self, weights=course.weights[:, at])
+
+    def log_likelihoods(self, features: Features, run: int = 0) -> Array:
+        """Return learned log-likelihoods (trials, steps, hypotheses) up to a common term, nats."""
+        self._check_fits(features)
+        require(0 <= run < self.runs, "run", f"must be 0..{self.runs - 1}", run)
+        return np.asarray(features.values @ self.weights[run].T)
+
+    def to_evidence(self, features: Features, run: int = 0) -> Evidence:
+        """Return the learned drive of one run as evidence, for a test or a circuit.
+
+        D1 and STN of a circuit both receive it, as they receive any evidence.
+        """
+        return features.evidence(self.log_likelihoods(features, run))
+
+    def calibration(self, features: Features) -> Calibration:
+        """Compare learned with exact log-likelihood ratios on held-out readings.
+
+        Ratios are those of each hypothesis against the mean over hypotheses.
+        """
+        read = np.arange(features.steps) < features.readings[:, None]
+        exact = _centred(features.exact.log_likelihood[read])
+        slope, r = np.empty(self.runs), np.empty(self.runs)
+        for run in range(self.runs):
+            learned = _centred(self.gain * self.log_likelihoods(features, run)[read])
+            both = (learned * exact).mean()
+            slope[run] = both / (exact**2).mean()
+            r[run] = both / np.sqrt(max((exact**2).mean() * (learned**2).mean(), 1e-300))
+        return Calibration(slope, r)
+
+    def relative_time(self, features: Features, accuracy: float = 0.9) -> Array:
+        """Return mean decision times at equal accuracy relative to the exact likelihoods, (runs,).
+
+        Both are those of the MSPRT on the same held-out readings, its threshold set such that the
+        proportion correct is ``accuracy``. NaN if weights never reach it.
+        """
+        exact = time_at_accuracy(features.exact, accuracy)
+        times = [
+            time_at_accuracy(self.to_evidence(features, run), accuracy) for run in range(self.runs)
+        ]
+        return np.array(times) / exact
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the weights as a table: run, hypothesis, unit, weight."""
+        import pandas as pd
+
+        runs, count, units = self.weights.shape
+        index = pd.MultiIndex.from_product(
+            [range(runs), self.names, range(units)], names=["run", "hypothesis", "unit"]
+        )
+        return pd.DataFrame({"weight": self.weights.ravel()}, index=index).reset_index()
+
+    def _check_fits(self, features: Features) -> None:
+        must = f"must have {self.weights.shape[2]} units and the hypotheses {self.names}"
+        fits = features.units == self.weights.shape[2] and features.names == self.names
+        require(fits, "features", must, f"{features.units} units, {features.names}")
+
+
+def counted_weights(features: Features, readings: int | None = None) -> LearnedWeights:
+    """Return weights from counts with the truth known, for comparison with those from reward.
+
+    ``w_ik`` is the logarithm of the mean activity of unit k under hypothesis i, with half a unit
+    of activity added to each sum. This gives the log-likelihoods of a histogram, or of Poisson
+    cells whose mean summed activity is the same under all hypotheses.
+
+    Parameters
+    ----------
+    features : Features
+        Readings with their truth.
+    readings : int, optional
+        Number of readings that are counted; all of them by default.
+
+    Raises
+    ------
+    ValueError
+        If a hypothesis has no reading.
+    """
+    raw = features.values if features.removed is None else features.values + features.removed
+    read = np.arange(features.steps) < features.readings[:, None]
+    values, truth = raw[read], np.repeat(features.truth, features.readings)
+    if readings is not None:
+        # Readings of different trials: those of one trial share their truth.
+        order = np.argsort(np.tile(np.arange(features.steps), features.trials)[read.ravel()],
+                           kind="stable")[:readings]  # fmt: skip
+        values, truth = values[order], truth[order]
+    rows = []
+    for i, name in enumerate(features.names):
+        some = values[truth == i]
+        if not len(some):
+            raise InputError(f"no reading belongs to the hypothesis {name!r}", "readings")
+        rows.append(np.log((some.sum(axis=0) + 0.5) / len(some)))
+    return LearnedWeights(np.array(rows)[None], features.names)
+
+
+def time_at_accuracy(evidence: Evidence, accuracy: float) -> float:
+    """Return the mean decision time of the MSPRT at a proportion correct, ms; NaN if not reached.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Readings of all trials, with the truth.
+    accuracy : float
+        Proportion correct.
+    """
+    # Leads of 0.001 to 20 nats over the others: weights that are not calibrated need a wide range.
+    lead = np.geomspace(1e-3, 20.0, 300)
+    thresholds = np.log1p((evidence.hypotheses - 1) * np.exp(-lead))
+    swept = tradeoff(Msprt().run(evidence), evidence, thresholds)
+    # The proportion correct, because learned posteriors need not be calibrated.
+    right = (swept.choice == evidence.truth).astype(np.float64)
+    curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
+    return float(time_at([accuracy], curves)[0, 0])
+
+
+def _centred(ratios: Array) -> Array:
+    return np.asarray(ratios - ratios.mean(axis=-1, keepdims=True))

@@ -1,0 +1,121 @@
+"""Learning weights and the gap together, and the regret relative to the exact optimum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.deciding.reward import mean_reward, reward_of
+from bgmodel.learning.critics import Critic, critic_of
+from bgmodel.learning.features import Features, FeatureSource
+from bgmodel.learning.learned_weights import LearnedWeights
+from bgmodel.learning.policies import DELTA_RANGE, GaussianPolicy
+from bgmodel.learning.reinforce import Learned, Learner, exhaustive_search, learn
+from bgmodel.learning.rules import Rule, rule_of
+from bgmodel.learning.weights import Feedback, FixedPoint, Loop, WeightLearner
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
+from circuits.errors import InputError, require
+
+GAPS = 161
+"""Number of gaps over ``DELTA_RANGE`` among which the best one is found."""
+
+
+@dataclass(frozen=True)
+class LearnedTogether:
+    """Weights and gaps of several runs.
+
+    Parameters
+    ----------
+    weights : LearnedWeights
+        The weights, averaged over the last trials.
+    gap : Learned
+        The course of the gap; ``gap.learned`` holds the learned gaps (runs,), nats.
+    """
+
+    weights: LearnedWeights
+    gap: Learned
+
+    def regret(self, features: Features, xi: float) -> Array:
+        """Return the excess cost over the exact optimum on held-out readings, relative, (runs,).
+
+        The cost is that of an error, ``xi``, times their share, plus the mean number of readings.
+        The optimum is the best of ``GAPS`` gaps with the exact likelihoods of the same readings.
+
+        Parameters
+        ----------
+        features : Features
+            Held-out readings of two hypotheses, with exact likelihoods.
+        xi : float
+            Cost of an error in readings.
+        """
+        gaps = np.linspace(*DELTA_RANGE, GAPS)
+        best = -float(mean_reward(exhaustive_search(features.exact, gaps), xi).max())
+        cost = [
+            -float(
+                mean_reward(exhaustive_search(self.weights.to_evidence(features, run), gap), xi)[0]
+            )
+            for run, gap in enumerate(self.gap.learned)
+        ]
+        return (np.array(cost) - best) / best
+
+
+def learn_weights_and_gap(
+    source: FeatureSource,
+    *,
+    xi: float,
+    start_delta: float,
+    seed: int,
+    rule: Rule | str = "confidence",
+    critic: Critic | str | None = None,
+    learner: WeightLearner | None = None,
+    policy: GaussianPolicy | None = None,
+    gap_learner: Learner | None = None,
+    runs: int = 8,
+) -> LearnedTogether:
+    """Learn weights and the gap from the same trials.
+
+    Whether the choice was right teaches the weights; the reward ``r = xi W - T``, with W = -1 after
+    an error and 0 otherwise, teaches the gap by REINFORCE (Burguete et al. 2023). The gap of a
+    trial is that at which the fixed point stops.
+
+    Parameters
+    ----------
+    source : FeatureSource
+        Trials of two hypotheses.
+    xi : float
+        Cost of an error in readings.
+    start_delta : float
+        Initial gap, nats.
+    seed : int
+        Seed of trials and exploration.
+    rule, critic, runs :
+        As for ``learn_weights``.
+    learner : WeightLearner, optional
+        Step sizes of the weights; its number of trials is that of both.
+    policy, gap_learner :
+        Exploration and step sizes of the gap.
+
+    Raises
+    ------
+    ValueError
+        If there are not two hypotheses, or as for ``learn_weights`` and ``learn``.
+    """
+    learner = learner or WeightLearner(trials=40_000)
+    rule = rule_of(rule)
+    critic = critic_of(rule.critic if critic is None else critic)
+    gap_learner = gap_learner or Learner(episodes=learner.trials)
+    same = f"must be those of the weights, {learner.trials}"
+    require(gap_learner.episodes == learner.trials, "episodes", same, gap_learner.episodes)
+    loop = Loop(source, rule, critic, Feedback(), learner, FixedPoint(), runs, seed, "together")
+    if len(loop.names) != 2:
+        raise InputError(f"a gap is of 2 hypotheses, these are {len(loop.names)}", "source")
+
+    def rewards(episode: int, gaps: Array) -> Array:
+        _, correct, readings = loop.trial(1 / (1 + np.exp(-gaps / 2)))
+        return reward_of(~correct, readings, xi)
+
+    explored = [stream(seed, "together", "gap", run) for run in range(runs)]
+    gap = learn(rewards, start_delta, rngs=explored, policy=policy, learner=gap_learner)
+    return LearnedTogether(LearnedWeights(loop.final, loop.names), gap)
