@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from bgmodel.learning.features import Features, even_centres, soft_histogram
-from bgmodel.support.arrays import Array
+from bgmodel.learning.weights.features import Features, even_centres, soft_histogram
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.source import FOLDS, source
@@ -19,7 +19,7 @@ UNITS = 16
 """Default number of sensory units; our choice."""
 
 
-def _shuffled_truth(trials: int, hypotheses: int, rng: np.random.Generator) -> Array:
+def _shuffled_truth(trials: int, hypotheses: int, rng: np.random.Generator) -> Integers:
     """Return the truth of each trial, equally often each hypothesis, in random order."""
     return np.asarray(rng.permutation(np.arange(trials) % hypotheses))
 
@@ -146,7 +146,7 @@ class GaussianFeatures:
 
     @property
     def centres(self) -> Array:
-        """Preferred samples (units,), from 2 below the mean of other channels to 2 above the truth's."""
+        """Preferred samples (units,), 2 standard deviations beyond both means."""
         return np.linspace(-2.0, 2.0 + self.d_prime / np.sqrt(2), self.units)
 
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:

@@ -8,13 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from bgmodel.learning.critics import Trial
+from bgmodel.learning.weights.critics import Trial
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range
 from circuits.errors import InputError
 
-MOST_NATS = 30.0
-"""Largest weight whose exponential a rule takes."""
+MOST_NATS = 5.0
+"""Largest weight of the Hebbian rule, nats; assumed, because its steps grow exponentially."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +132,15 @@ class Hebbian(Rule):
 
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
         """Return the change of the chosen channel; the critic is not used."""
-        w = np.clip(parameters, -MOST_NATS, MOST_NATS)
+        w = parameters
         reward = np.nan_to_num(trial.reward, nan=0.5)[:, None, None]
         told = np.isfinite(trial.reward)[:, None, None]
         push = reward * (1 + np.exp(-w)) - (1 - reward) * (1 + np.exp(w))
         return np.asarray(told * push * _outer(_at_choice(trial), trial.eligibility))
+
+    def bounded(self, parameters: Array) -> Array:
+        """Return weights within MOST_NATS."""
+        return np.clip(parameters, -MOST_NATS, MOST_NATS)
 
 
 @dataclass(frozen=True)

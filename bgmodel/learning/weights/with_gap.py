@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.deciding.reward import mean_reward, reward_of
-from bgmodel.learning.critics import Critic, critic_of
-from bgmodel.learning.features import Features, FeatureSource
-from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.policies import DELTA_RANGE, GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, exhaustive_search, learn
-from bgmodel.learning.rules import Rule, rule_of
-from bgmodel.learning.weights import Feedback, FixedPoint, Loop, WeightLearner
+from bgmodel.learning.weights.critics import Critic, critic_of
+from bgmodel.learning.weights.deciders import FixedPoint
+from bgmodel.learning.weights.features import Features, FeatureSource
+from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.learned import LearnedWeights
+from bgmodel.learning.weights.loop import Loop
+from bgmodel.learning.weights.rules import Rule, rule_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError, require

@@ -10,8 +10,8 @@ import numpy as np
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.features import Features
-from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.learning.weights.features import Features
+from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_positive
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError, require
@@ -161,7 +161,7 @@ class LearnedWeights(Facts):
         """Return the weights as a table: run, hypothesis, unit, weight."""
         import pandas as pd
 
-        runs, count, units = self.weights.shape
+        runs, _, units = self.weights.shape
         index = pd.MultiIndex.from_product(
             [range(runs), self.names, range(units)], names=["run", "hypothesis", "unit"]
         )
@@ -229,5 +229,5 @@ def time_at_accuracy(evidence: Evidence, accuracy: float) -> float:
     return float(time_at([accuracy], curves)[0, 0])
 
 
-def _centred(ratios: Array) -> Array:
+def _centred(ratios: Reals) -> Array:
     return np.asarray(ratios - ratios.mean(axis=-1, keepdims=True))

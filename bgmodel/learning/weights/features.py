@@ -11,7 +11,14 @@ import numpy.typing as npt
 
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array, Integers, Reals
-from bgmodel.support.checks import check_inside, check_positive, known_truth, reals, whole
+from bgmodel.support.checks import (
+    check_inside,
+    check_positive,
+    known_truth,
+    one_per_trial,
+    reals,
+    whole,
+)
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
 from circuits.errors import InputError, require
@@ -66,18 +73,18 @@ class Features(Facts):
         self._check_lengths(values)
         exact = self.log_likelihood
         shape = (*values.shape[:2], len(self.names))
-        fits = exact is None or exact.shape == shape
-        require(fits, "log_likelihood", f"must be {shape}", np.shape(exact))
+        if exact is not None:
+            fits = np.shape(exact) == shape
+            require(fits, "log_likelihood", f"must be {shape}", np.shape(exact))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "truth", truth)
 
     def _check_lengths(self, values: Reals) -> None:
         if self.lengths is None:
             return
-        require(np.shape(self.lengths) == values.shape[:1], "lengths", "must be one per trial",
-                np.shape(self.lengths))  # fmt: skip
-        check_inside("lengths", self.lengths, 1, values.shape[1])
-        if values[np.arange(values.shape[1]) >= self.lengths[:, None]].any():
+        lengths = one_per_trial("lengths", self.lengths, len(values))
+        check_inside("lengths", lengths, 1, values.shape[1])
+        if values[np.arange(values.shape[1]) >= lengths[:, None]].any():
             raise InputError("features after the last reading of a trial must be 0", "lengths")
 
     def facts(self) -> dict[str, str]:

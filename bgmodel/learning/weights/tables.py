@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from bgmodel.learning.features import Features, check_learnable
+from bgmodel.learning.weights.features import Features, check_learnable
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.columns import check_numeric, names_once
 from bgmodel.tables.evidence import trials_from_table

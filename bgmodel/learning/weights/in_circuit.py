@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from bgmodel.deciding.decision import Decision, Trace, crossing_of_each
+from bgmodel.deciding.readout import threshold_from_posterior
 from bgmodel.deciding.tradeoff import curve, time_at
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia, deciding_thresholds
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
-from bgmodel.deciding.readout import threshold_from_posterior
-from bgmodel.learning.critics import Critic, ReadOutConfidence
-from bgmodel.learning.features import Features, FeatureSource
-from bgmodel.learning.learned_weights import LearnedWeights
-from bgmodel.learning.weights import Choices, learn_weights
+from bgmodel.learning.weights.critics import Critic, ReadOutConfidence
+from bgmodel.learning.weights.deciders import Choices
+from bgmodel.learning.weights.features import Features, FeatureSource
+from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range
 from circuits.errors import BgmodelWarning, require

@@ -1,0 +1,1 @@
+"""Learning what evidence means: weights from sensory features to channels, from reward alone."""

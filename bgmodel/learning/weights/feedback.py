@@ -1,0 +1,99 @@
+"""What a learner of weights is told, and how fast its weights change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import check_positive, check_range, whole
+from circuits.errors import InputError, require
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What a learner is told after its choice."""
+
+    right: float = 1.0
+    """Reward for a correct choice."""
+    wrong: float = 0.0
+    """Reward for an error."""
+    valid: float = 1.0
+    """Share of trials in which the reward is that of the choice; it is reversed in the others."""
+    given: float = 1.0
+    """Share of trials with any reward; in the others nothing is learned."""
+    reversal: int | None = None
+    """Number of the trial from which labels are exchanged: hypothesis i is rewarded as i + 1."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, valid=self.valid, given=self.given)
+        require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
+        if self.given == 0:
+            raise InputError(
+                "without any feedback nothing can be learned: given must be > 0", "given"
+            )
+        if self.reversal is not None:
+            whole("reversal", self.reversal, 1)
+
+    @property
+    def of_unit(self) -> bool:
+        """Whether rewards are 0 and 1."""
+        return (self.right, self.wrong) == (1.0, 0.0)
+
+    def label(self, truth: Integers, hypotheses: int, number: int) -> Integers:
+        """Return the hypothesis that is rewarded in trial ``number``, (runs,)."""
+        turned = self.reversal is not None and number >= self.reversal
+        return (truth + turned) % hypotheses
+
+    def reward(self, correct: Truths, chance: Array) -> Array:
+        """Return the reward of choices (runs,), NaN without feedback; chance (runs, 2) uniform."""
+        told = correct == (chance[:, 0] < self.valid)
+        reward = np.where(told, self.right, self.wrong)
+        return np.where(chance[:, 1] < self.given, reward, np.nan)
+
+
+@dataclass(frozen=True)
+class WeightLearner:
+    """How weights change: step size, gains of the two signs of the error, trace."""
+
+    trials: int = 10_000
+    """Number of trials."""
+    rate: float = 0.5
+    """Initial step size, divided by the running mean of the squared trace, so that it suits any
+    number and activity of units; tuned on seed 1."""
+    half_trials: float = 3_000.0
+    """Trials after which the step size has halved; infinity keeps it constant, as required in a
+    changing environment; tuned on seed 1."""
+    gain_plus: float = 1.0
+    """Factor on positive errors."""
+    gain_minus: float = 1.0
+    """Factor on negative errors."""
+    trace_decay: float = 1.0
+    """Factor on the trace of earlier features at each reading; 1 keeps them all."""
+    averaged: float = 0.25
+    """Share of the last trials over whose weights the result is averaged (Polyak & Juditsky 1992);
+    0 takes the last weights."""
+    keep: int = 100
+    """Number of times at which weights are kept, evenly spaced."""
+
+    def __post_init__(self) -> None:
+        whole("trials", self.trials, 1)
+        check_positive(rate=self.rate, gain_plus=self.gain_plus, gain_minus=self.gain_minus)
+        require(self.half_trials > 0, "half_trials", "must be > 0", self.half_trials)
+        check_range(0, 1, trace_decay=self.trace_decay, averaged=self.averaged)
+        whole("keep", self.keep, 1)
+
+    @property
+    def last(self) -> int:
+        """Number of last trials over whose weights the result is averaged."""
+        return max(1, round(self.averaged * self.trials))
+
+    def step(self, number: int) -> float:
+        """Return the step size of a trial."""
+        return self.rate / (1 + number / self.half_trials)
+
+    def error(self, surprise: Array) -> Array:
+        """Return the error (runs,) from reward less expectation; 0 without feedback."""
+        known = np.nan_to_num(surprise, nan=0.0)
+        return np.asarray(known * np.where(known > 0, self.gain_plus, self.gain_minus))
