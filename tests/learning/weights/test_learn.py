@@ -1,0 +1,266 @@
+"""Weights learned from reward: fixed points by their closed form, laws, and bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bgmodel as bg
+from bgmodel.evidence import minus_log_softmax
+from bgmodel.learning.weights.critics import Affine, Trial
+from bgmodel.learning.weights.deciders import FixedPoint
+from bgmodel.learning.weights.features import Features
+from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.learned import LearnedWeights, counted_weights, time_at_accuracy
+from bgmodel.learning.weights.rules import rule_of
+from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
+from bgmodel.support.seeds import stream
+from bgmodel.tactile.source import held_out_taps
+from bgmodel.tactile.task import SameDifferent
+from circuits.errors import CalibrationWarning, NoiseWarning
+from tests.helpers import refused, unwarned
+
+CELLS = PoissonFeatures(channels=3, units=12, centred=True, t_max=25)
+EXACT = np.log(CELLS.means)
+"""Exact weights: mean counts are removed, and sum to the same under all hypotheses."""
+STOPPING = [
+    FixedPoint(criterion=0.7),
+    FixedPoint(criterion=0.95),
+    FixedPoint(sampled=1),
+    FixedPoint(sampled=6, drawn=True),
+]
+
+
+def updates(weights, decider, *, rule="confidence", decay=1.0, trials=6000):
+    """Return the update by each of many trials under fixed weights, (trials, N, units)."""
+    part = CELLS.draw(trials, rng=stream(1, "updates"))
+    w = np.broadcast_to(weights, (trials, *weights.shape))
+    noise = stream(2, "noise").standard_normal((trials, 4))
+    chosen = decider.choose(part, w, np.full(trials, decider.criterion), noise, 0)
+    since = chosen.last[:, None] - np.arange(part.steps)
+    trace = (np.where(since >= 0, decay ** np.maximum(since, 0), 0)[:, None] @ part.values)[:, 0]
+    reward = (chosen.choice == part.truth).astype(float)
+    posterior = np.exp(-minus_log_softmax(chosen.drive))
+    confidence = posterior[np.arange(trials), chosen.choice]
+    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, confidence, reward,
+                  trace)  # fmt: skip
+    error = reward - (confidence if rule != "reinforce" else reward.mean())
+    return rule_of(rule).change(w, trial, error)
+
+
+def largest_z(update):
+    """Return the largest z score of the mean update of any weight."""
+    error = update.std(axis=0) / np.sqrt(len(update))
+    return np.abs(update.mean(axis=0) / error).max()
+
+
+@pytest.mark.parametrize("decider", STOPPING, ids=repr)
+@pytest.mark.parametrize(("rule", "decay"), [("confidence", 1), ("chosen", 1), ("confidence", 0.5)])
+def test_exact_log_likelihoods_are_a_fixed_point_under_any_stopping_rule(decider, rule, decay):
+    # 36 weights: the largest of as many z scores exceeds 4 in one of 400 tests.
+    assert largest_z(updates(EXACT, decider, rule=rule, decay=decay)) < 4
+
+
+def test_other_weights_are_no_fixed_point_and_exact_ones_are_none_of_reinforce():
+    assert largest_z(updates(2 * EXACT, STOPPING[0])) > 8
+    assert largest_z(updates(EXACT, STOPPING[3], rule="reinforce")) > 8
+
+
+def one_of_two(p):
+    """Return single readings of two units, the first with probability p under hypothesis 0."""
+    rng = np.random.default_rng(4)
+    truth = np.arange(4000) % 2
+    first = rng.random(4000) < np.where(truth == 0, p, 1 - p)
+    values = np.stack([first, ~first], axis=1).astype(float)[:, None]
+    return Features(values, truth, ("0", "1"))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0])
+def test_unequal_gains_shift_the_log_odds_by_the_logarithm_of_their_ratio(ratio):
+    """For one reading of p = 0.75 the posterior that is learned has log odds ln 3 + ln ratio."""
+    learner = WeightLearner(trials=4000, gain_plus=ratio, rate=0.2, half_trials=400)
+    learned = learn_weights(
+        one_of_two(0.75), seed=3, learner=learner, decider=FixedPoint(sampled=1)
+    )
+    w = learned.weights
+    odds = (w[:, 0, 0] - w[:, 1, 0] + w[:, 1, 1] - w[:, 0, 1]) / 2
+    truth = np.log(3) + np.log(ratio)
+    error = odds.std() / np.sqrt(len(odds))
+    assert abs(odds.mean() - truth) < 4 * error + 0.05  # the table's own p is not quite 0.75
+    assert error < 0.1
+
+
+@pytest.fixture(scope="module")
+def gratings():
+    return tap_features(held_out_taps(), SameDifferent(2.0))
+
+
+def test_reward_teaches_nearly_the_exact_likelihoods_of_taps(gratings):
+    learned = learn_weights(gratings[0], seed=11, learner=WeightLearner(trials=3000), runs=4)
+    test = gratings[1].draw(2000, rng=12)
+    found = learned.calibration(test)
+    assert 0.8 < found.slope.mean() < 1.2
+    assert found.r.min() > 0.95
+    assert learned.relative_time(test).mean() < 1.06
+    early = learned.after(60).calibration(test)
+    assert early.slope.mean() < 0.5 * found.slope.mean()
+    course = learned.course
+    assert course.correct[:, -500:].mean() > 0.9
+    assert course.readings[:, :100].mean() > 3 * course.readings[:, -100:].mean()
+
+
+def test_shuffled_labels_teach_nothing():
+    drawn = GaussianFeatures(d_prime=1.0, t_max=10).draw(4000, rng=5)
+    shuffled = replace(drawn, truth=np.random.default_rng(6).permutation(drawn.truth))
+    learned = learn_weights(shuffled, seed=7, learner=WeightLearner(trials=2000), runs=4)
+    assert np.abs(learned.calibration(drawn).slope).max() < 0.15
+    assert learned.course.correct.mean() == pytest.approx(0.5, abs=0.03)
+
+
+def test_exchanged_labels_are_learned_again(gratings):
+    learned = learn_weights(
+        gratings[0], seed=8, runs=4, feedback=Feedback(reversal=1500),
+        learner=WeightLearner(trials=2500, half_trials=np.inf),
+    )  # fmt: skip
+    correct = learned.course.correct.mean(axis=0)
+    assert correct[1000:1500].mean() > 0.9
+    assert correct[1500:1530].mean() < 0.4
+    assert correct[2000:].mean() > 0.9
+
+
+def test_unreliable_feedback_spoils_the_confidence_critic_and_not_the_affine_one(gratings):
+    told = {"feedback": Feedback(valid=0.9), "learner": WeightLearner(trials=3000), "runs": 4}
+    with pytest.warns(CalibrationWarning, match=r"valid in 90%|so in 90%"):
+        spoilt = learn_weights(gratings[0], seed=9, **told)
+    with unwarned():
+        kept = learn_weights(gratings[0], seed=9, critic=Affine(valid=0.9, rate=0), **told)
+    test = gratings[1].draw(500, rng=1)
+    assert spoilt.calibration(test).slope.mean() < 0.5
+    assert kept.calibration(test).slope.mean() > 0.7
+
+
+def test_runs_do_not_depend_on_each_other():
+    options = {"seed": 1, "learner": WeightLearner(trials=300)}
+    few, many = (learn_weights(CELLS, runs=n, **options).weights for n in (2, 5))
+    assert many[:2] == pytest.approx(few, rel=1e-9)
+    assert np.ptp(many, axis=0).max() > 0.01
+
+
+def test_without_feedback_in_a_trial_weights_do_not_change():
+    every = learn_weights(CELLS, seed=1, runs=1, learner=WeightLearner(trials=40, keep=40))
+    some = learn_weights(
+        CELLS, seed=1, runs=1, feedback=Feedback(given=0.25),
+        learner=WeightLearner(trials=40, keep=40),
+    )  # fmt: skip
+    changed = [
+        (np.diff(one.course.weights[0], axis=0) != 0).any(axis=(1, 2)).sum()
+        for one in (every, some)
+    ]
+    assert changed[0] == 39
+    assert 2 < changed[1] < 20
+
+
+def test_exact_weights_are_calibrated_and_as_fast_as_exact_likelihoods():
+    test = CELLS.draw(600, rng=9)
+    exact = LearnedWeights(np.stack([EXACT, 2 * EXACT]), test.names)
+    found = exact.calibration(test)
+    assert found.slope == pytest.approx([1, 2])
+    assert found.r == pytest.approx(1)
+    assert exact.relative_time(test, 0.8)[0] == pytest.approx(1)
+    assert len(exact.to_dataframe()) == 2 * 3 * 12
+    counted = counted_weights(CELLS.draw(2000, rng=10))
+    assert counted.calibration(test).slope[0] == pytest.approx(1, abs=0.1)
+    assert counted.relative_time(test, 0.8)[0] == pytest.approx(1, abs=0.05)
+
+
+def test_counts_use_the_readings_of_many_trials_first():
+    drawn = one_of_two(0.75)
+    w = counted_weights(drawn, readings=1000).weights[0]
+    first = drawn.values[:1000, 0]
+    known = [np.log((first[drawn.truth[:1000] == i].sum(axis=0) + 0.5) / 500) for i in (0, 1)]
+    assert w == pytest.approx(np.array(known))
+    with refused("readings no reading belongs to"):
+        counted_weights(drawn, readings=1)
+
+
+def test_learned_evidence_drives_a_test_and_a_circuit():
+    test = CELLS.draw(60, rng=9)
+    evidence = LearnedWeights(EXACT[None], test.names).to_evidence(test)
+    assert time_at_accuracy(evidence, 0.8) == pytest.approx(time_at_accuracy(test.exact, 0.8))
+    circuit = bg.BasalGanglia(bg.load_circuit("macaque", channels=3), seed=1)
+    assert circuit.decide(evidence, posterior=0.6, forced=True).accuracy > 0.5
+    assert bg.Msprt().decide(evidence, posterior=0.8).accuracy > 0.6
+
+
+@pytest.mark.parametrize(
+    ("wanted", "options"),
+    [
+        ("right 'confidence' takes rewards as 0 or 1", {"feedback": Feedback(right=2, wrong=-1)}),
+        ("right 'hebbian' takes", {"rule": "hebbian", "feedback": Feedback(wrong=-1)}),
+        ("rule", {"rule": "none"}),
+        ("critic", {"critic": "none"}),
+        ("runs", {"runs": 0}),
+        (
+            "rate the weights are no longer finite",
+            {"rule": "q", "learner": WeightLearner(rate=1e4)},
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid")
+def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
+    with refused(wanted):
+        learn_weights(CELLS, **{"seed": 1, "runs": 2} | options)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "make"),
+    [
+        ("given without any feedback", lambda: Feedback(given=0)),
+        ("right must exceed wrong", lambda: Feedback(right=0)),
+        ("valid", lambda: Feedback(valid=1.1)),
+        ("reversal", lambda: Feedback(reversal=0)),
+        ("trials", lambda: WeightLearner(trials=0)),
+        ("rate", lambda: WeightLearner(rate=0)),
+        ("gain_plus", lambda: WeightLearner(gain_plus=-1)),
+        ("trace_decay", lambda: WeightLearner(trace_decay=1.5)),
+        ("half_trials", lambda: WeightLearner(half_trials=0)),
+        ("criterion", lambda: FixedPoint(criterion=1.2)),
+        ("sampled", lambda: FixedPoint(sampled=0)),
+        ("trials", lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10)),
+        ("weights", lambda: LearnedWeights(np.zeros((1, 3, 3)), ("a", "b"))),
+        ("features", lambda: LearnedWeights(np.zeros((1, 3, 3)), tuple("abc")).to_evidence(
+            CELLS.draw(2, rng=1))),
+    ],
+)  # fmt: skip
+def test_options_out_of_range_are_refused(wanted, make):
+    with refused(wanted):
+        make()
+
+
+def test_rewards_of_any_size_suit_a_critic_that_only_averages():
+    learned = learn_weights(
+        CELLS, seed=1, runs=2, rule="reinforce", feedback=Feedback(right=2, wrong=-1),
+        learner=WeightLearner(trials=200),
+    )  # fmt: skip
+    assert np.isfinite(learned.weights).all()
+
+
+def test_a_class_without_trials_and_a_silent_unit_are_refused():
+    drawn = CELLS.draw(300, rng=1)
+    with refused("truth no trial belongs to the hypothesis '2'"):
+        learn_weights(replace(drawn, truth=drawn.truth % 2), seed=1)
+    with refused("values 1 of 12 units are 0 in every reading, the first is unit 3"):
+        learn_weights(replace(drawn, values=drawn.values * (np.arange(12) != 3)), seed=1)
+
+
+def test_the_criterion_is_no_critic_where_one_reading_tells_much(gratings):
+    with pytest.warns(CalibrationWarning, match="beyond the criterion of 0.9"):
+        learn_weights(gratings[0], seed=1, runs=2, critic="criterion",
+                      learner=WeightLearner(trials=1500))  # fmt: skip
+
+
+def test_feedback_that_is_right_half_of_the_time_is_warned_of():
+    with pytest.warns(NoiseWarning, match="tells nothing"):
+        learn_weights(CELLS, seed=1, runs=1, critic="affine", feedback=Feedback(valid=0.5),
+                      learner=WeightLearner(trials=10))  # fmt: skip
