@@ -63,8 +63,8 @@ def test_exact_log_likelihoods_are_a_fixed_point_under_any_stopping_rule(decider
 
 
 def test_other_weights_are_no_fixed_point_and_exact_ones_are_none_of_reinforce():
-    assert largest_z(updates(2 * EXACT, STOPPING[0])) > 8
-    assert largest_z(updates(EXACT, STOPPING[3], rule="reinforce")) > 8
+    assert largest_z(updates(2 * EXACT, STOPPING[0])) > 6
+    assert largest_z(updates(EXACT, STOPPING[3], rule="reinforce")) > 6
 
 
 def one_of_two(p):
