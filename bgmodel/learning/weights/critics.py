@@ -117,34 +117,49 @@ class Confidence(Critic):
 
 @dataclass(frozen=True)
 class SettledConfidence(Critic):
-    """P_c up to the highest posterior that a circuit can express."""
+    """P_c up to the highest posterior that a circuit can express.
+
+    Beyond that, confidences cannot be told apart. The expected reward is then the running mean of
+    rewards in such trials, because it would be too low at the limit itself, and weights would grow.
+    """
 
     name: ClassVar[str] = "settled"
     ceiling: float = 0.947
     """Highest posterior; that of the default circuit, ``exp(-readable_nats[0])``."""
+    rate: float = 0.01
+    """Weight of each reward in the running mean; 0 keeps it at the ceiling."""
 
     def __post_init__(self) -> None:
-        check_range(0, 1, ceiling=self.ceiling)
+        check_range(0, 1, ceiling=self.ceiling, rate=self.rate)
+
+    def confidence(self, trial: Trial) -> Array:
+        """Return P_c without the limit."""
+        return trial.of_choice(trial.posterior)
+
+    def start(self, runs: int) -> Array:
+        """Return the mean reward beyond the ceiling, the ceiling itself, (runs, 1)."""
+        return np.full((runs, 1), self.ceiling)
 
     def expected(self, state: Array, trial: Trial) -> Array:
-        """Return P_c, capped."""
-        return np.minimum(trial.of_choice(trial.posterior), self.ceiling)
+        """Return P_c, or the mean reward beyond the ceiling."""
+        confidence = self.confidence(trial)
+        return np.where(confidence < self.ceiling, confidence, state[:, 0])
+
+    def learn(self, state: Array, trial: Trial, error: Array) -> Array:
+        """Move the mean reward beyond the ceiling."""
+        beyond = self.confidence(trial) >= self.ceiling
+        return np.asarray(state + (self.rate * beyond * error)[:, None])
 
 
 @dataclass(frozen=True)
-class ReadOutConfidence(Critic):
+class ReadOutConfidence(SettledConfidence):
     """P_c as read from the output of the circuit, SNr, up to the highest that it can express."""
 
     name: ClassVar[str] = "read-out"
-    ceiling: float = 0.947
-    """Highest posterior; that of the default circuit, ``exp(-readable_nats[0])``."""
 
-    def __post_init__(self) -> None:
-        check_range(0, 1, ceiling=self.ceiling)
-
-    def expected(self, state: Array, trial: Trial) -> Array:
-        """Return ``exp(-OUT_c)``, capped."""
-        return np.minimum(trial.read_out, self.ceiling)
+    def confidence(self, trial: Trial) -> Array:
+        """Return ``exp(-OUT_c)``."""
+        return trial.read_out
 
 
 @dataclass(frozen=True)

@@ -152,12 +152,16 @@ def test_certainty_makes_no_update_infinite():
 def test_critics_of_confidence_are_capped_where_the_circuit_is():
     trial = trial_of(5 * some_weights(2), choice=[0] * RUNS)
     trial = replace(trial, read_out=np.linspace(0.5, 1.2, RUNS))
-    nothing = np.zeros((RUNS, 0))
-    p = trial.posterior[:, 0]
+    nothing, p = np.zeros((RUNS, 0)), trial.posterior[:, 0]
     assert Confidence().expected(nothing, trial) == pytest.approx(p)
-    assert SettledConfidence(0.8).expected(nothing, trial) == pytest.approx(np.minimum(p, 0.8))
-    read = ReadOutConfidence(0.9).expected(nothing, trial)
-    assert read == pytest.approx(np.minimum(trial.read_out, 0.9))
+    for critic, limit, value in (
+        (SettledConfidence(0.8), 0.8, p),
+        (ReadOutConfidence(0.9, rate=0.5), 0.9, trial.read_out),
+    ):
+        state = critic.start(RUNS)
+        assert critic.expected(state, trial) == pytest.approx(np.minimum(value, limit))
+        moved = critic.learn(state, trial, np.full(RUNS, 0.1))
+        assert (moved[:, 0] > limit).tolist() == (value >= limit).tolist()
     assert Criterion().expected(nothing, trial) == pytest.approx(0.9)
 
 
