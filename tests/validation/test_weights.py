@@ -1,0 +1,154 @@
+"""Weights learned from reward against exact likelihoods, on scoring seeds: make validate."""
+
+import time
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import expit, logit
+
+import bgmodel as bg
+from bgmodel.learning.weights.critics import Affine, ReadOutConfidence
+from bgmodel.learning.weights.deciders import FixedPoint
+from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.in_circuit import (
+    InCircuit,
+    circuit_time_at_accuracy,
+    learn_weights_in_circuit,
+)
+from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.learned import counted_weights
+from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
+from bgmodel.learning.weights.with_gap import learn_weights_and_gap
+from bgmodel.tactile.source import held_out_taps
+from bgmodel.tactile.task import SameDifferent
+
+pytestmark = pytest.mark.validate
+SEED, RUNS = 101, 12
+"""Step sizes were tuned on seed 1."""
+
+
+def gratings(period_mm, t_max=40, **options):
+    return tap_features(held_out_taps(), SameDifferent(period_mm), t_max=t_max, **options)
+
+
+def offset(course):
+    """Return how far log odds of choices exceed those of being right, each run, nats."""
+    half = course.correct.shape[1] // 2
+    odds = logit(np.clip(course.confidence[:, half:], 1e-9, 1 - 1e-9))
+    return np.array(
+        [
+            brentq(lambda nats, r=right, y=y: (r - expit(y - nats)).mean(), -20, 20)
+            for right, y in zip(course.correct[:, half:], odds, strict=True)
+        ]
+    )
+
+
+@pytest.mark.parametrize(("period", "t_max", "trials"), [(2.0, 40, 10_000), (1.5, 100, 30_000)])
+def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, trials):
+    taps, held_out = gratings(period, t_max)
+    test = held_out.draw(3000, rng=SEED)
+    learned = learn_weights(taps, seed=SEED, runs=RUNS, learner=WeightLearner(trials=trials))
+    found, ratio = learned.calibration(test), learned.relative_time(test)
+    counted = counted_weights(taps.draw(500, rng=SEED), readings=trials)
+    print(
+        f"{period} mm: time {ratio.mean():.3f}, slope {found.slope.mean():.3f}, r "
+        f"{found.r.mean():.3f}; counts {counted.relative_time(test)[0]:.3f}"
+    )
+    assert ratio.mean() < 1.03
+    assert found.r.mean() > 0.97
+    # On 1.5 mm the exact likelihoods are shrunk towards no evidence.
+    assert 0.9 < found.slope.mean() < (1.1 if period == 2 else 1.2)
+
+
+def test_poisson_cells_are_read_as_fast_as_with_the_exact_likelihoods():
+    cells = PoissonFeatures(channels=4, centred=True, t_max=60)
+    test = cells.draw(3000, rng=SEED)
+    learned = learn_weights(cells, seed=SEED, runs=RUNS)
+    ratio, found = learned.relative_time(test), learned.calibration(test)
+    print(f"time {ratio.mean():.3f}, slope {found.slope.mean():.3f}, r {found.r.mean():.3f}")
+    assert ratio.mean() < 1.04
+    assert 0.9 < found.slope.mean() < 1.1
+
+
+def test_the_law_of_unequal_gains_at_a_criterion():
+    for plus, tolerance in ((2.0, 0.1), (4.0, 0.15)):
+        learner = WeightLearner(gain_plus=plus)
+        learned = learn_weights(gratings(2.0)[0], seed=SEED, runs=RUNS, learner=learner)
+        found = offset(learned.course)
+        print(f"ratio {plus:g}: {found.mean():.3f}, law {np.log(plus):.3f}")
+        assert abs(found.mean() - np.log(plus)) < tolerance
+
+
+def test_labels_that_are_exchanged_are_learned_again_within_300_trials():
+    learned = learn_weights(
+        gratings(2.0)[0], seed=SEED, runs=RUNS, feedback=Feedback(reversal=3000),
+        learner=WeightLearner(trials=4000, half_trials=np.inf),
+    )  # fmt: skip
+    correct = learned.course.correct.mean(axis=0)
+    assert correct[3300:3600].mean() > correct[2000:3000].mean() - 0.02
+
+
+def test_reinforce_learns_a_classifier_and_no_posterior():
+    taps, held_out = gratings(2.0)
+    test = held_out.draw(1000, rng=SEED)
+    slopes = [
+        learn_weights(taps, seed=SEED, runs=RUNS, rule="reinforce", decider=decider)
+        for decider in (FixedPoint(), FixedPoint(sampled=3, drawn=True))
+    ]
+    at_criterion, sampled = (one.calibration(test).slope.mean() for one in slopes)
+    early = slopes[1].after(3000).calibration(test).slope.mean()
+    print(f"criterion {at_criterion:.2f}, sampled {early:.2f} then {sampled:.2f}")
+    assert at_criterion < 0.6
+    assert sampled > 1.4
+    assert sampled > early + 0.1
+
+
+def test_an_affine_critic_that_knows_the_share_of_valid_feedback_stays_calibrated():
+    taps, held_out = gratings(2.0)
+    learned = learn_weights(
+        taps, seed=SEED, runs=RUNS, critic=Affine(valid=0.9, rate=0), feedback=Feedback(valid=0.9)
+    )
+    slope = learned.calibration(held_out.draw(1000, rng=SEED)).slope
+    print(f"slope {slope.mean():.3f}")
+    assert 0.9 < slope.mean() < 1.1
+
+
+def test_noise_of_the_read_out_changes_the_scale_and_not_the_time():
+    taps, held_out = gratings(2.0)
+    test = held_out.draw(2000, rng=SEED)
+    learned = learn_weights(
+        taps, seed=SEED, runs=RUNS, critic=ReadOutConfidence(),
+        decider=FixedPoint(read_out_sd_nats=0.05),
+    )  # fmt: skip
+    assert learned.relative_time(test).mean() < 1.03
+    assert learned.calibration(test).slope.mean() > 1.3
+
+
+@pytest.mark.parametrize(("xi", "most"), [(10.0, 0.02), (50.0, 0.05)])
+def test_weights_and_gap_are_learned_together(xi, most):
+    taps, held_out = gratings(2.0, 30)
+    both = learn_weights_and_gap(taps, xi=xi, start_delta=1.0, seed=SEED, runs=RUNS)
+    regret = both.regret(held_out.draw(20_000, rng=SEED), xi)
+    print(f"xi {xi:g}: gap {both.gap.learned.mean():.2f}, regret {regret.mean():.3f}")
+    assert regret.mean() < most
+
+
+def test_a_circuit_learns_from_the_confidence_of_its_own_snr():
+    taps, held_out = gratings(2.0, 12, step_ms=200)
+    learned = learn_weights_in_circuit(
+        taps, InCircuit(bg.BasalGanglia("macaque", seed=SEED)), seed=SEED, runs=16,
+        learner=WeightLearner(trials=1500),
+    )  # fmt: skip
+    test, model = held_out.draw(2000, rng=SEED), bg.BasalGanglia("macaque", seed=SEED + 1)
+    exact = circuit_time_at_accuracy(model, test.exact, 0.9)
+    times = [circuit_time_at_accuracy(model, learned.to_evidence(test, k), 0.9) for k in range(4)]
+    print(f"time {np.mean(times) / exact:.3f} of exact likelihoods, {exact:.0f} ms")
+    assert np.mean(times) < 1.05 * exact
+
+
+def test_eight_learners_take_less_than_ten_seconds_for_ten_thousand_trials():
+    taps = gratings(2.0)[0]
+    start = time.process_time()
+    learn_weights(taps, seed=1, runs=8)
+    assert time.process_time() - start < 10
