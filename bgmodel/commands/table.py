@@ -18,6 +18,7 @@ from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.commands.touch import Touch
 from bgmodel.commands.watch import Watch
+from bgmodel.commands.weights import WeightsLearn
 
 CIRCUIT = {
     "show": CircuitShow,
@@ -37,6 +38,7 @@ COMMANDS: dict[str, Any] = {
     "decode": Decode,
     "decide": Decide,
     "learn": GapLearn,
+    "learn-weights": WeightsLearn,
     "circuit": (
         "A basal ganglia circuit: show its table, run it, lesion it, compare it with theories, "
         "let dopamine learn. Example: bgmodel circuit show",
