@@ -175,17 +175,19 @@ class Criterion(Critic):
 
 @dataclass(frozen=True)
 class Affine(Critic):
-    """``a + b P_c``, for feedback that is valid in a share of trials; a and b are learned.
+    """``a + b P_c``, for feedback that is valid in a share v of trials and reversed in the others.
 
-    If feedback is reversed in a share 1 - v of trials, ``E[r] = (1 - v) + (2 v - 1) P_c``.
+    Then ``E[r] = (1 - v) + (2 v - 1) P_c``. A learner to whom v is known stays calibrated. If v is
+    learned as well, it and the scale of the weights are confounded: at a criterion P_c hardly
+    varies, and a smaller P_c with a larger v predicts the same rewards.
     """
 
     name: ClassVar[str] = "affine"
     reliable: ClassVar[bool] = False
     valid: float = 1.0
-    """Share of valid feedback, the initial v; above 0.5."""
-    rate: float = 0.002
-    """Step size of v; 0 keeps it constant, for a learner to whom it is known."""
+    """Share of valid feedback, v, 0.5..1."""
+    rate: float = 0.0
+    """Step size of v; 0 keeps it constant."""
 
     def __post_init__(self) -> None:
         check_range(0.5, 1, valid=self.valid)

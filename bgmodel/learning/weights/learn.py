@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bgmodel.learning.weights.critics import Critic, critic_of
+from bgmodel.learning.weights.critics import Affine, Critic, critic_of
 from bgmodel.learning.weights.deciders import Decider, FixedPoint
 from bgmodel.learning.weights.features import FeatureSource
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
@@ -43,7 +43,8 @@ def learn_weights(
     rule : Rule or str
         A name in ``RULES`` or a record with options.
     critic : Critic or str, optional
-        A name in ``CRITICS`` or a record; by default that of the rule.
+        A name in ``CRITICS`` or a record; by default that of the rule. "affine" knows the share of
+        valid feedback.
     feedback : Feedback, optional
         Rewards; by default 1 if the choice is right and 0 otherwise.
     learner : WeightLearner, optional
@@ -68,9 +69,11 @@ def learn_weights(
         the critic and decisions overshoot it.
     """
     rule = rule_of(rule)
-    critic = critic_of(rule.critic if critic is None else critic)
     learner, decider = learner or WeightLearner(), decider or FixedPoint()
     feedback = feedback or Feedback()
+    critic = critic_of(rule.critic if critic is None else critic)
+    if critic == Affine():
+        critic = Affine(valid=feedback.valid)
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
     course = run_loop(loop)
     _warn_of_overshoot(critic, course, decider)

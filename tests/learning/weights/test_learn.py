@@ -7,7 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.critics import Affine, Trial
+from bgmodel.learning.weights.critics import Trial
 from bgmodel.learning.weights.deciders import FixedPoint
 from bgmodel.learning.weights.features import Features
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
@@ -134,7 +134,7 @@ def test_unreliable_feedback_spoils_the_confidence_critic_and_not_the_affine_one
     with pytest.warns(CalibrationWarning, match=r"valid in 90%|so in 90%"):
         spoilt = learn_weights(gratings[0], seed=9, **told)
     with unwarned():
-        kept = learn_weights(gratings[0], seed=9, critic=Affine(valid=0.9, rate=0), **told)
+        kept = learn_weights(gratings[0], seed=9, critic="affine", **told)
     test = gratings[1].draw(500, rng=1)
     assert spoilt.calibration(test).slope.mean() < 0.5
     assert kept.calibration(test).slope.mean() > 0.7
