@@ -18,6 +18,11 @@ from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DRAWN = 1000
+"""Most readings in a plot."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +161,27 @@ class LearnedWeights(Facts):
             time_at_accuracy(self.to_evidence(features, run), accuracy) for run in range(self.runs)
         ]
         return np.array(times) / exact
+
+    def plot(self, features: Features, run: int = 0, ax: Axes | None = None) -> Figure:
+        """Draw learned against exact log-likelihood ratios of single held-out readings.
+
+        Each hypothesis is compared with the mean over hypotheses.
+
+        Parameters
+        ----------
+        features : Features
+            Held-out readings with exact likelihoods; at most ``DRAWN`` of them are drawn.
+        run : int
+            Number of the run.
+        ax : Axes, optional
+            Axes to draw on; by default those of a new figure.
+        """
+        from bgmodel.plots import learned_ratios
+
+        read = np.arange(features.steps) < features.readings[:, None]
+        exact = _centred(features.exact.log_likelihood[read])[:DRAWN]
+        learned = _centred(self.gain * self.log_likelihoods(features, run)[read])[:DRAWN]
+        return learned_ratios(exact, learned, ax)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the weights as a table: run, hypothesis, unit, weight."""

@@ -169,6 +169,8 @@ def test_exact_weights_are_calibrated_and_as_fast_as_exact_likelihoods():
     assert found.r == pytest.approx(1)
     assert exact.relative_time(test, 0.8)[0] == pytest.approx(1)
     assert len(exact.to_dataframe()) == 2 * 3 * 12
+    points = exact.plot(test, run=1).axes[0].lines[0]
+    assert points.get_ydata() == pytest.approx(2 * points.get_xdata())
     counted = counted_weights(CELLS.draw(2000, rng=10))
     assert counted.calibration(test).slope[0] == pytest.approx(1, abs=0.1)
     assert counted.relative_time(test, 0.8)[0] == pytest.approx(1, abs=0.05)
