@@ -9,6 +9,7 @@ import numpy as np
 
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
@@ -150,16 +151,27 @@ class LearnedWeights(Facts):
             r[run] = both / np.sqrt(max((exact**2).mean() * (learned**2).mean(), 1e-300))
         return Calibration(slope, r)
 
-    def relative_time(self, features: Features, accuracy: float = 0.9) -> Array:
+    def relative_time(
+        self, features: Features, accuracy: float = 0.9, *, stn: bool = True
+    ) -> Array:
         """Return mean decision times at equal accuracy relative to the exact likelihoods, (runs,).
 
-        Both are those of the MSPRT on the same held-out readings, its threshold set such that the
+        Both are those of the MSPRT on the same held-out readings, with thresholds at which the
         proportion correct is ``accuracy``. NaN if weights never reach it.
+
+        Parameters
+        ----------
+        features : Features
+            Held-out readings with exact likelihoods.
+        accuracy : float
+            Proportion correct.
+        stn : bool
+            Whether STN hears the learned drive too. False is the ablation in which D1 alone does, a
+            race of the drives; the exact likelihoods always drive both.
         """
         exact = time_at_accuracy(features.exact, accuracy)
-        times = [
-            time_at_accuracy(self.to_evidence(features, run), accuracy) for run in range(self.runs)
-        ]
+        drives = [self.to_evidence(features, run) for run in range(self.runs)]
+        times = [time_at_accuracy(drive, accuracy, stn=stn) for drive in drives]
         return np.array(times) / exact
 
     def plot(self, features: Features, run: int = 0, ax: Axes | None = None) -> Figure:
@@ -235,7 +247,7 @@ def counted_weights(features: Features, readings: int | None = None) -> LearnedW
     return LearnedWeights(np.array(rows)[None], features.names)
 
 
-def time_at_accuracy(evidence: Evidence, accuracy: float) -> float:
+def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -> float:
     """Return the mean decision time of the MSPRT at a proportion correct, ms; NaN if not reached.
 
     Parameters
@@ -244,11 +256,15 @@ def time_at_accuracy(evidence: Evidence, accuracy: float) -> float:
         Readings of all trials, with the truth.
     accuracy : float
         Proportion correct.
+    stn : bool
+        Whether S, the sum over hypotheses that STN computes, is part of OUT. If not,
+        ``OUT_i = -y_i``, and drives race.
     """
     # Leads of 0.001 to 20 nats over the others: weights that are not calibrated need a wide range.
     lead = np.geomspace(1e-3, 20.0, 300)
-    thresholds = np.log1p((evidence.hypotheses - 1) * np.exp(-lead))
-    swept = tradeoff(Msprt().run(evidence), evidence, thresholds)
+    thresholds = np.log1p((evidence.hypotheses - 1) * np.exp(-lead)) if stn else -lead
+    trace = Msprt().run(evidence) if stn else Race().run(evidence)
+    swept = tradeoff(trace, evidence, thresholds)
     # The proportion correct, because learned posteriors need not be calibrated.
     right = (swept.choice == evidence.truth).astype(np.float64)
     curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
