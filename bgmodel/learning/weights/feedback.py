@@ -60,8 +60,8 @@ class WeightLearner:
     trials: int = 10_000
     """Number of trials."""
     rate: float = 0.5
-    """Initial step size, divided by the running mean of the squared trace, so that it suits any
-    number and activity of units; tuned on seed 1."""
+    """Initial step size, divided by the running variance of the trace (summed over units), so
+    that it suits any number and activity of units; tuned on seed 1."""
     half_trials: float = 3_000.0
     """Trials after which the step size has halved; infinity keeps it constant, as required in a
     changing environment; tuned on seed 1."""

@@ -23,9 +23,9 @@ BLOCK = 250
 SAMPLE = 1000
 """Trials in which every unit must be active and every hypothesis true."""
 RUNNING = 0.01
-"""Weight of each trial in the running means of the trace and of its square."""
-LEAST_SQUARE = 1e-3
-"""Least squared trace that a step size is divided by."""
+"""Weight of each trial in the running mean and variance of the trace."""
+LEAST_VARIANCE = 1e-3
+"""Least variance of the trace that a step size is divided by."""
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Loop:
         self._rngs = [stream(self.seed, self.name, run) for run in range(self.runs)]
         self._state = self.critic.start(self.runs)
         self._mean = np.zeros((self.runs, sample.units))
-        self._square = np.zeros((self.runs, 1, 1))
+        self._variance = np.zeros((self.runs, 1, 1))
         self._total = np.zeros((self.runs, sample.hypotheses, sample.units))
         self._parameters = self.rule.start((self.runs, sample.hypotheses, sample.units))
 
@@ -121,7 +121,7 @@ class Loop:
         surplus = trace - self._mean
         pace = max(RUNNING, 1 / (self.number + 1))
         self._mean += pace * surplus
-        self._square += pace * ((trace**2).sum(axis=1)[:, None, None] - self._square)
+        self._variance += pace * ((surplus**2).sum(axis=1)[:, None, None] - self._variance)
         return Trial(
             trace, chosen.choice, chosen.drive, posterior, chosen.read_out, criterion, reward,
             surplus,
@@ -131,7 +131,7 @@ class Loop:
         """Change weights and critic by the reward of a trial."""
         surprise = trial.reward - self.critic.expected(self._state, trial)
         change = self.rule.change(self._parameters, trial, self.learner.error(surprise))
-        step = self.learner.step(self.number) / np.maximum(self._square, LEAST_SQUARE)
+        step = self.learner.step(self.number) / np.maximum(self._variance, LEAST_VARIANCE)
         moved = self._parameters + step * change
         self._parameters = self.rule.bounded(moved)
         if not np.isfinite(self._parameters).all():
