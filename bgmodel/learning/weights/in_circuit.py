@@ -54,7 +54,10 @@ class InCircuit:
         require(self.model.engine.timed, "model", must, self.model.engine.id)
         self.model.circuit.check_nats("confidence, a posterior")
         self.model.threshold(None, self.criterion)
-        check_range(0, np.inf, after_ms=self.after_ms, window_ms=self.window_ms)
+        check_range(0, np.inf, after_ms=self.after_ms)
+        sample_ms = self.model.engine.sample_ms
+        least = f"must be at least the time between samples of OUT, {sample_ms:g} ms"
+        require(sample_ms <= self.window_ms < np.inf, "window_ms", least, self.window_ms)
 
     @property
     def gain(self) -> float:

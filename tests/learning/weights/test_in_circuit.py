@@ -77,3 +77,5 @@ def test_a_circuit_without_times_or_nats_has_no_confidence_to_read():
         InCircuit(MODEL, criterion=0.999)
     with refused("after_ms"):
         InCircuit(MODEL, after_ms=-1)
+    with refused("window_ms"):
+        InCircuit(MODEL, window_ms=0)
