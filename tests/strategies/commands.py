@@ -25,6 +25,11 @@ COMMANDS = {
     "--learner.episodes 500": """--runs 0, --runs 1e12, --xi 0, --xi nan, --fold 9,
         --start-delta 9, --t-max 0, --policy x, --seed -1, --period-mm 1.7, --learner.episodes 3,
         --learner.rate 0""",
+    f"learn-weights {OUT} --runs 1..2 --t-max 3..11 --units 2..16 --posterior 0.6..0.95 --seed 3 "
+    "--learner.trials 20..80 «|--rule chosen|--rule opal|--critic settled»": """--runs 0,
+        --runs 1e12, --units 1, --rule x, --critic x, --posterior 0.4, --posterior 1, --fold 9,
+        --seed -1, --period-mm 1.7, --learner.trials 0, --learner.rate 0, --feedback.valid 2,
+        --feedback.given 0, --feedback.right 3, --channels 3""",
     "simulate here/out.npz --taps 1..11 --periods-mm «0 5|0|5» «|--yaw-deg -90.0..90» "
     f"{SEED}": """--taps 0, --taps 1e12, --taps a, --seed -1, --workers 0, --periods-mm -1,
         --tip.layout star, --tip.pitch-mm 0, --yaw-deg x, --periods-mm 0.013""",
