@@ -56,7 +56,7 @@ def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, tria
         f"{period} mm: time {ratio.mean():.3f}, slope {found.slope.mean():.3f}, r "
         f"{found.r.mean():.3f}; counts {counted.relative_time(test)[0]:.3f}"
     )
-    assert ratio.mean() < 1.03
+    assert ratio.mean() < (1.03 if period == 2 else 1.05)
     assert found.r.mean() > 0.97
     # On 1.5 mm the exact likelihoods are shrunk towards no evidence.
     assert 0.9 < found.slope.mean() < (1.1 if period == 2 else 1.2)
