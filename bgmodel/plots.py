@@ -265,22 +265,6 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
     return figure
 
 
-@styled
-def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None = None) -> Figure:
-    """Draw learned against exact log-likelihood ratios of single readings, (readings,) each, nats.
-
-    The dashed line is equality: weights are calibrated if the points lie along it.
-    """
-    figure, ax = one_panel(ax)
-    known, found = np.ravel(exact), np.ravel(learned)
-    ax.plot(known, found, ".", ms=3, alpha=0.5, color=PALETTE[0])
-    ends = [float(known.min()), float(known.max())]
-    ax.plot(ends, ends, "--", color=GREY, lw=1, label="Equal")
-    ax.set(xlabel="Exact log-likelihood ratio (nats)", ylabel="Learned ratio (nats)")
-    legend_above(ax)
-    return figure
-
-
 def psychometric(
     ax: Axes,
     x: npt.ArrayLike,
