@@ -260,6 +260,13 @@ def test_a_sweep_goes_over_the_stop_signal():
         Plan(grid={"seed": (1, 2)}, show=("p_respond",))
 
 
+def test_a_sweep_shows_measures_of_stopping_if_only_its_grid_has_signals():
+    plan = Plan(task=TASK, show=("p_respond",), grid={"stop.amount_nats": (0.5, 1.0)})
+    assert [point.stop.amount_nats for point in plan.all_points()] == [0.5, 1.0]
+    with refused("show must name .*missed"):
+        Plan(task=TASK, show=("p_respond",), grid={"task.d_prime": (0.5, 1.0)})
+
+
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(
@@ -345,6 +352,15 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["p_respond"] == mine.p_respond
     assert len(found["records"]) == len(stop.delays_ms)
+
+
+def test_the_command_says_why_there_is_no_estimate(capsys):
+    options = ["--trials", "120", "--t-max", "40", "--stop.delays-ms", "20"]
+    assert main(["stop", *options]) == 0
+    said = capsys.readouterr().out
+    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in said
+    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in said
+    assert "nan" not in said.partition("mean go time")[2]
 
 
 @pytest.mark.parametrize(
