@@ -361,6 +361,9 @@ def test_the_command_says_why_there_is_no_estimate(capsys):
     assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in said
     assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in said
     assert "nan" not in said.partition("mean go time")[2]
+    assert main(["stop", "--json", *options]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert found["ssrt_by_delay_ms"] is None
 
 
 @pytest.mark.parametrize(
