@@ -16,7 +16,7 @@ from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stimuli import Stimuli
-from bgmodel.stopping.circuit import decide_with_stop
+from bgmodel.stopping.circuit import decide_with_stop, receiving
 from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
@@ -85,6 +85,11 @@ def test_staircases_settle_where_half_of_the_signals_fail(evidence):
     assert found.forced[stop].mean() == pytest.approx(0.5, abs=0.08)
     again = decide_with_stop(MODEL, evidence, ssd, StopSignal(), threshold=LEVEL)
     np.testing.assert_array_equal(~found.forced, again.responded)
+    # Choices and times are those at the delay of each trial, too.
+    drawn = with_stop(evidence, ssd, StopSignal())
+    at_once = receiving(MODEL, StopSignal()).decided(drawn, LEVEL)
+    np.testing.assert_array_equal(found.choice, at_once.choice)
+    np.testing.assert_array_equal(found.time_ms, at_once.time_ms)
     # Each staircase goes one up after a successful stop, one down after a failed one.
     own = np.flatnonzero(stop)[::2]
     inside = (ssd[own[:-1]] > 50) & (ssd[own[:-1]] < 550)
