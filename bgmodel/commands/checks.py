@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
@@ -76,8 +77,14 @@ class Shows(Writes):
 def json_text(table: pd.DataFrame, **facts: Any) -> str:
     """Return one JSON object: facts, and rows as "records"; unknown values are null."""
     records = json.loads(table.to_json(orient="records", double_precision=15))
-    plain = {k: str(value) if isinstance(value, Path) else value for k, value in facts.items()}
+    plain = {name: _plain(value) for name, value in facts.items()}
     return json.dumps({**plain, "records": records})
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it: paths as text, numbers that are not finite as null."""
+    unknown = isinstance(value, float) and not math.isfinite(value)
+    return None if unknown else str(value) if isinstance(value, Path) else value
 
 
 def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
@@ -19,6 +20,7 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.conditions import STREAM, Condition
+from bgmodel.deciding.measures import P_RANGE
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
@@ -97,11 +99,22 @@ class StopRun(Shows):
 def _said(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
     """Return the estimates in sentences."""
     refused = f"the consensus guide accepts no estimate: {found.refusal}"
-    return (
-        f"mean go time {found.go_ms:.0f} ms, failed stops {found.failed_minus_go_ms:+.0f} ms, "
-        f"responses in {found.p_respond:.1%} of stop trials\n"
+    low, high = P_RANGE
+    estimate = (
         f"stop-signal reaction time {ssrt_ms:.0f} ms by integration at each delay "
         f"({found.ssrt_ms:.0f} ms with all delays pooled), of which {task.delay_ms:g} ms are the "
         f"given delay to {task.nucleus}; there are no motor delays"
+    )
+    if np.isnan(ssrt_ms):
+        estimate = (
+            "no stop-signal reaction time: at no delay do "
+            f"{low:.0%} to {high:.0%} of the stop trials have a response"
+        )
+    missed = f", {found.omissions:.1%} of go trials missed" if found.omissions else ""
+    failed = found.failed_minus_go_ms
+    return (
+        f"mean go time {found.go_ms:.0f} ms{missed}, "
+        + ("no failed stops" if np.isnan(failed) else f"failed stops {failed:+.0f} ms")
+        + f", responses in {found.p_respond:.1%} of stop trials\n{estimate}"
         + (f"\n{refused}" if found.refusal else "")
     )

@@ -34,7 +34,8 @@ def threshold_nats(bound: Array, noise_nats: Array) -> Array:
         n: standard deviation of the log odds after one second, nats; 2 v in the test, where v is
         the drift.
     """
-    return np.asarray(np.logaddexp(0, -np.asarray(noise_nats) * bound))
+    with np.errstate(invalid="ignore"):  # NaN where the go process is unknown
+        return np.asarray(np.logaddexp(0, -np.asarray(noise_nats) * bound))
 
 
 def raised_bound(bound: Array, noise_nats: Array, stop_nats: float) -> Array:

@@ -27,9 +27,10 @@ from circuits.errors import InputError
 
 SETTLE_MS = 300.0
 """Time for which ``step_response`` holds the evidence constant before the signal."""
-CANCELLED = ("ctx", "ctx_inh")
+CANCELLED = ("ctx", "ctx_inh", "GPe_ctx")
 """Populations at which a stop signal has no effect: circuits driven by raw evidence cancel input
-that is common to all channels of cortex."""
+that is common to all channels of cortex. The last two act on all channels even if only one receives
+the signal."""
 
 
 def with_observed_stop(evidence: StopEvidence) -> Evidence:
@@ -88,7 +89,8 @@ def receiving(model: BasalGanglia, signal: StopSignal) -> BasalGanglia:
         If common input is cancelled at the nucleus, so that the signal would have no effect.
     """
     name = signal.nucleus
-    if name in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
+    nucleus = name.partition("[")[0]
+    if nucleus in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
         raise InputError.of(
             "nucleus", "must be one that the signal can act through, such as STN; input common to "
             "all channels is cancelled behind cortex", name,

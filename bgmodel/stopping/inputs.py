@@ -196,15 +196,16 @@ def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
         When, from the onset of evidence; NaN or infinite for never.
     """
     reading = np.arange(1, evidence.steps + 1)
-    late = evidence.step_ms * reading >= np.asarray(at_ms, float)[:, None]
-    late &= reading <= evidence.readings[:, None]
+    read = reading <= evidence.readings[:, None]
+    late = read & (evidence.step_ms * reading >= np.asarray(at_ms, float)[:, None])
     if not late.any():
         return evidence
     first = late & (np.cumsum(late, axis=1) == 1)
     # A circuit whose channels get their own evidence subtracts the baseline from every reading.
     tone = evidence.baseline or 0.0
     values = np.where(late[:, :, None], tone, evidence.log_likelihood)
-    heard = np.where(late[:, :, None], 0.0, evidence.log_likelihood - tone).sum(axis=1)
+    before = (read & ~late)[:, :, None]
+    heard = np.where(before, evidence.log_likelihood - tone, 0.0).sum(axis=1)
     values[first] -= heard[first.any(axis=1)]
     with warnings.catch_warnings():
         # They were checked before; readings after a cancel are alike for all hypotheses on purpose.

@@ -47,7 +47,7 @@ class StopTask(StopSignal):
     __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
 
     share: float = 0.25
-    """Probability of a stop signal, 0..1."""
+    """Probability of a stop signal, between 0 and 1."""
     delays_ms: tuple[float, ...] = (100.0, 150.0, 200.0, 250.0, 300.0, 350.0, 400.0, 450.0, 500.0)
     """Stop-signal delays from the onset of evidence, ms: each is equally likely, or, with
     staircases, a step of them."""
@@ -55,7 +55,8 @@ class StopTask(StopSignal):
     """Number of interleaved staircases: a delay is followed by the next longer one after a
     successful stop, by the next shorter one after a failed stop. 0 draws delays at random."""
     delay_sd_ms: float = 0.0
-    """Standard deviation of the delay from the signal to the nucleus, ms; no delay is below 0."""
+    """Standard deviation of the delay from the signal to the nucleus, ms; no delay is below 0. A
+    cancel comes earlier or later by the same time."""
     failures: float = 0.0
     """Probability that a signal triggers nothing, 0..1."""
 
@@ -79,8 +80,8 @@ class StopTask(StopSignal):
         }
 
     def check_ends(self, end_ms: float) -> None:
-        """Raise ValueError if a signal would come after the end of the trials, ms."""
-        must = f"must be before the deadline, {end_ms:g} ms"
+        """Raise ValueError if a signal would come after the end of the shortest trial, ms."""
+        must = f"must be before the deadline of every trial, {end_ms:g} ms"
         require(max(self.delays_ms) < end_ms, "delays_ms", must, max(self.delays_ms))
 
     def decide(
@@ -113,8 +114,8 @@ class StopTask(StopSignal):
         Raises
         ------
         ValueError
-            If a delay comes after the end, common input is cancelled at the nucleus, or as for
-            ``BasalGanglia.threshold``.
+            If a delay comes after the end of a trial, common input is cancelled at the nucleus, or
+            as for ``BasalGanglia.threshold``.
 
         Warns
         -----
@@ -161,11 +162,11 @@ def decided(
     Raises
     ------
     ValueError
-        If a delay comes after the end, or common input is cancelled at the nucleus.
+        If a delay comes after the end of a trial, or common input is cancelled at the nucleus.
     """
     from bgmodel.stopping.circuit import receiving
 
-    task.check_ends(evidence.step_ms * evidence.steps)
+    task.check_ends(evidence.step_ms * int(evidence.readings.min()))
     model = receiving(model, task)
     stop = rng.random(evidence.trials) < task.share
     late = np.maximum(task.delay_sd_ms * rng.standard_normal(len(stop)), -task.delay_ms)

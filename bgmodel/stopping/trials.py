@@ -123,11 +123,21 @@ def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> St
         Stop-signal delays from the onset of evidence; NaN in go trials.
     responses : int
         Number of responses, which is that of the go task's hypotheses.
+
+    Raises
+    ------
+    ValueError
+        If a signal comes after the end of its trial, which would count as a successful stop, or as
+        for ``StopTrials``.
     """
     made = (decision.choice != UNDECIDED) & (decision.choice < responses)
     rt_ms = np.where(made, np.maximum(decision.time_ms, 0.0), np.nan)
     right = None if decision.truth is None else made & (decision.choice == decision.truth)
-    return StopTrials(rt_ms, np.asarray(ssd_ms, float), right, float(decision.deadline_ms.max()))
+    trials = StopTrials(rt_ms, np.asarray(ssd_ms, float), right, float(decision.deadline_ms.max()))
+    late = trials.ssd_ms >= decision.deadline_ms
+    must = "must be before the deadline of the trial, or NaN"
+    require(not late.any(), "ssd_ms", must, trials.ssd_ms[late][:1])
+    return trials
 
 
 def check_delays(delays_ms: npt.ArrayLike) -> Array:

@@ -81,8 +81,10 @@ OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits", "st
 
 
 def measures_of(point: Point) -> list[str]:
-    """Return the names of the measures of a point."""
-    return [*MEASURES, *(OF_STOP if point.stop is not None else ())]
+    """Return the names of the measures of a point, or of all points of a plan."""
+    keys = point.each[0] if isinstance(point, Plan) else ()
+    stops = point.stop is not None or any(key.startswith(STOP) for key in keys)
+    return [*MEASURES, *(OF_STOP if stops else ())]
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """A stop signal in the circuit: the closed form against full runs, pulses, and what is refused."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -98,8 +99,8 @@ def test_an_onset_between_two_steps_counts_in_proportion():
 
 
 def test_a_signal_where_common_input_is_cancelled_is_refused(evidence):
-    for nucleus in ("ctx", "ctx_inh"):
-        with refused(f"nucleus behind cortex, got '{nucleus}'"):
+    for nucleus in ("ctx", "ctx_inh", "ctx_inh[0]", "GPe_ctx", "GPe_ctx[1]"):
+        with refused(f"nucleus behind cortex, got {re.escape(repr(nucleus))}"):
             decide_with_stop(MODEL, evidence, delays(200), StopSignal(nucleus), threshold=LEVEL)
 
 

@@ -16,7 +16,7 @@ from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stimuli import Stimuli
-from bgmodel.stopping.circuit import decide_with_stop
+from bgmodel.stopping.circuit import decide_with_stop, receiving
 from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
@@ -85,6 +85,11 @@ def test_staircases_settle_where_half_of_the_signals_fail(evidence):
     assert found.forced[stop].mean() == pytest.approx(0.5, abs=0.08)
     again = decide_with_stop(MODEL, evidence, ssd, StopSignal(), threshold=LEVEL)
     np.testing.assert_array_equal(~found.forced, again.responded)
+    # Choices and times are those at the delay of each trial, too.
+    drawn = with_stop(evidence, ssd, StopSignal())
+    at_once = receiving(MODEL, StopSignal()).decided(drawn, LEVEL)
+    np.testing.assert_array_equal(found.choice, at_once.choice)
+    np.testing.assert_array_equal(found.time_ms, at_once.time_ms)
     # Each staircase goes one up after a successful stop, one down after a failed one.
     own = np.flatnonzero(stop)[::2]
     inside = (ssd[own[:-1]] > 50) & (ssd[own[:-1]] < 550)
@@ -123,6 +128,46 @@ def test_a_cancelled_trial_is_back_at_its_prior():
         )
 
 
+def of_lengths(drawn, lengths, **changes):
+    """Return evidence whose trials end after their own number of readings."""
+    read = np.arange(drawn.steps) < np.asarray(lengths)[:, None]
+    values = np.where(read[:, :, None], drawn.log_likelihood, 0.0)
+    return replace(drawn, log_likelihood=values, lengths=lengths, **changes)
+
+
+def test_a_cancelled_trial_is_back_at_its_prior_in_each_channel():
+    """Channels that get their own evidence, with a baseline, and trials of several lengths."""
+    drawn = bg.gaussian_evidence(4, d_prime=1.0, t_max=20, step_ms=10, seed=1)
+    shifted = replace(drawn, log_likelihood=drawn.log_likelihood - 0.4)
+    given = of_lengths(shifted, [20, 12, 7, 20], baseline=-0.4)
+    cancel = with_stop(given, [50, 50, 50, np.nan], StopSignal(cancel_ms=40))
+    before, after = given.own_totals, cancel.own_totals
+    np.testing.assert_allclose(after[:2, 9:], 0.0, atol=1e-12)
+    np.testing.assert_array_equal(after[2:], before[2:])  # ended before, and a go trial
+    np.testing.assert_array_equal(after[:, :9], before[:, :9])
+
+
+def test_a_signal_after_the_end_of_its_own_trial_is_refused(evidence):
+    """Otherwise a trial that was over counts as a successful stop."""
+    short = of_lengths(evidence, np.where(np.arange(400) % 2, 100, 20))
+    with refused("delays_ms must be before the deadline of every trial, 200 ms"):
+        StopTask().decide(MODEL, short, posterior=0.82)
+    StopTask(delays_ms=(100.0,)).decide(MODEL, short, posterior=0.82)
+    ssd = np.where(np.arange(400) == 4, 300.0, np.nan)
+    with refused("ssd_ms must be before the deadline of the trial, or NaN"):
+        decide_with_stop(MODEL, short, ssd, StopSignal(), posterior=0.82)
+
+
+def test_no_signal_reaches_the_nucleus_before_it_is_given(evidence):
+    """The spread of the delay is cut off at a delay of 0."""
+    task = StopTask(share=0.9, delays_ms=(300.0,), delay_sd_ms=200.0)
+    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    go = MODEL.decided(evidence, LEVEL)
+    early = ~np.isnan(ssd) & (go.time_ms < 300)
+    assert early.sum() > 50
+    np.testing.assert_array_equal(found.time_ms[early], go.time_ms[early])
+
+
 def test_inputs_add_up_column_by_column(evidence):
     one = with_input(evidence, 100.0, 0.5)
     two = with_input(one, np.where(np.arange(400) < 200, 50.0, np.nan), -1.0, 30.0)
@@ -155,6 +200,21 @@ def test_measures_of_known_trials():
     weights = np.concatenate([np.repeat([0.0, 1.0], 50), np.ones(8)])[None]
     assert found.measures(weights)["ssrt_ms"][0] == 75 - 20
     assert found.in_time().choice.min() == UNDECIDED
+
+
+def test_missed_go_trials_count_as_the_slowest():
+    """Of 100 go trials 40 are missed, 60 take 1..60 ms; 7 of 10 responses are beyond their end."""
+    time_ms = np.concatenate([np.arange(1.0, 101.0), np.full(10, 30.0)])
+    ssd = np.where(np.arange(110) < 100, np.nan, 20.0)
+    missed = (np.isnan(ssd) & (time_ms > 60)) | (np.arange(110) >= 107)
+    decision = Decision(
+        np.zeros(110, int), np.where(missed, 200.0, time_ms), missed, np.zeros(110, bool),
+        1.0, np.full(110, 200.0), np.zeros(110, int),
+    )  # fmt: skip
+    found = Behaviour(decision, np.full(110, 0.9), np.zeros(110, bool), 2, ssd)
+    values = found.measures(np.ones((1, 110)))
+    assert values["ssrt_ms"][0] == 60 - 20
+    assert values["failed_minus_go_ms"][0] == 30 - 30.5
 
 
 def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
@@ -205,6 +265,13 @@ def test_a_sweep_goes_over_the_stop_signal():
         Plan(grid={"seed": (1, 2)}, show=("p_respond",))
 
 
+def test_a_sweep_shows_measures_of_stopping_if_only_its_grid_has_signals():
+    plan = Plan(task=TASK, show=("p_respond",), grid={"stop.amount_nats": (0.5, 1.0)})
+    assert [point.stop.amount_nats for point in plan.all_points()] == [0.5, 1.0]
+    with refused("show must name .*missed"):
+        Plan(task=TASK, show=("p_respond",), grid={"task.d_prime": (0.5, 1.0)})
+
+
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(
@@ -225,7 +292,10 @@ def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
         ("share = 1.0", "share must be between 0 and 1"),
         ("delays_ms = []", "delays_ms must be numbers >= 0"),
         ("delays_ms = [-5]", "delays_ms must be numbers >= 0"),
-        ("delays_ms = [100, 2000]", "delays_ms must be before the deadline, 1000 ms"),
+        (
+            "delays_ms = [100, 2000]",
+            "delays_ms must be before the deadline of every trial, 1000 ms",
+        ),
         ("failures = 1.5", "failures must be within 0..1"),
         ("delay_sd_ms = -1", "delay_sd_ms must be"),
         ("staircases = 1\ndelays_ms = [200]", "delays_ms must be two rising numbers"),
@@ -289,11 +359,23 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     assert len(found["records"]) == len(stop.delays_ms)
 
 
+def test_the_command_says_why_there_is_no_estimate(capsys):
+    options = ["--trials", "120", "--t-max", "40", "--stop.delays-ms", "20"]
+    assert main(["stop", *options]) == 0
+    said = capsys.readouterr().out
+    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in said
+    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in said
+    assert "nan" not in said.partition("mean go time")[2]
+    assert main(["stop", "--json", *options]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert found["ssrt_by_delay_ms"] is None
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         (["--stop.share", "0"], "share must be between 0 and 1"),
-        (["--t-max", "20"], "delays_ms must be before the deadline, 200 ms"),
+        (["--t-max", "20"], "delays_ms must be before the deadline of every trial, 200 ms"),
         (["--stop.nucleus", "ctx_inh"], "nucleus must be one that the signal can act through"),
         (["--workers", "0"], "workers must be"),
         (["--drawing", "x.doc"], "drawing must end in"),
