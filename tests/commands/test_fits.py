@@ -190,7 +190,7 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]
-    assert held["parameter"].tolist() == ["t0_sd_s", "lapse"] * 2
+    assert held["parameter"].tolist() == ["start", "t0_sd_s", "lapse"] * 2
     assert held["value"].tolist() == [each.start for each in RESPONSE[1:]] * 2
     parameters = parameters[~parameters["held"]]
     assert parameters["participant"].tolist() == ["a"] * 3 + ["b/c"] * 3
@@ -238,7 +238,8 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     assert run("fit", *one, "--fix", "lapse=0.02", "--force", "--participant", "a") == 0
     found = pd.read_csv("fits/mine/parameters.csv")
     assert set(found["participant"]) == {"a"}
-    assert found.loc[found["held"], "value"].tolist()[1] == 0.02
+    assert found.set_index("parameter")["value"]["lapse"] == 0.02
+    assert found.set_index("parameter")["held"]["lapse"]
 
 
 def test_a_circuit_that_was_edited_is_another_question(tmp_path):

@@ -96,7 +96,7 @@ EVERY = {each.name: each for model in MODELS for each in model.parameters}
 def test_the_page_of_fits_states_the_range_and_the_start_of_each_parameter(name):
     """A reader who sees a value at a bound in a table must find the bound."""
     page = (ROOT / "docs/guides/fit.md").read_text()
-    said = re.search(rf"[^\n]*`{name}`[^\n]*? ([\d.]+) to ([\d.]+), start ([\d.]+)", page)
+    said = re.search(rf"[^\n]*`{name}`[^\n]*? (-?[\d.]+) to ([\d.]+), start ([\d.]+)", page)
     each = EVERY[name]
     assert [float(x) for x in said.groups()] == pytest.approx(
         [each.low, each.high, each.start], rel=0.01
