@@ -153,3 +153,13 @@ def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
         session.add([-9.0, -9.0])
         session.next()
         session.add([-9.0, -9.0])
+
+
+@pytest.mark.parametrize(
+    ("test", "stop"), [(bg.Msprt(), {"posterior": 0.8}), (bg.Sprt(), {"threshold": -1.0})]
+)
+def test_a_session_without_a_step_counts_time_as_evidence_does(test, stop):
+    """By default a reading takes as long as in ``Evidence``: both decide at the same time."""
+    drawn = evidence_of(5, step_ms=bg.Evidence.step_ms)
+    found, _ = decided(test.session(**stop), drawn)
+    np.testing.assert_array_equal(found[1], test.decide(drawn, **stop).time_ms)
