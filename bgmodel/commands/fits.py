@@ -11,7 +11,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
-from bgmodel.commands.stopped import fit_stop_signals
+from bgmodel.commands.stop_fits import fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
 from bgmodel.version import __version__

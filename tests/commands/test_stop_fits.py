@@ -1,15 +1,17 @@
 """The command `fit` for stop-signal trials, and stop trials that are given as choices."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.commands.stopped import PARAMETERS, PEOPLE
+from bgmodel.commands.stop_fits import PARAMETERS, PEOPLE, _people
 from bgmodel.support.files import read_provenance, read_table
-from tests.helpers import refused, run
+from circuits.errors import DataWarning
+from tests.helpers import refused, run, unwarned
 
 
 def table_of(people=4, trials=120):
@@ -87,3 +89,13 @@ def test_stop_trials_in_a_fit_of_choices_are_refused(capsys):
     with refused("ssd use bgmodel fit --task stop"):
         bg.fit(table.assign(response=1))
     assert "--restore-delays needs --task stop" in fails(capsys, "--restore-delays")
+
+
+def test_restoring_delays_hides_no_other_doubt_about_a_table():
+    """The command silences what it restores; delays in another unit are for the user to see."""
+    table_of().assign(ssd=lambda t: t["ssd"] / 1000).to_csv("mine.csv", index=False)
+    with pytest.warns(DataWarning, match="in ms, not in seconds"):
+        _people(SimpleNamespace(data="mine.csv", restore_delays=True))
+    with unwarned():
+        table_of().to_csv("mine.csv", index=False)
+        _people(SimpleNamespace(data="mine.csv", restore_delays=True))
