@@ -155,6 +155,15 @@ def go_processes(people: Mapping[str, StopTrials]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def aligned(
+    data: StopData, people: Mapping[str, StopTrials], go: pd.DataFrame | None
+) -> pd.DataFrame:
+    """Return the go processes of the participants of data, in their order; fitted unless given."""
+    if go is None:
+        go = go_processes({name: people[name] for name in data.names})
+    return go.set_index("participant_id").loc[list(data.names)].reset_index()
+
+
 def _go_process(trials: StopTrials, who: str) -> dict[str, float]:
     """Return the parameters of a participant's go process, by maximum likelihood."""
     unknown = dict.fromkeys(GO, np.nan)

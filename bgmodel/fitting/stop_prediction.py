@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy import special, stats
 
-from bgmodel.fitting.stop_data import StopData, go_processes, stop_data
+from bgmodel.fitting.stop_data import StopData, aligned, stop_data
 from bgmodel.fitting.stop_likelihood import SSRT_NODES, StopLikelihood, failures_of
 from bgmodel.fitting.stop_model import TEST, StopModel
 from bgmodel.fitting.stops import StopFit, fit_likelihood
@@ -162,9 +162,7 @@ def halves(
         For "odd" and "even", the fit to these stop trials and its prediction of the others.
     """
     data = stop_data(people, slowed=slowed)
-    if go is None:
-        go = go_processes({name: people[name] for name in data.names})
-    known = go.set_index("participant_id").loc[list(data.names)].reset_index()
+    known = aligned(data, people, go)
     found = {}
     for name, remainder in HALVES.items():
         fitted = data.number % 2 == remainder

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.stop_data import go_processes, stop_data
+from bgmodel.fitting.stop_data import aligned, stop_data
 from bgmodel.fitting.stop_likelihood import (
     BOUNDS,
     CHANGE,
@@ -130,7 +130,6 @@ def fit_stops(
     slowed: bool = True,
     times: bool = False,
     go: pd.DataFrame | None = None,
-    tell: Callable[[str], None] = lambda text: None,
 ) -> StopFit:
     """Fit a stop process that participants share.
 
@@ -148,8 +147,6 @@ def fit_stops(
         Whether the times of failed stops are fitted in addition to the outcomes.
     go : DataFrame, optional
         ``go_processes(people)``, if computed before.
-    tell : function
-        Called with a sentence before a long step.
 
     Raises
     ------
@@ -162,10 +159,7 @@ def fit_stops(
         If a parameter ends at a bound of its range.
     """
     data = stop_data(people, slowed=slowed)
-    if go is None:
-        tell(f"fitting the go trials of {len(data.names)} participants")
-        go = go_processes({name: people[name] for name in data.names})
-    known = go.set_index("participant_id").loc[list(data.names)].reset_index()
+    known = aligned(data, people, go)
     return fit_likelihood(StopLikelihood(data, model, known, times), spread=spread)
 
 

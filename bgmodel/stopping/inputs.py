@@ -24,20 +24,15 @@ RESOLUTION_MS = 10.0
 class StopSignal:
     """How a stop signal reaches a circuit.
 
-    Parameters
-    ----------
-    nucleus : str
-        Nucleus that receives it, in all channels, or one channel of it: "STN[0]".
-    amount_nats : float
-        Input, nats; negative inhibits.
-    delay_ms : float
-        Delay from the signal to the nucleus, due to afferent pathways.
-    duration_ms : float
-        How long it lasts; infinite by default. A signal that ends postpones responses but does not
-        cancel them, because the evidence is still there when it ends.
-    cancel_ms : float
-        Time from the signal until the response is cancelled: the evidence of the trial is back at
-        the prior from then on (Schmidt & Berke 2017). Infinite by default, which cancels none.
+    Raises
+    ------
+    ValueError
+        For a delay below 0, a duration that is not above 0, or an input that is not finite.
+
+    Warns
+    -----
+    UserWarning
+        If the input to STN is so large that STN rings, or ends without a cancel.
     """
 
     nucleus: str = "STN"
@@ -47,9 +42,11 @@ class StopSignal:
     delay_ms: float = 0.0
     """Delay from the signal to the nucleus, due to afferent pathways, ms."""
     duration_ms: float = float("inf")
-    """How long the input lasts, ms; without an end by default."""
+    """How long the input lasts, ms; without an end by default. An input that ends postpones
+    responses but does not cancel them, because the evidence is still there when it ends."""
     cancel_ms: float = float("inf")
-    """Time from the signal until the response is cancelled for good, ms; never by default."""
+    """Time from the signal until the response is cancelled, ms; never by default. The evidence of
+    the trial is back at the prior from then on (Schmidt & Berke 2017)."""
 
     def __post_init__(self) -> None:
         check_types(self, type(self).__name__)

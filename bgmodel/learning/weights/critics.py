@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_range
 from circuits.errors import InputError
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -233,8 +235,11 @@ CRITICS: dict[str, Callable[[], Critic]] = {
 
 def critic_of(given: Critic | str) -> Critic:
     """Return a critic, given as such or by name; ValueError for an unknown name."""
-    if isinstance(given, Critic):
-        return given
-    if given not in CRITICS:
-        raise InputError.of("critic", f"must be one of {', '.join(CRITICS)}", given)
-    return CRITICS[given]()
+    return given if isinstance(given, Critic) else made("critic", given, CRITICS)
+
+
+def made(field: str, name: str, known: Mapping[str, Callable[[], Made]]) -> Made:
+    """Return the record of a name, with its default options; ValueError for an unknown name."""
+    if name not in known:
+        raise InputError.of(field, f"must be one of {', '.join(known)}", name)
+    return known[name]()

@@ -1,4 +1,4 @@
-"""What a learner of weights is told, and how fast its weights change."""
+"""The feedback that a learner of weights receives, and its step sizes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Feedback:
     valid: float = 1.0
     """Share of trials in which the reward is that of the choice; it is reversed in the others."""
     given: float = 1.0
-    """Share of trials with any reward; in the others nothing is learned."""
+    """Share of trials with any reward; weights change in these only."""
     reversal: int | None = None
     """Number of the trial from which labels are exchanged: hypothesis i is rewarded as i + 1."""
 

@@ -28,9 +28,9 @@ from circuits.errors import BgmodelWarning, require
 class InCircuit:
     """A circuit that decides by its threshold, and whose confidence is read afterwards.
 
-    The drive of D1 and STN is the learned one. Runs of one trial are simulated side by side, with
-    noise of their own. OUT of the chosen channel is averaged over a window after the decision: at
-    the decision itself it equals the threshold, whatever the evidence.
+    The drive of D1 and STN is the learned one. Runs of one trial are simulated side by side,
+    each with its own noise. OUT of the chosen channel is averaged over a window after the decision:
+    at the decision itself it equals the threshold, whatever the evidence.
 
     Parameters
     ----------

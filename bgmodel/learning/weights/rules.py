@@ -8,10 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from bgmodel.learning.weights.critics import Trial
+from bgmodel.learning.weights.critics import Trial, made
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range
-from circuits.errors import InputError
 
 MOST_NATS = 5.0
 """Largest weight of the Hebbian rule, nats; assumed, because its steps grow exponentially."""
@@ -202,8 +201,4 @@ RULES: dict[str, Callable[[], Rule]] = {
 
 def rule_of(given: Rule | str) -> Rule:
     """Return a rule, given as such or by name; ValueError for an unknown name."""
-    if isinstance(given, Rule):
-        return given
-    if given not in RULES:
-        raise InputError.of("rule", f"must be one of {', '.join(RULES)}", given)
-    return RULES[given]()
+    return given if isinstance(given, Rule) else made("rule", given, RULES)
