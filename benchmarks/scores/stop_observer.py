@@ -152,8 +152,8 @@ def by_tone(
     """Return p(respond) with rising common input, of circuit, observer and rival.
 
     All add ``TONE_NATS`` to OUT where S has its mean at the delay; the rival's log odds are set
-    for it. As S rises by the tone, theory leaves the circuit and the observer as they are, and the
-    rival with ``ln(1 + exp(odds - S))``.
+    for it. As S rises by the tone, circuit and observer do not change in theory, and the
+    rival adds only ``ln(1 + exp(odds - S))``.
     """
     model, plain = model_of(channels, engine), evidence_of("tone", trials, channels)
     at = round(TONE_SSD_MS / STEP_MS)

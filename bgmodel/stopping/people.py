@@ -20,7 +20,7 @@ SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
 COLUMNS = ("participant_id", "rt", "ssd")
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
-"""With more than this proportion of responses in at least so many stop trials with a delay of 0,
+"""If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
 SLOWEST_S = 20.0
 """Largest median response time and delay, s: longer ones are in ms."""
