@@ -9,6 +9,7 @@ import numpy as np
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.critics import Critic, Trial
 from bgmodel.learning.weights.deciders import Choices, Decider
+from bgmodel.learning.weights.drift import source_at
 from bgmodel.learning.weights.features import Features, FeatureSource, check_learnable
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import Rule
@@ -106,7 +107,8 @@ class Loop:
 
     def _draw(self) -> None:
         """Draw a block of trials of every run, each from its own generator."""
-        drawn = [self.source.draw(BLOCK, rng=rng) for rng in self._rngs]
+        source = source_at(self.source, self.number)
+        drawn = [source.draw(BLOCK, rng=rng) for rng in self._rngs]
         self._parts = side_by_side(drawn)
         hypotheses = len(self.names)
         self._noise = np.stack([r.standard_normal((BLOCK, hypotheses + 1)) for r in self._rngs])

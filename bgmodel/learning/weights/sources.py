@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -30,30 +31,50 @@ class PooledFeatures:
 
     Parameters
     ----------
-    values : tuple of arrays (readings, units)
-        Features of the readings under each hypothesis.
+    readings : tuple of arrays (readings,)
+        Readings under each hypothesis, degrees.
     log_likelihood : tuple of arrays (readings, hypotheses), nats
         Their log-likelihoods, fitted on other taps than those that are scored.
     names : tuple of str
         Names of the hypotheses.
+    centres : array (units,)
+        Preferred readings of the sensory units, degrees.
+    period : float, optional
+        Period of circular readings, degrees.
     t_max : int
         Readings in a trial.
     step_ms : float
         Time between readings, ms.
     """
 
-    values: tuple[Array, ...]
+    readings: tuple[Array, ...]
     log_likelihood: tuple[Array, ...]
     names: tuple[str, ...]
+    centres: Array
+    period: float | None = None
     t_max: int = 40
     step_ms: float = 50.0
+
+    @cached_property
+    def values(self) -> tuple[Array, ...]:
+        """Activity of the sensory units under each hypothesis, (readings, units)."""
+        return tuple(soft_histogram(part, self.centres, self.period) for part in self.readings)
+
+    def drifted(self, scale: float = 1.0, shift_deg: float = 0.0) -> PooledFeatures:
+        """Return the same taps seen by a sensor that reads ``scale * reading + shift_deg``.
+
+        The units keep their preferred readings, so that they are active at other taps than before.
+        The log-likelihoods of the taps stay as they were: an invertible change loses nothing.
+        """
+        check_positive(scale=scale)
+        return replace(self, readings=tuple(scale * part + shift_deg for part in self.readings))
 
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
         """Draw trials of independent readings."""
         rng = generator(rng)
         truth = _shuffled_truth(whole("trials", trials, 1), len(self.names), rng)
         place = rng.random((trials, self.t_max))
-        values = np.empty((trials, self.t_max, self.values[0].shape[1]))
+        values = np.empty((trials, self.t_max, len(self.centres)))
         exact = np.empty((trials, self.t_max, len(self.names)))
         for i, (table, nats) in enumerate(zip(self.values, self.log_likelihood, strict=True)):
             index = (place[truth == i] * len(table)).astype(np.intp)
@@ -108,9 +129,11 @@ def tap_features(
     period = task.range_deg[1] - task.range_deg[0] if task.circular else None
     learned, scored = (
         PooledFeatures(
-            tuple(soft_histogram(part, centres, period) for part in readings),
+            tuple(readings),
             tuple(likelihood(part) for part in readings),
             task.names,
+            centres,
+            period,
             t_max,
             step_ms,
         )
