@@ -4,8 +4,6 @@ import time
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.special import expit, logit
 
 import bgmodel as bg
 from bgmodel import stream
@@ -31,18 +29,6 @@ SEED, RUNS = 101, 12
 
 def gratings(period_mm, t_max=40, **options):
     return tap_features(held_out_taps(), SameDifferent(period_mm), t_max=t_max, **options)
-
-
-def offset(course):
-    """Return how far log odds of choices exceed those of being right, each run, nats."""
-    half = course.correct.shape[1] // 2
-    odds = logit(np.clip(course.confidence[:, half:], 1e-9, 1 - 1e-9))
-    return np.array(
-        [
-            brentq(lambda nats, r=right, y=y: (r - expit(y - nats)).mean(), -20, 20)
-            for right, y in zip(course.correct[:, half:], odds, strict=True)
-        ]
-    )
 
 
 UNITS = "1.035: counts of the same readings with the truth known need 1.021, so units carry no more"
@@ -86,7 +72,7 @@ def test_the_law_of_unequal_gains_at_a_criterion():
     for plus, tolerance in ((2.0, 0.1), (4.0, 0.15)):
         learner = WeightLearner(gain_plus=plus)
         learned = learn_weights(gratings(2.0)[0], seed=SEED, runs=RUNS, learner=learner)
-        found = offset(learned.course)
+        found = learned.course.overconfidence()
         print(f"ratio {plus:g}: {found.mean():.3f}, law {np.log(plus):.3f}")
         assert abs(found.mean() - np.log(plus)) < tolerance
 

@@ -13,7 +13,7 @@ from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import check_positive
+from bgmodel.support.checks import check_positive, check_range, whole
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError, require
 
@@ -52,6 +52,27 @@ class WeightCourse:
     readings: Array
     confidence: Array
     final: Array
+
+    def overconfidence(self, last: int | None = None) -> Array:
+        """Return by how much the log odds of the choices exceed those of being right, (runs,).
+
+        It is the shift b in nats at which ``expit(logit P_c - b)`` has the proportion correct as
+        its mean: 0 if learners are calibrated. Unequal gains for positive and negative errors move
+        it to ``ln(gain_plus / gain_minus)``. Infinite where all choices were right, or wrong.
+
+        Parameters
+        ----------
+        last : int, optional
+            Number of last trials that count; half of them by default.
+        """
+        trials = self.correct.shape[1]
+        last = trials // 2 if last is None else whole("last", last, 1)
+        return np.array([
+            _shift(right, confidence)
+            for right, confidence in zip(
+                self.correct[:, -last:], self.confidence[:, -last:], strict=True
+            )
+        ])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -115,13 +136,29 @@ class LearnedWeights(Facts):
         """Number of runs."""
         return len(self.weights)
 
-    def after(self, trials: int) -> LearnedWeights:
-        """Return the weights kept last within a number of trials; ValueError if there are none."""
+    def after(self, trials: int, averaged: float = 0.0) -> LearnedWeights:
+        """Return the weights after a number of trials.
+
+        Parameters
+        ----------
+        trials : int
+            Number of trials; the weights kept last within it are returned.
+        averaged : float
+            Share of these trials, the last ones, over whose kept weights the mean is taken.
+
+        Raises
+        ------
+        ValueError
+            If no weights were kept by then.
+        """
         course = self.course
         if course is None or trials < course.kept[0]:
             raise InputError.of("trials", "must be one at which weights were kept", trials)
-        at = int(np.searchsorted(course.kept, trials, side="right")) - 1
-        return replace(self, weights=course.weights[:, at])
+        check_range(0, 1, averaged=averaged)
+        last = int(np.searchsorted(course.kept, trials, side="right"))
+        first = int(np.searchsorted(course.kept, (1 - averaged) * trials, side="right"))
+        kept = course.weights[:, min(first, last - 1) : last]
+        return replace(self, weights=kept.mean(axis=1))
 
     def log_likelihoods(self, features: Features, run: int = 0) -> Array:
         """Return learned log-likelihoods (trials, steps, hypotheses) up to a common term, nats."""
@@ -269,6 +306,17 @@ def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -
     right = (swept.choice == evidence.truth).astype(np.float64)
     curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
     return float(time_at([accuracy], curves)[0, 0])
+
+
+def _shift(right: Truths, confidence: Array) -> float:
+    """Return the shift of log odds at which the mean confidence is the proportion correct."""
+    from scipy.optimize import brentq
+    from scipy.special import expit, logit
+
+    if right.all() or not right.any():
+        return -np.inf if right.all() else np.inf
+    odds = logit(np.clip(confidence, 1e-9, 1 - 1e-9))
+    return float(brentq(lambda nats: right.mean() - expit(odds - nats).mean(), -30, 30))
 
 
 def _centred(ratios: Reals) -> Array:

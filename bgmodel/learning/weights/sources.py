@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.learning.weights.features import Features, even_centres, soft_histogram
@@ -58,7 +59,11 @@ class PooledFeatures:
     @cached_property
     def values(self) -> tuple[Array, ...]:
         """Activity of the sensory units under each hypothesis, (readings, units)."""
-        return tuple(soft_histogram(part, self.centres, self.period) for part in self.readings)
+        return tuple(self.activity(part) for part in self.readings)
+
+    def activity(self, readings: npt.ArrayLike) -> Array:
+        """Return the activity of the sensory units at some readings in degrees, (..., units)."""
+        return soft_histogram(readings, self.centres, self.period)
 
     def drifted(self, scale: float = 1.0, shift_deg: float = 0.0) -> PooledFeatures:
         """Return the same taps seen by a sensor that reads ``scale * reading + shift_deg``.

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit, logit
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
@@ -12,7 +13,12 @@ from bgmodel.learning.weights.deciders import FixedPoint
 from bgmodel.learning.weights.features import Features
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import LearnedWeights, counted_weights, time_at_accuracy
+from bgmodel.learning.weights.learned import (
+    LearnedWeights,
+    WeightCourse,
+    counted_weights,
+    time_at_accuracy,
+)
 from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
 from bgmodel.support.seeds import stream
@@ -91,6 +97,18 @@ def test_unequal_gains_shift_the_log_odds_by_the_logarithm_of_their_ratio(ratio)
     assert error < 0.1
 
 
+def test_overconfidence_is_the_shift_of_the_log_odds():
+    """Choices are right with log odds 0.7 nats below those of their confidence."""
+    rng = np.random.default_rng(5)
+    confidence = rng.uniform(0.6, 0.99, (2, 20_000))
+    right = rng.random(confidence.shape) < expit(logit(confidence) - 0.7)
+    empty = np.zeros((2, 1, 2, 1))
+    course = WeightCourse(np.array([1]), empty, right, confidence, confidence, empty[:, 0])
+    assert course.overconfidence(20_000) == pytest.approx(0.7, abs=0.08)
+    shuffled = replace(course, correct=np.ones_like(right))
+    assert (shuffled.overconfidence() == -np.inf).all()
+
+
 @pytest.fixture(scope="module")
 def gratings():
     return tap_features(held_out_taps(), SameDifferent(2.0))
@@ -104,6 +122,8 @@ def test_reward_teaches_nearly_the_exact_likelihoods_of_taps(gratings):
     assert found.r.min() > 0.95
     assert learned.relative_time(test).mean() < 1.06
     early = learned.after(60).calibration(test)
+    # The mean over all kept weights of the last quarter is nearly the mean over its trials.
+    assert learned.after(3000, averaged=0.25).weights == pytest.approx(learned.weights, abs=0.1)
     assert early.slope.mean() < 0.5 * found.slope.mean()
     course = learned.course
     assert course.correct[:, -500:].mean() > 0.9

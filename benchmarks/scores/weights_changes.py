@@ -1,0 +1,96 @@
+"""Labels that are exchanged and a sensor that drifts while weights are learned.
+
+After the change the learner goes on, and the weights from before it are scored on the same
+readings as a control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.scores.weights_tasks import RUNS, SCORING_SEED, each_run, gratings, task_of
+from bgmodel.learning.weights.drift import DriftingSensor
+from bgmodel.learning.weights.features import FeatureSource
+from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.learned import LearnedWeights
+
+BEGINS, TRIALS, BIN = 3000, 8000, 50
+"""Trial of the change, number of trials, and trials behind a point."""
+NEAR = 0.02
+"""Recovered: within this of the proportion correct before the change."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change in the middle of learning: of the labels, or of the sensor by a scale."""
+
+    labels: bool = False
+    scale: float = 1.0
+    lasts: int = 0
+
+    def source(self) -> FeatureSource:
+        """Return gratings of 2 mm that are read through the changing sensor."""
+        pool = gratings()[0]
+        if self.labels:
+            return pool
+        return DriftingSensor(pool, scale=self.scale, begins=BEGINS, lasts=self.lasts)
+
+
+CHANGES = {
+    "none": Change(),
+    "labels exchanged": Change(labels=True),
+    "readings halved at once": Change(scale=0.5),
+    "readings halved over 2000 trials": Change(scale=0.5, lasts=2000),
+    "readings doubled at once": Change(scale=2.0),
+}
+"""Changes by name."""
+
+
+def changed(name: str, fast: bool) -> pd.DataFrame:
+    """Return the proportion correct over trials, and scores of weights before and after."""
+    change = CHANGES[name]
+    learned = learn_weights(
+        change.source(), seed=SCORING_SEED, runs=RUNS,
+        feedback=Feedback(reversal=BEGINS if change.labels else None),
+        learner=WeightLearner(trials=BEGINS + 250 if fast else TRIALS, half_trials=np.inf),
+    )  # fmt: skip
+    course = learned.course
+    assert course is not None
+    bins = course.correct.shape[1] // BIN
+    each = course.correct[:, : bins * BIN].reshape(RUNS, bins, BIN).mean(axis=2)
+    found = pd.DataFrame({
+        "change": name, "trial": np.arange(bins) * BIN, "correct": each.mean(axis=0),
+        "correct_se": each.std(axis=0, ddof=1) / np.sqrt(RUNS), "begins": BEGINS,
+    })  # fmt: skip
+    task = task_of("2 mm")
+    task = replace(task, scored=task.scored.drifted(change.scale))
+    for kept, weights in (("learning", learned), ("frozen", _before(learned, change))):
+        scored = each_run(weights, task, name)
+        found = found.assign(**{f"{kept}_{k}": v for k, v in scored.items()})
+    return found
+
+
+def _before(learned: LearnedWeights, change: Change) -> LearnedWeights:
+    """Return the weights from before the change; with exchanged labels, of the wrong channels."""
+    frozen = learned.after(BEGINS, 0.25)
+    return replace(frozen, weights=frozen.weights[:, ::-1]) if change.labels else frozen
+
+
+def summaries(changes: pd.DataFrame) -> pd.DataFrame:
+    """Return each change's effect, and the trials after which it has been compensated."""
+    rows = []
+    for name, part in changes.groupby("change", sort=False):
+        since = part["trial"].to_numpy() - BEGINS
+        correct = part["correct"].to_numpy()
+        before = correct[(since >= -1000) & (since < 0)].mean()
+        lowest = correct[since >= 0].min()
+        low = np.flatnonzero((since >= 0) & (correct < before - NEAR))
+        recovered = since[low[-1]] + BIN if len(low) and low[-1] + 1 < len(since) else np.nan
+        scores = part.iloc[0][[c for c in part if c.startswith(("learning_", "frozen_"))]]
+        rows.append({"change": name, "before": before, "lowest": lowest,
+                     "recovered_after": recovered if len(low) else 0.0} | dict(scores))  # fmt: skip
+    return pd.DataFrame(rows)
