@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.weights_tasks import RUNS, SCORING_SEED, each_run, gratings, task_of
+from benchmarks.scores.weights_tasks import RUNS, SCORING_SEED, Taught, each_run, gratings
 from bgmodel.learning.weights.drift import DriftingSensor
 from bgmodel.learning.weights.features import FeatureSource
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
@@ -66,8 +66,8 @@ def changed(name: str, fast: bool) -> pd.DataFrame:
         "change": name, "trial": np.arange(bins) * BIN, "correct": each.mean(axis=0),
         "correct_se": each.std(axis=0, ddof=1) / np.sqrt(RUNS), "begins": BEGINS,
     })  # fmt: skip
-    task = task_of("2 mm")
-    task = replace(task, scored=task.scored.drifted(change.scale))
+    pool, held_out = gratings()
+    task = Taught(pool, held_out.drifted(change.scale))
     for kept, weights in (("learning", learned), ("frozen", _before(learned, change))):
         scored = each_run(weights, task, name)
         found = found.assign(**{f"{kept}_{k}": v for k, v in scored.items()})
@@ -90,7 +90,7 @@ def summaries(changes: pd.DataFrame) -> pd.DataFrame:
         lowest = correct[since >= 0].min()
         low = np.flatnonzero((since >= 0) & (correct < before - NEAR))
         recovered = since[low[-1]] + BIN if len(low) and low[-1] + 1 < len(since) else np.nan
-        scores = part.iloc[0][[c for c in part if c.startswith(("learning_", "frozen_"))]]
+        scores = part.filter(regex="^(learning|frozen)_").iloc[0]
         rows.append({"change": name, "before": before, "lowest": lowest,
                      "recovered_after": recovered if len(low) else 0.0} | dict(scores))  # fmt: skip
     return pd.DataFrame(rows)
