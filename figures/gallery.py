@@ -27,6 +27,7 @@ GROUPS = {
     "The circuit and the optimal test": ("figA", "figC"),
     "Dopamine and experiments": ("figD",),
     "Stopping": ("figG",),
+    "Learning": ("figL",),
     "Fits to monkeys, people and patients": ("figF",),
     "Many alternatives and other circuits": ("figB",),
     "Touch": ("fig",),

@@ -219,7 +219,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return found | {"recovered": ("changes", summaries(made["changes"]))}
 
 
-SCORE = Score("weights", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+SCORE = Score("weights", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)

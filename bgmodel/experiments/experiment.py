@@ -61,6 +61,9 @@ class Experiment(ExperimentRecord):
         share = 0.25
         delay_ms = 60
 
+        [learning]                   # optional: what readings mean is learned from reward
+        trials = 3000
+
         [control]                    # optional
         edits = []
 
@@ -129,13 +132,14 @@ class Experiment(ExperimentRecord):
             condition.model(evidence.hypotheses, workers=workers, rates=False)
             for condition in both.values()
         ]
-        models[0].warn_beyond_range(evidence)
+        read = self.heard(models, given)
+        models[0].warn_beyond_range(read[0])
         models[0].warn_of_noise(control.threshold_nats)
         weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
         found: list[dict[str, Any]] = []
         trials, go = [], 0
-        for (name, condition), model in zip(both.items(), models, strict=True):
-            behaviour = condition.behaviour(model, evidence)
+        for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
+            behaviour = condition.behaviour(model, drive)
             _check_decided(name, behaviour, self.waited_ms)
             found.append(behaviour.measures(weights))
             about = f"{model.circuit.name} {model.engine}"

@@ -324,8 +324,16 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     return (
         f"task {_task(experiment.task)}; engine {experiment.engine}; {trials} trials per "
         f"condition; gain {gain:g}; posterior {experiment.stopping}; circuit "
-        f"{experiment.circuit}; seed {experiment.seed}"
+        f"{experiment.circuit}; {_learned(experiment)}seed {experiment.seed}"
     )
+
+
+def _learned(experiment: ExperimentRecord) -> str:
+    """Return what each condition learned before the trials that count, or an empty string."""
+    texts = ["exact likelihoods" if one is None else one.text() for one in experiment.learnings]
+    if texts[0] == texts[1]:
+        return "" if experiment.learnings[0] is None else f"{texts[0]}; "
+    return f"{texts[0]} (control), {texts[1]}; "
 
 
 def _task(task: Stimuli) -> str:

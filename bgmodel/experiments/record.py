@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 import pandas as pd
 
 from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
 from bgmodel.deciding.measures import OF_STOP
-from bgmodel.evidence import needed_truth
+from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.predictions import Effect, Prediction
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
@@ -34,6 +38,8 @@ class Changes:
     """Differences from the table, one line each."""
     posterior: float | None = None
     """Stopping posterior, if it differs: models an instruction."""
+    learning: Learning | None = None
+    """Learning before the trials, if it differs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +64,8 @@ class ExperimentRecord(Observed):
     """The published result as numbers, if there are any."""
     truth: int | None = None
     """The hypothesis that is true in every trial that counts; each in turn by default."""
+    learning: Learning | None = None
+    """Weights that are learned from reward before the trials; exact likelihoods by default."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,6 +81,9 @@ class ExperimentRecord(Observed):
             self._check_truth(self.task.channels)
         for changes in (self.control, self.manipulation):
             self.condition(changes)
+        for learning in self.learnings:
+            if learning is not None:
+                learning.check(self.task)
 
     def condition(self, changes: Changes) -> Observed:
         """Return the control or the manipulation as a condition."""
@@ -84,6 +95,14 @@ class ExperimentRecord(Observed):
         """Control and manipulation."""
         return self.condition(self.control), self.condition(self.manipulation)
 
+    @property
+    def learnings(self) -> tuple[Learning | None, Learning | None]:
+        """Learning before the trials of the control and of the manipulation."""
+        return (
+            self.control.learning or self.learning,
+            self.manipulation.learning or self.learning,
+        )
+
     def check_differs(self) -> None:
         """Raise ValueError if both conditions are alike, or a threshold is not allowed.
 
@@ -92,6 +111,7 @@ class ExperimentRecord(Observed):
         control, manipulation = self.conditions
         self.given()
         alike = control.threshold_nats == manipulation.threshold_nats
+        alike &= self.learnings[0] == self.learnings[1]
         if alike and control.edited == manipulation.edited:
             said = "the manipulation changes nothing: control and manipulation are alike"
             raise InputError(said, "manipulation")
@@ -99,11 +119,40 @@ class ExperimentRecord(Observed):
 
     def given(self) -> Trials:
         """Return the evidence with the names of its hypotheses and further columns of a table."""
-        found = self.drawn("experiment")
+        found = self._drawn()
         drawn = found.evidence
         truth = needed_truth(drawn)
         self._check_truth(drawn.hypotheses)
         return found if self.truth is None else found.where(truth == self.truth)
+
+    def _drawn(self) -> Trials:
+        """Return the trials of the task with their exact likelihoods."""
+        learning = next((one for one in self.learnings if one is not None), None)
+        if learning is None:
+            return self.drawn("experiment")
+        features = learning.features(self.task, self.seed)
+        return Trials(features.exact, list(features.names))
+
+    def heard(self, models: Sequence[BasalGanglia], given: Trials) -> list[Evidence]:
+        """Return the evidence on which each condition decides: exact, or as it has been learned.
+
+        Parameters
+        ----------
+        models : sequence of BasalGanglia
+            The circuits of the control and of the manipulation.
+        given : Trials
+            The trials, as from ``given()``.
+        """
+        found = []
+        for learning, model in zip(self.learnings, models, strict=True):
+            if learning is None:
+                found.append(given.evidence)
+                continue
+            features = learning.features(self.task, self.seed)
+            if self.truth is not None:
+                features = features.at(np.flatnonzero(features.truth == self.truth))
+            found.append(heard(learning.learned(self.task, model, self.seed), features))
+        return found
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):

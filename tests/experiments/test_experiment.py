@@ -107,7 +107,7 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
         for kind in (Experiment, Stimuli, Changes, StopTask)
         for f in fields(kind)
     }
-    of_parts = ("manipulation", "control", "predictions", "task", "effects", "stop")
+    of_parts = ("manipulation", "control", "predictions", "task", "effects", "stop", "learning")
     # `task` is a part of an experiment and a key of that part.
     wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
     wanted["posterior"] = POSTERIOR

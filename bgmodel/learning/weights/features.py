@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -21,7 +22,7 @@ from bgmodel.support.checks import (
 )
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,9 +139,13 @@ class Features(Facts):
     def evidence(self, log_likelihood: Reals) -> Evidence:
         """Return log-likelihoods of these readings (trials, steps, hypotheses) as evidence."""
         mean = float(log_likelihood.sum() / (self.readings.sum() * self.hypotheses))
-        return Evidence(
-            log_likelihood, self.truth, step_ms=self.step_ms, lengths=self.lengths, baseline=mean
-        )
+        with warnings.catch_warnings():
+            # Learned ones have an arbitrary common term: within 0..1 they are no probabilities.
+            warnings.simplefilter("ignore", DataWarning)
+            return Evidence(
+                log_likelihood, self.truth, step_ms=self.step_ms, lengths=self.lengths,
+                baseline=mean,
+            )  # fmt: skip
 
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
         """Draw whole trials with replacement, so that a table can teach any number of trials."""

@@ -1,0 +1,113 @@
+"""Experiments that begin with learning: what is shared, what differs, and bad input."""
+
+import re
+import tomllib
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.learning import Learning, heard
+from bgmodel.experiments.record import Changes
+from bgmodel.learning.weights.learned import LearnedWeights
+from bgmodel.stimuli import Stimuli
+from circuits.declaration.edits import Edits
+from tests.helpers import ROOT, refused
+
+GRATINGS = Stimuli(task="same-different", trials=120, t_max=20, step_ms=100.0)
+QUICK = Learning(trials=300, runs=2)
+PLAIN = Experiment(
+    name="learning", note="for a test", task=GRATINGS, engine="rate", seed=3,
+    manipulation=Changes(Edits(["dopamine 0.9"])),
+)  # fmt: skip
+
+
+def test_exact_weights_are_exact_evidence():
+    """Poisson-like units with weights that give the likelihoods themselves: heard is exact."""
+    features = QUICK.features(replace(GRATINGS, trials=6), seed=1)
+    pinned = replace(features, values=features.log_likelihood)
+    learned = LearnedWeights(np.stack([np.eye(2)] * 2), features.names)
+    assert heard(learned, pinned).log_likelihood == pytest.approx(features.log_likelihood)
+
+
+def test_trials_are_divided_among_the_runs():
+    features = QUICK.features(replace(GRATINGS, trials=6), seed=1)
+    weights = np.random.default_rng(2).normal(size=(2, 2, features.units))
+    learned = LearnedWeights(weights, features.names)
+    found = heard(learned, features).log_likelihood
+    for run in range(2):
+        same = learned.log_likelihoods(features, run)
+        assert found[run::2] == pytest.approx(same[run::2])
+
+
+def test_both_conditions_decide_on_what_was_learned():
+    taught = replace(PLAIN, learning=QUICK)
+    given = taught.given()
+    models = [condition.model(2) for condition in taught.conditions]
+    control, manipulation = taught.heard(models, given)
+    # Learned at the fixed point: the edit changes the decisions, not the weights.
+    assert np.array_equal(control.log_likelihood, manipulation.log_likelihood)
+    assert not np.allclose(control.log_likelihood, given.evidence.log_likelihood)
+    assert np.array_equal(control.truth, given.evidence.truth)
+    done = taught.run()
+    times = done.measures.set_index(["condition", "measure"])["value"]
+    assert times["change", "mean_ms"] > 0
+    assert "learned from 300 trials by the rule confidence, runs 2" in done.text()
+
+
+def test_a_condition_without_learning_decides_on_the_exact_likelihoods():
+    one = replace(PLAIN, manipulation=Changes(learning=QUICK))
+    one.check_differs()
+    given = one.given()
+    control, manipulation = one.heard([c.model(2) for c in one.conditions], given)
+    assert control is given.evidence
+    assert not np.allclose(control.log_likelihood, manipulation.log_likelihood)
+
+
+def test_a_truth_selects_the_same_trials_for_both():
+    one = replace(PLAIN, manipulation=Changes(learning=QUICK), truth=1)
+    given = one.given()
+    _, learned = one.heard([c.model(2) for c in one.conditions], given)
+    assert learned.trials == given.evidence.trials == 60
+    assert (learned.truth == 1).all()
+
+
+def test_a_circuit_learns_with_its_own_edits():
+    quick = Learning(trials=4, runs=2, in_circuit=True)
+    both = replace(PLAIN, learning=quick, manipulation=Changes(Edits(["dopamine 0.8"])))
+    control, manipulation = both.heard([c.model(2) for c in both.conditions], both.given())
+    assert not np.array_equal(control.log_likelihood, manipulation.log_likelihood)
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [
+        (Stimuli(conflict=0.3), "conflict must be 0"),
+        (Stimuli(expectancy_nats=1.0, expectancy_ms=100.0), "expectancy_nats must be 0"),
+    ],
+)
+def test_tasks_without_sensory_units_are_refused(task, says):
+    with refused(says):
+        replace(PLAIN, task=task, learning=QUICK)
+
+
+def test_an_evidence_table_has_no_sensory_units():
+    with refused("learning .*no sensory units"):
+        QUICK.check(Stimuli(evidence="mine.csv"))
+
+
+def test_learning_that_is_alike_changes_nothing():
+    with refused("manipulation .*changes nothing"):
+        replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK)).check_differs()
+
+
+def test_the_guide_has_every_key_with_its_default():
+    page = (ROOT / "docs/guides/learning_weights.md").read_text()
+    part = page.split("## In an experiment")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (`\w+`.*?) \| (.+?) \|", part, re.MULTILINE)
+    told = {name: text for names, text in rows for name in re.findall(r"`(\w+)`", names)}
+    assert set(told) == {field.name for field in fields(Learning)}
+    for name, text in told.items():
+        if name != "critic":
+            assert tomllib.loads(f"x = {text.strip('`')}")["x"] == getattr(Learning(), name)
