@@ -23,9 +23,9 @@ CRITICS: dict[str, dict[str, Any]] = {
 """Look of each critic."""
 AFTER = {10_000: ("o", "none"), 40_000: ("o", "full")}
 DRIFTS = {
-    "readings halved at once": "C1",
-    "readings doubled at once": "C3",
-    "readings halved over 2000 trials": "C2",
+    "40 degrees at once": "C1",
+    "40 degrees over 2000 trials": "C2",
+    "readings doubled": "C3",
 }
 SHOWN = (2500, 6500)
 """First and last trial that are shown."""

@@ -26,10 +26,11 @@ NEAR = 0.02
 
 @dataclass(frozen=True)
 class Change:
-    """A change in the middle of learning: of the labels, or of the sensor by a scale."""
+    """A change in the middle of learning: of the labels, or of how the sensor reads a tap."""
 
     labels: bool = False
     scale: float = 1.0
+    shift_deg: float = 0.0
     lasts: int = 0
 
     def source(self) -> FeatureSource:
@@ -37,15 +38,16 @@ class Change:
         pool = gratings()[0]
         if self.labels:
             return pool
-        return DriftingSensor(pool, scale=self.scale, begins=BEGINS, lasts=self.lasts)
+        return DriftingSensor(pool, self.scale, self.shift_deg, BEGINS, self.lasts)
 
 
 CHANGES = {
     "none": Change(),
     "labels exchanged": Change(labels=True),
-    "readings halved at once": Change(scale=0.5),
-    "readings halved over 2000 trials": Change(scale=0.5, lasts=2000),
-    "readings doubled at once": Change(scale=2.0),
+    "40 degrees at once": Change(shift_deg=40.0),
+    "40 degrees over 2000 trials": Change(shift_deg=40.0, lasts=2000),
+    "readings doubled": Change(scale=2.0),
+    "readings halved": Change(scale=0.5),
 }
 """Changes by name."""
 
@@ -61,13 +63,13 @@ def changed(name: str, fast: bool) -> pd.DataFrame:
     course = learned.course
     assert course is not None
     bins = course.correct.shape[1] // BIN
-    each = course.correct[:, : bins * BIN].reshape(RUNS, bins, BIN).mean(axis=2)
-    found = pd.DataFrame({
-        "change": name, "trial": np.arange(bins) * BIN, "correct": each.mean(axis=0),
-        "correct_se": each.std(axis=0, ddof=1) / np.sqrt(RUNS), "begins": BEGINS,
-    })  # fmt: skip
+    found = pd.DataFrame({"change": name, "trial": np.arange(bins) * BIN, "begins": BEGINS})
+    for what, values in (("correct", course.correct), ("readings", course.readings)):
+        each = values[:, : bins * BIN].reshape(RUNS, bins, BIN).mean(axis=2)
+        found[what] = each.mean(axis=0)
+        found[f"{what}_se"] = each.std(axis=0, ddof=1) / np.sqrt(RUNS)
     pool, held_out = gratings()
-    task = Taught(pool, held_out.drifted(change.scale))
+    task = Taught(pool, held_out.drifted(change.scale, change.shift_deg))
     for kept, weights in (("learning", learned), ("frozen", _before(learned, change))):
         scored = each_run(weights, task, name)
         found = found.assign(**{f"{kept}_{k}": v for k, v in scored.items()})
