@@ -20,6 +20,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.weights_changes import CHANGES, changed, summaries
 from benchmarks.scores.weights_loop import LOOPS, in_loop
 from benchmarks.scores.weights_tasks import (
+    MEASURES,
     RUNS,
     SCORING_SEED,
     TRIALS,
@@ -28,7 +29,8 @@ from benchmarks.scores.weights_tasks import (
     gratings,
     mean_se,
     of_taps,
-    task_of,
+    parts_of,
+    scores,
 )
 from bgmodel import stream
 from bgmodel.learning.weights.critics import Affine, Critic
@@ -66,42 +68,54 @@ FAST_TRIALS = 1000
 
 def learned_over_trials(name: str, trials: int) -> pd.DataFrame:
     """Return slope, r and relative time of a task over trials, by rule, and those of counts."""
-    task = task_of(name)
-    kept = {"trials": trials, "keep": max(trials // 25, 1)}
-    rows = []
-    readings: dict[int, float] = {}
-    for rule in (CONFIDENCE, CHOSEN):
-        learned = learn_weights(
-            task.learned, seed=SCORING_SEED, rule=rule, runs=RUNS, learner=WeightLearner(**kept)
-        )
-        for after in [n for n in AFTER if n <= trials]:
-            course = learned.course
-            assert course is not None
-            then = learned.after(after, AVERAGED)
-            readings.setdefault(after, float(course.readings[:, :after].sum(axis=1).mean()))
-            right = course.correct[:, max(after - 100, 0) : after].mean()
-            known = {"rule": rule, "after": after, "correct": right}
-            rows.append(known | each_run(then, task, name))
-            if rule == CONFIDENCE and len(learned.names) > 2:
-                rows.append(
-                    {"rule": D1_ALONE, "after": after} | each_run(then, task, name, stn=False)
-                )
-    rows += [
-        {"rule": COUNTS, "after": after} | each_run(_counted(task, name, round(many)), task, name)
-        for after, many in readings.items()
-    ]
-    found = pd.DataFrame(rows).assign(
-        task=name, runs=RUNS, held_out=np.nan if task.held_out is None else task.held_out
+    parts = parts_of(name)
+    labels = [name] if len(parts) == 1 else [f"{name} {k}" for k in range(len(parts))]
+    rows = pd.concat(
+        [
+            _part_over_trials(task, label, rule, trials, RUNS // len(parts))
+            for task, label in zip(parts, labels, strict=True)
+            for rule in (CONFIDENCE, CHOSEN)
+        ]
     )
-    return found.assign(readings=found["after"].map(readings))
+    found = []
+    for (rule, after), each in rows.groupby(["rule", "after"], sort=False):
+        known = {"task": name, "rule": rule, "after": after, "runs": len(each)}
+        known |= {"correct": each["correct"].mean(), "readings": each["readings"].mean()}
+        found.append(known | {k: v for one in MEASURES for k, v in mean_se(one, each[one]).items()})
+    held_out = np.sum([np.nan if part.held_out is None else part.held_out for part in parts])
+    return pd.DataFrame(found).assign(held_out=held_out)
 
 
-def _counted(task: Taught, name: str, readings: int) -> LearnedWeights:
-    """Return weights from counts of readings with the truth known, as many runs of them."""
+def _part_over_trials(task: Taught, label: str, rule: str, trials: int, runs: int) -> pd.DataFrame:
+    """Return the scores of each run of a rule over trials, and of counts of as many readings."""
+    learned = learn_weights(
+        task.learned, seed=SCORING_SEED, rule=rule, runs=runs, name=label,
+        learner=WeightLearner(trials=trials, keep=max(trials // 25, 1)),
+    )  # fmt: skip
+    course = learned.course
+    assert course is not None
+    found = []
+    for after in [n for n in AFTER if n <= trials]:
+        then = learned.after(after, AVERAGED)
+        heard = course.readings[:, :after].sum(axis=1).mean()
+        right = course.correct[:, max(after - 100, 0) : after].mean()
+        known = {"after": after, "readings": heard}
+        found.append(scores(then, task, label, rule=rule, correct=right, **known))
+        if rule == CONFIDENCE:
+            counted = _counted(task, label, round(heard), runs)
+            found.append(scores(counted, task, label, rule=COUNTS, correct=np.nan, **known))
+            if len(learned.names) > 2:
+                alone = {"rule": D1_ALONE, "correct": np.nan, "stn": False}
+                found.append(scores(then, task, label, **alone, **known))
+    return pd.concat(found)
+
+
+def _counted(task: Taught, name: str, readings: int, runs: int) -> LearnedWeights:
+    """Return weights from counts of readings with the truth known, as several runs."""
     rng = stream(SCORING_SEED, "counts", name, readings)
     steps = task.learned.draw(1, rng=0).steps
     weights = []
-    for _ in range(RUNS):
+    for _ in range(runs):
         drawn = task.learned.draw(max(-(-readings // steps), 20), rng=rng)
         weights.append(counted_weights(drawn, readings=readings))
     return LearnedWeights(np.concatenate([one.weights for one in weights]), weights[0].names)
@@ -132,7 +146,7 @@ def rules(rule: str, critic: str | None, most: int) -> pd.DataFrame:
     for stopping, decider, t_max in (
         ("at a posterior of 0.9", FixedPoint(), 40), ("after 3 readings", THREE, 4),
     ):  # fmt: skip
-        task, taught = task_of("2 mm"), of_taps(SameDifferent(2.0), t_max).learned
+        task, taught = parts_of("2 mm")[0], of_taps(SameDifferent(2.0), t_max).learned
         learned = learn_weights(
             taught, seed=SCORING_SEED, rule=rule, critic=critic, decider=decider, runs=RUNS,
             learner=WeightLearner(trials=most, keep=400),
@@ -168,7 +182,7 @@ def feedback(valid: float, trials: int) -> pd.DataFrame:
             gratings()[0], seed=SCORING_SEED, critic=critic, feedback=Feedback(valid=valid),
             runs=RUNS, learner=WeightLearner(trials=trials),
         )  # fmt: skip
-        scored = each_run(learned, task_of("2 mm"), "2 mm")
+        scored = each_run(learned, parts_of("2 mm")[0], "2 mm")
         rows.append({"valid": valid, "critic": name, "after": trials} | scored)
     return pd.DataFrame(rows)
 
@@ -185,7 +199,8 @@ def together(xi: float, start: float, trials: int) -> pd.DataFrame:
     each = np.array([both.regret(draw, xi) for draw in draws])
     known = {"xi": xi, "start_gap": start, "after": trials}
     regret = mean_se("regret", each.mean(axis=0)) | mean_se("drawn", each.mean(axis=1))
-    return pd.DataFrame([known | mean_se("gap", both.gap.learned) | regret]).drop(columns="drawn")
+    found = pd.DataFrame([known | mean_se("gap", both.gap.learned) | regret])
+    return found.drop(columns="drawn")
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -193,7 +208,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     most = FAST_TRIALS if fast else max(RULES_AFTER)
     for name, trials in TRIALS.items():
         trials = min(most, trials)
-        yield Piece("course", name, trials, 150, partial(learned_over_trials, name, trials))
+        yield Piece("course", name, trials, 170, partial(learned_over_trials, name, trials))
     for rule, critic in RULES:
         name = f"{rule} {critic or ''}".strip()
         yield Piece("rules", name, most, 60, partial(rules, rule, critic, most))

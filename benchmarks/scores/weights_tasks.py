@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from bgmodel import stream
 from bgmodel.learning.weights.features import Features, FeatureSource
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.learning.weights.sources import PoissonFeatures, PooledFeatures, tap_features
-from bgmodel.tactile.source import held_out_taps
+from bgmodel.tactile.source import FOLDS, held_out_taps
 from bgmodel.tactile.task import Orientations, SameDifferent, Task
 
 SCORING_SEED = 45_006
@@ -41,9 +42,9 @@ class Taught:
         return self.scored.draw(TESTED, rng=stream(SCORING_SEED, "scored", name))
 
 
-def of_taps(task: Task, t_max: int) -> Taught:
-    """Return a task with decoded taps."""
-    learned, scored = tap_features(held_out_taps(), task, t_max=t_max)
+def of_taps(task: Task, t_max: int, fold: int = 0) -> Taught:
+    """Return a task with decoded taps, one sixth of which scores."""
+    learned, scored = tap_features(held_out_taps(), task, t_max=t_max, fold=fold)
     return Taught(learned, scored, min(len(part) for part in scored.readings))
 
 
@@ -53,21 +54,26 @@ def of_cells(channels: int) -> Taught:
     return Taught(cells, cells)
 
 
-MADE: dict[str, Callable[[], Taught]] = {
-    "2 mm": lambda: of_taps(SameDifferent(2.0), 40),
-    "1.5 mm": lambda: of_taps(SameDifferent(1.5), 100),
-    "Poisson cells, N = 4": lambda: of_cells(4),
-    "4 orientations, 2 mm": lambda: of_taps(Orientations(4, 2.0), 40),
-    "8 orientations, 2 mm": lambda: of_taps(Orientations(8, 2.0), 40),
+def of_orientations(count: int) -> list[Taught]:
+    """Return a task with few taps per class, each sixth of which scores in turn."""
+    return [of_taps(Orientations(count, 2.0), 40, fold) for fold in range(FOLDS)]
+
+
+MADE: dict[str, Callable[[], list[Taught]]] = {
+    "2 mm": lambda: [of_taps(SameDifferent(2.0), 40)],
+    "1.5 mm": lambda: [of_taps(SameDifferent(1.5), 100)],
+    "Poisson cells, N = 4": lambda: [of_cells(4)],
+    "4 orientations, 2 mm": lambda: of_orientations(4),
+    "8 orientations, 2 mm": lambda: of_orientations(8),
 }
-"""Tasks by name."""
+"""Tasks by name: the runs are divided among the parts of each."""
 TRIALS = dict(zip(MADE, (10_000, 30_000, 10_000, 10_000, 30_000), strict=True))
 """Number of trials of learning, by task."""
 
 
 @cache
-def task_of(name: str) -> Taught:
-    """Return a task by name."""
+def parts_of(name: str) -> list[Taught]:
+    """Return the parts of a task by name."""
     return MADE[name]()
 
 
@@ -76,22 +82,30 @@ def gratings(**options: Any) -> tuple[PooledFeatures, PooledFeatures]:
     return tap_features(held_out_taps(), SameDifferent(2.0), **options)
 
 
-def each_run(
-    learned: LearnedWeights, task: Taught, name: str, *, stn: bool = True
-) -> dict[str, Any]:
-    """Return slope, r and relative time, each a mean over runs with its standard error.
+MEASURES = ["slope", "r", "relative_time"]
 
-    Every run is scored on held-out trials of its own, so that the standard error includes theirs.
-    """
-    found: dict[str, list[float]] = {"slope": [], "r": [], "relative_time": []}
+
+def scores(
+    learned: LearnedWeights, task: Taught, name: str, *, stn: bool = True, **known: object
+) -> pd.DataFrame:
+    """Return slope, r and relative time of each run, on held-out trials of its own."""
+    rows = []
     for run in range(learned.runs):
         test = task.test(f"{name} {run}")
         one = replace(learned, weights=learned.weights[run : run + 1])
         calibration = one.calibration(test)
-        found["slope"].append(float(calibration.slope[0]))
-        found["r"].append(float(calibration.r[0]))
-        found["relative_time"].append(float(one.relative_time(test, ACCURACY, stn=stn)[0]))
-    return {k: v for name, values in found.items() for k, v in mean_se(name, values).items()}
+        time = one.relative_time(test, ACCURACY, stn=stn)
+        rows.append([calibration.slope[0], calibration.r[0], time[0]])
+    return pd.DataFrame(rows, columns=MEASURES).assign(**known)
+
+
+def each_run(learned: LearnedWeights, task: Taught, name: str) -> dict[str, float]:
+    """Return mean slope, r and relative time over runs, with standard errors.
+
+    Every run is scored on held-out trials of its own, so that the standard error includes theirs.
+    """
+    table = scores(learned, task, name)
+    return {k: v for one in MEASURES for k, v in mean_se(one, table[one]).items()}
 
 
 def mean_se(name: str, values: npt.ArrayLike) -> dict[str, float]:
