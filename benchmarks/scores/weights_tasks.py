@@ -67,7 +67,7 @@ MADE: dict[str, Callable[[], list[Taught]]] = {
     "8 orientations, 2 mm": lambda: of_orientations(8),
 }
 """Tasks by name: the runs are divided among the parts of each."""
-TRIALS = dict(zip(MADE, (10_000, 30_000, 10_000, 10_000, 30_000), strict=True))
+TRIALS = dict(zip(MADE, (10_000, 30_000, 10_000, 10_000, 10_000), strict=True))
 """Number of trials of learning, by task."""
 
 
