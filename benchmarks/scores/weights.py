@@ -2,8 +2,8 @@
 
 What the confidence rule learns over trials on taps and Poisson cells, and counts of as many
 readings whose truth is known; other rules and critics; unequal gains and unreliable feedback;
-changes of the labels and of the sensor; weights and gap together; and a circuit in the loop
-(``weights_changes``, ``weights_loop``). Evaluated on a seed that tuned nothing.
+changes of the labels and of the sensor (``weights_changes``); weights and gap together. A circuit
+in the loop is in ``weights_loop``. Evaluated on a seed that tuned nothing.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.weights_changes import CHANGES, changed, summaries
-from benchmarks.scores.weights_loop import LOOPS, in_loop
 from benchmarks.scores.weights_tasks import (
     MEASURES,
     RUNS,
@@ -41,7 +40,6 @@ from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
 from bgmodel.learning.weights.with_gap import learn_weights_and_gap
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
-from circuits.anatomy import DEFAULT
 
 AFTER = (100, 300, 1000, 3000, 10_000, 30_000)
 """Trials after which weights are scored."""
@@ -224,8 +222,6 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("together", f"{xi:g} {start:g}", most, 60, make)
     if not fast:
         yield Piece("ratios", "2 mm", max(SHOWN_AFTER), 5, ratios_over_trials)
-        for loop in LOOPS:
-            yield Piece("loop", loop.name, loop.trials, loop.seconds, partial(in_loop, loop))
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
@@ -234,7 +230,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return found | {"recovered": ("changes", summaries(made["changes"]))}
 
 
-SCORE = Score("weights", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
+SCORE = Score("weights", SCORING_SEED, (), pieces, tables, circuit="")
 
 if __name__ == "__main__":
     main(SCORE)

@@ -1,12 +1,15 @@
-"""Weights learned with a circuit in the loop, its confidence read from SNr."""
+"""Weights learned with a circuit in the loop, its confidence read from SNr: make score."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.weights_tasks import ACCURACY, SCORING_SEED, mean_se
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -73,3 +76,23 @@ def in_loop(loop: Taught) -> pd.DataFrame:
              "learned_ms": np.mean(times), "exact_ms": np.mean(exacts),
              "slope": learned.calibration(test).slope.mean()}  # fmt: skip
     return pd.DataFrame([found | mean_se("relative_time", ratios)])
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per task and engine; the coarse form has fewer trials and no spikes."""
+    for loop in LOOPS:
+        if not (fast and loop.engine.spiking):
+            one = replace(loop, trials=loop.trials // 10) if fast else loop
+            seconds = one.seconds / (10 if fast else 1)
+            yield Piece("times", one.name, one.trials, seconds, partial(in_loop, one))
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the times with learned weights and with exact likelihoods."""
+    return {"times": ("times", made["times"])}
+
+
+SCORE = Score("weights_loop", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, bar, check_ending, check_whole, options_of, say
+from bgmodel.commands.checks import (
+    Writes,
+    bar,
+    check_ending,
+    check_whole,
+    options_of,
+    save_figure,
+    say,
+)
 from bgmodel.learning.weights.critics import CRITICS
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import RULES
@@ -33,11 +41,14 @@ class WeightsLearn(Writes):
 
     Five of six folds of the taps are for learning; times and slopes are those on the sixth.
 
-    Example: bgmodel learn-weights weights.parquet --period-mm 2
+    Examples: bgmodel learn-weights weights.parquet --period-mm 2; bgmodel learn-weights weights.csv
+    --drawing weights.png --runs 4 --learner.trials 2000
     """
 
     output: Positional[Path]
     """File for the table of weights, .parquet or .csv."""
+    drawing: Path | None = None
+    """File for a figure of learned against exact log-likelihoods, .pdf, .svg or .png."""
     task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "same-different"
     """Tactile task."""
     channels: int = 2
@@ -99,6 +110,9 @@ class WeightsLearn(Writes):
             f"{np.mean(summary['r']):.3f}), time at 90 % correct "
             f"{np.mean(summary['relative_time']):.3f} of that with them -> {self.output}"
         )
+        if self.drawing is not None:
+            save_figure(learned.plot(test), self.drawing)
+            print(f"figure -> {self.drawing}")
 
     def _sources(self) -> tuple[FeatureSource, FeatureSource]:
         """Return the features of taps for learning and for scoring."""
@@ -113,6 +127,8 @@ class WeightsLearn(Writes):
     def _check(self) -> None:
         """Refuse invalid options before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        if self.drawing is not None:
+            check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         check_whole(runs=self.runs, t_max=self.t_max)
         require(self.units >= 2, "units", "must be at least 2", self.units)
         require(self.rule in RULES, "rule", f"must be one of {', '.join(RULES)}", self.rule)

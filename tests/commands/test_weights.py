@@ -10,8 +10,9 @@ SHORT = ("--runs", 2, "--learner.trials", 600, "--t-max", 20)
 
 
 def test_weights_are_learned_and_written_with_their_scores(tmp_path, capsys):
-    out = tmp_path / "weights.parquet"
-    assert run("learn-weights", out, *SHORT, "--seed", 3) == 0
+    out, picture = tmp_path / "weights.parquet", tmp_path / "weights.png"
+    assert run("learn-weights", out, *SHORT, "--seed", 3, "--drawing", picture) == 0
+    assert picture.stat().st_size > 5000
     assert "of that with them" in capsys.readouterr().out
     table = pd.read_parquet(out)
     assert list(table) == ["run", "hypothesis", "unit", "weight"]
@@ -31,6 +32,7 @@ def test_weights_are_learned_and_written_with_their_scores(tmp_path, capsys):
         (("--runs", 0), "runs must be at least 1"),
         (("--channels", 3), "same-different has 2 alternatives"),
         (("--fold", 7), "fold must be 0..5"),
+        (("--drawing", "weights.txt"), "drawing must end in"),
         (("--feedback.given", 0), "nothing can be learned"),
         (("--feedback.wrong", -1), "takes rewards as 0 or 1"),
     ],
