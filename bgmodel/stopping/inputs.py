@@ -32,7 +32,7 @@ class StopSignal:
     Warns
     -----
     UserWarning
-        If the input to STN is so large that STN rings, or ends without a cancel.
+        If the input to STN is so large that STN rings, is 0, or ends without a cancel.
     """
 
     nucleus: str = "STN"
@@ -59,7 +59,11 @@ class StopSignal:
                 f"amount_nats = {self.amount_nats:g} to STN, more than {MOST_NATS:g}: STN rings "
                 "near 20 Hz and rebounds when the input ends"
             )
-        if np.isfinite(self.duration_ms) and np.isinf(self.cancel_ms):
+        if np.isfinite(self.cancel_ms):
+            return
+        if self.amount_nats == 0:
+            EditWarning.warn("a signal of 0 nats without a cancel has no effect")
+        elif np.isfinite(self.duration_ms):
             EditWarning.warn(
                 f"an input of {self.duration_ms:g} ms postpones responses but does not cancel "
                 "them: the evidence is still there when it ends"

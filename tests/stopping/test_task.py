@@ -392,3 +392,10 @@ def test_a_figure_says_when_no_estimate_is_accepted(evidence):
     text = draw(found).get_suptitle()
     assert f"{int(found.stop.sum())} stop trials" in text
     assert "accepts no SSRT" in text
+
+
+def test_a_signal_of_nothing_is_warned_of():
+    with pytest.warns(EditWarning, match="no effect"):
+        StopTask(amount_nats=0.0)
+    with unwarned():
+        StopTask(amount_nats=0.0, cancel_ms=50.0)
