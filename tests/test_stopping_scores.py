@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.scores import stop_relative, stopping
-from benchmarks.scores.stop_observer import abrupt, commitments, decisions, observed, with_tone
-from benchmarks.scores.stop_runs import (
+from benchmarks.scores import stopping
+from benchmarks.scores.stops import relative
+from benchmarks.scores.stops.observer import abrupt, commitments, decisions, observed, with_tone
+from benchmarks.scores.stops.runs import (
     agreement,
     evidence_of,
     go_times,
@@ -98,10 +99,8 @@ def test_people_who_race_answer_as_their_go_times_say(monkeypatch):
         stop[stop > ssd + 200] = NONE
         return StopTrials(np.append(go, stop), np.append(np.full(400, NONE), ssd))
 
-    monkeypatch.setattr(
-        stop_relative, "read_people", lambda: {f"p{k}": person() for k in range(40)}
-    )
-    table = stop_relative.people()
+    monkeypatch.setattr(relative, "read_people", lambda: {f"p{k}": person() for k in range(40)})
+    table = relative.people()
     assert table["p_respond"].to_numpy() == pytest.approx(table["p_race"].to_numpy(), abs=0.06)
     late = table["failed_minus_go_ms"] - table["race_minus_go_ms"]
     assert late.abs().max() < 20

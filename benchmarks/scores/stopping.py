@@ -4,7 +4,7 @@ The circuit stops in closed form: a signal of A nats to STN adds its step respon
 that a full run can be predicted from the same trial without a signal. Evaluated on seeds that
 tuned nothing; delays were chosen on other seeds, so that 0.2 to 0.8 of the stop trials are
 answered. The comparison with the ideal observer, signals that end, published effects and people
-are in ``stop_observer``, ``stop_cancel``, ``stop_published`` and ``stop_relative``.
+are in ``stops``.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from benchmarks.scores.stop_cancel import arkypallidal, pauses
-from benchmarks.scores.stop_observer import (
+from benchmarks.scores.stops.cancel import arkypallidal, pauses
+from benchmarks.scores.stops.observer import (
     SHARES,
     TONES,
     by_share,
@@ -27,9 +27,9 @@ from benchmarks.scores.stop_observer import (
     observed,
     paired,
 )
-from benchmarks.scores.stop_published import rates
-from benchmarks.scores.stop_relative import people
-from benchmarks.scores.stop_runs import (
+from benchmarks.scores.stops.published import rates
+from benchmarks.scores.stops.relative import people
+from benchmarks.scores.stops.runs import (
     POSTERIOR,
     SCORING_SEED,
     STEP_MS,

@@ -2,7 +2,7 @@
 
 What the confidence rule learns over trials on taps and Poisson cells, and counts of as many
 readings whose truth is known; other rules and critics; unequal gains and unreliable feedback;
-changes of the labels and of the sensor (``weights_changes``); weights and gap together. A circuit
+changes of the labels and of the sensor (``learned.changes``); weights and gap together. A circuit
 in the loop is in ``weights_loop``. Evaluated on a seed that tuned nothing.
 """
 
@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.pieces import Made, Piece, Score, main
-from benchmarks.scores.weights_changes import CHANGES, changed, summaries
-from benchmarks.scores.weights_tasks import (
+from benchmarks.scores.learned.changes import CHANGES, changed, summaries
+from benchmarks.scores.learned.tasks import (
     MEASURES,
     RUNS,
     SCORING_SEED,
@@ -31,6 +30,7 @@ from benchmarks.scores.weights_tasks import (
     parts_of,
     scores,
 )
+from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.learning.weights.critics import Affine, Critic
 from bgmodel.learning.weights.deciders import FixedPoint

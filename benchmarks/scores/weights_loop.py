@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from benchmarks.scores.learned.tasks import ACCURACY, SCORING_SEED, mean_se
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from benchmarks.scores.weights_tasks import ACCURACY, SCORING_SEED, mean_se
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.weights.feedback import WeightLearner

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.weights_tasks import RUNS, SCORING_SEED, Taught, each_run, gratings
+from benchmarks.scores.learned.tasks import RUNS, SCORING_SEED, Taught, each_run, gratings
 from bgmodel.learning.weights.drift import DriftingSensor
 from bgmodel.learning.weights.features import FeatureSource
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.stop_runs import (
+from benchmarks.scores.stops.runs import (
     POSTERIOR,
     SCORING_SEED,
     STEP_MS,

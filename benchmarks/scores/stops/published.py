@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.stop_runs import (
+from benchmarks.scores.stops.runs import (
     evidence_of,
     model_of,
     stop_times,

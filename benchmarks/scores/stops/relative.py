@@ -12,7 +12,7 @@ import warnings
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.stop_runs import SCORING_SEED
+from benchmarks.scores.stops.runs import SCORING_SEED
 from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.stopping.estimates import estimate_ssrt

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.stop_runs import (
+from benchmarks.scores.stops.runs import (
     evidence_of,
     go_times,
     model_of,

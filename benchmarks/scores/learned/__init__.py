@@ -1,0 +1,1 @@
+"""Parts of the scores of learned weights."""
