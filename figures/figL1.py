@@ -54,7 +54,7 @@ def _ratios(ax: Axes, learned: pd.DataFrame) -> None:
     rows = where(learned, after=max(SHADES))
     ax.plot(rows["reading_deg"], rows["exact_nats"], "k--", lw=1, label="exact")
     ax.legend(loc="upper left")
-    ax.set(xlabel="difference of two decoded angles (deg)", xticks=[-90, 0, 90])
+    ax.set(xlabel="difference of two decoded angles (deg)", xticks=[-90, 0, 90], xlim=(-100, 130))
     ax.set_ylabel("ln p(different) / p(same) (nats)")
 
 
