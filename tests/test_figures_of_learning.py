@@ -55,7 +55,7 @@ def test_figure_l3_shows_every_critic_and_change(tmp_path):
     assert len(figure.axes) == 4
 
 
-def test_a_change_is_compensated_after_the_last_bin_below():
+def test_a_change_is_compensated_in_the_first_bin_that_is_near():
     trial = np.arange(0, BEGINS + 1000, BIN)
     correct = np.where(trial < BEGINS, 0.95, np.where(trial < BEGINS + 200, 0.5, 0.94))
     never = np.where(trial < BEGINS, 0.95, 0.5)

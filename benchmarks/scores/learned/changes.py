@@ -21,7 +21,7 @@ from bgmodel.learning.weights.learned import LearnedWeights
 BEGINS, TRIALS, BIN = 3000, 8000, 50
 """Trial of the change, number of trials, and trials behind a point."""
 NEAR = 0.02
-"""Recovered: within this of the proportion correct before the change."""
+"""Recovered: within this of the proportion correct before the change, some 2 standard errors."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +70,15 @@ def changed(name: str, fast: bool) -> pd.DataFrame:
         found[f"{what}_se"] = each.std(axis=0, ddof=1) / np.sqrt(RUNS)
     pool, held_out = gratings()
     task = Taught(pool, held_out.drifted(change.scale, change.shift_deg))
-    for kept, weights in (("learning", learned), ("frozen", _before(learned, change))):
-        scored = each_run(weights, task, name)
+    for kept, weights in (("learning", learned), ("frozen", learned.after(BEGINS, 0.25))):
+        scored = each_run(_for_new_labels(weights, change), task, name)
         found = found.assign(**{f"{kept}_{k}": v for k, v in scored.items()})
     return found
 
 
-def _before(learned: LearnedWeights, change: Change) -> LearnedWeights:
-    """Return the weights from before the change; with exchanged labels, of the wrong channels."""
-    frozen = learned.after(BEGINS, 0.25)
-    return replace(frozen, weights=frozen.weights[:, ::-1]) if change.labels else frozen
+def _for_new_labels(learned: LearnedWeights, change: Change) -> LearnedWeights:
+    """Return weights as held-out trials with exchanged labels see them, if labels change."""
+    return replace(learned, weights=learned.weights[:, ::-1]) if change.labels else learned
 
 
 def summaries(changes: pd.DataFrame) -> pd.DataFrame:
@@ -90,9 +89,9 @@ def summaries(changes: pd.DataFrame) -> pd.DataFrame:
         correct = part["correct"].to_numpy()
         before = correct[(since >= -1000) & (since < 0)].mean()
         lowest = correct[since >= 0].min()
-        low = np.flatnonzero((since >= 0) & (correct < before - NEAR))
-        recovered = since[low[-1]] + BIN if len(low) and low[-1] + 1 < len(since) else np.nan
+        near = since[(since >= 0) & (correct >= before - NEAR)]
         scores = part.filter(regex="^(learning|frozen)_").iloc[0]
-        rows.append({"change": name, "before": before, "lowest": lowest,
-                     "recovered_after": recovered if len(low) else 0.0} | dict(scores))  # fmt: skip
+        recovered = near[0] if len(near) else np.nan
+        known = {"change": name, "before": before, "lowest": lowest, "recovered_after": recovered}
+        rows.append(known | dict(scores))
     return pd.DataFrame(rows)
