@@ -27,7 +27,7 @@ DRIFTS = {
     "40 degrees over 2000 trials": "C2",
     "readings doubled": "C3",
 }
-SHOWN = (2500, 6500)
+SHOWN = (2500, 5500)
 """First and last trial that are shown."""
 
 
@@ -70,6 +70,7 @@ def _feedback(ax: Axes, table: pd.DataFrame) -> None:
         ax.errorbar(100 * rows["valid"], rows["slope"], 1.96 * rows["slope_se"], ms=3.5, lw=0.9,
                     **style)  # fmt: skip
     ax.axhline(1, color="0.6", lw=0.8, ls=":", zorder=0)
+    ax.set_xticks(100 * np.sort(table["valid"].unique()))
     ax.set(xlabel="trials with valid feedback (%)", ylabel="nats learned per exact nat")
     ax.set_ylim(0, None)
     ax.legend(title="critic")
