@@ -2,6 +2,8 @@
 
 People and simulated people are measured by the same functions, from tables with the columns of the
 shipped set ``parkinson_simon_2018``. In the test the value of an item is how often it was rewarded.
+Intervals over people are expanded percentiles of a bootstrap (Hesterberg 2015, The American
+Statistician 69, 371-386), because plain percentiles are too narrow with few people: by 8 % for 22.
 """
 
 from __future__ import annotations
@@ -11,8 +13,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.stats import norm
+from scipy.stats import t as student
 
-from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.support.arrays import Array
 from circuits.errors import require
 
@@ -144,14 +148,16 @@ def named(each: pd.DataFrame) -> list[str]:
 def means(rows: pd.DataFrame, rng: np.random.Generator | int) -> pd.DataFrame:
     """Return mean, 95 % bootstrap interval over people and their number, a row per measure."""
     weights = resampled(len(rows), RESAMPLES, rng)
-    return _summary({str(k): _weighted(rows[k], weights) for k in rows}, rows.count())
+    people = rows.count()
+    return _summary({str(k): _weighted(rows[k], weights) for k in rows}, people, people)
 
 
 def between(one: pd.DataFrame, other: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     """Return the difference of two groups of people, one minus other, as ``means`` does."""
     weights = [resampled(len(rows), RESAMPLES, rng) for rows in (one, other)]
     found = {str(k): _weighted(one[k], weights[0]) - _weighted(other[k], weights[1]) for k in one}
-    return _summary(found, one.count() + other.count())
+    fewer = np.minimum(one.count(), other.count())
+    return _summary(found, one.count() + other.count(), fewer)
 
 
 def by_order(
@@ -176,7 +182,8 @@ def by_order(
         str(k): (_weighted(parts[0][k], weights[0]) + _weighted(parts[1][k], weights[1])) / 2
         for k in rows
     }
-    return _summary(found, rows.count())
+    fewer = np.minimum(parts[0].count(), parts[1].count())
+    return _summary(found, rows.count(), fewer)
 
 
 def _weighted(values: pd.Series, weights: Array) -> Array:
@@ -186,9 +193,26 @@ def _weighted(values: pd.Series, weights: Array) -> Array:
     return found
 
 
-def _summary(drawn: dict[str, Array], people: pd.Series) -> pd.DataFrame:
+def _summary(drawn: dict[str, Array], people: pd.Series, drawn_from: pd.Series) -> pd.DataFrame:
+    """Return value, interval and number of people of each measure.
+
+    Parameters
+    ----------
+    drawn : dict
+        By measure, its value and then its resamples.
+    people, drawn_from : Series
+        Number of people by measure, and of those in the smallest group that is resampled.
+    """
     rows = []
     for name, values in drawn.items():
-        value, low, high = interval(values)
-        rows.append((name, value, low, high, int(people[name])))
+        tail = expanded(int(drawn_from[name]))
+        low, high = np.quantile(values[1:], [tail, 1 - tail])
+        rows.append((name, values[0], low, high, int(people[name])))
     return pd.DataFrame(rows, columns=["measure", "value", "low", "high", "people"])
+
+
+def expanded(people: int) -> float:
+    """Return the quantile of the bootstrap at which a 95 % interval ends (Hesterberg 2015)."""
+    if people < 2:
+        return np.nan
+    return float(norm.cdf(np.sqrt(people / (people - 1)) * student.ppf(0.025, people - 1)))

@@ -3,11 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as student
 
 from benchmarks.methods.simon import (
     QUANTILES,
     between,
     by_order,
+    expanded,
     means,
     measures,
     named,
@@ -128,13 +130,34 @@ def test_a_group_difference_has_the_interval_of_its_standard_error():
     assert found["high"] - found["low"] == pytest.approx(2 * half, rel=4 / np.sqrt(RESAMPLES))
 
 
-def test_people_with_a_later_response_have_another_deadline(trials):
-    late = trials.copy()
-    late.loc[late.index[late["participant_id"] == "p3"][5], "rt"] = 1.2
-    kept = medication.one_deadline(
-        late[late["rt"].isna() | (late["rt"] < 0.8) | (late["rt"] > 1.1)]
-    )
-    assert set(trials["participant_id"]) - set(kept["participant_id"]) == {"p3"}
+@pytest.mark.parametrize("people", [8, 22, 1000])
+def test_intervals_of_few_people_are_as_wide_as_those_of_student(people):
+    rng = np.random.default_rng(4)
+    widths = []
+    for _ in range(60):
+        rows = pd.DataFrame({"x": rng.normal(0, 1, people)})
+        found = means(rows, rng).iloc[0]
+        half = student.ppf(0.975, people - 1) * rows["x"].sem()
+        widths.append((found["high"] - found["low"]) / (2 * half))
+    # An end of an interval from 1000 resamples has an error of some 4 %.
+    assert np.mean(widths) == pytest.approx(1, abs=0.03)
+    assert expanded(10**6) == pytest.approx(0.025, abs=1e-6)
+
+
+def test_people_are_chosen_by_the_deadlines_of_their_sessions(trials):
+    training = trials["phase"] == "training"
+    early = trials.assign(rt=trials["rt"].mask(training, trials["rt"].clip(upper=0.7)))
+    for who, number in (("p3", 1), ("p4", 1), ("p4", 2)):
+        mine = training & (early["participant_id"] == who) & (early["session"] == number)
+        early.loc[early.index[mine][5], "rt"] = 1.2
+
+    def left_out(who):
+        some = medication.of_deadline(early, who)
+        return set(early["participant_id"]) - set(some["participant_id"])
+
+    assert [left_out(who) for who in medication.WHO] == [{"p3", "p4"}, {"p3"}, set()]
+    with pytest.raises(InputError):
+        medication.of_deadline(early, "some")
 
 
 def test_too_few_trials_give_nan_and_not_a_number_from_some(trials):
