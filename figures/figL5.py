@@ -23,25 +23,29 @@ CONTROLS, ON_OFF = "controls", "on - off"
 WHO = "0.8 s"
 """People with the same deadline in all sessions."""
 COLOUR = {"controls": "k", "off": "C1", "on": "C0"}
-KINDS = MAIN, _ = ("pulse", "fading")
-"""Courses of the location's input in the circuit."""
-COURSE = {"pulse": ("C2", "-"), "fading": ("C4", "--")}
+KINDS = MAIN, _, LATER = ("pulse", "fading", "brief")
+"""Courses of the location's input in the circuit; the last one was added after the analysis."""
+COURSE = {"pulse": ("C2", "-"), "fading": ("C4", "--"), "brief": ("C3", ":")}
 MARK: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2}
 TESTED = {"better_far": "far apart", "better_near": "near"}
 """Pairs of the test, by the difference of their values: 1 and 0.5."""
 
 
-def draw(settings: Settings, people: Path, outcomes: Path, *, output: Path) -> Figure:
+def draw(
+    settings: Settings, people: Path, outcomes: Path, circuit: Path, *, output: Path
+) -> Figure:
     """Draw changes of times, costs, accuracy by speed, and choices of the test."""
     data = where(read_table(people), who=WHO)
     table = where(read_table(outcomes), who=WHO)
+    later = where(read_table(circuit), kind=LATER, contrast=CONTROLS)
     figure, axes = plt.subplots(2, 2, figsize=(7.6, 5.6))
     _times(axes[0, 0], where(table, kind=MAIN, contrast=ON_OFF))
-    _costs(axes[0, 1], data, where(table, contrast=CONTROLS))
-    _errors(axes[1, 0], data, where(table, contrast=CONTROLS))
+    levels = pd.concat([where(table, contrast=CONTROLS), later.assign(predicted=later["value"])])
+    _costs(axes[0, 1], data, levels)
+    _errors(axes[1, 0], data, levels)
     _tested(axes[1, 1], where(table, kind=MAIN, contrast=ON_OFF))
     key(figure, *axes.flat, ncols=4, fontsize=7)
-    say_if_older(figure, people, outcomes)
+    say_if_older(figure, people, outcomes, circuit)
     return figure
 
 
@@ -69,7 +73,7 @@ def _costs(ax: Axes, data: pd.DataFrame, levels: pd.DataFrame) -> None:
     for kind in KINDS:
         colour, style = COURSE[kind]
         rows = _rows(where(levels, kind=kind), names)
-        ax.plot(QUANTILES, rows["predicted"], color=colour, ls=style, label=f"circuit, {kind}")
+        ax.plot(QUANTILES, rows["predicted"], color=colour, ls=style, label=_course(kind))
     for k, (who, colour) in enumerate(COLOUR.items()):
         at = np.array(QUANTILES) + 0.015 * (k - 1)
         rows = _rows(where(data, contrast=who), names)
@@ -122,6 +126,10 @@ def _tested(ax: Axes, change: pd.DataFrame) -> None:
     ax.set_ylabel("on minus off: share of better item")
     right.set_ylabel("on minus off: median time, s")
     letter(ax, "d  test of what was learned")
+
+
+def _course(kind: str) -> str:
+    return f"circuit, {kind}{' (added later)' if kind == LATER else ''}"
 
 
 def _named(who: str) -> str:

@@ -3,7 +3,8 @@
 The colour is Gaussian evidence for the correct side, one reading every 10 ms. The location is read
 automatically: it excites the channel of its side, early in the trial and without being evidence for
 the correct response. In a ``pulse`` this input persists, as evidence does; if it is ``fading`` it
-peaks after 100 ms and vanishes (Ulrich et al. 2015, with shape 2 and a time constant of 100 ms). In
+peaks after 100 ms and vanishes (Ulrich et al. 2015, with shape 2 and a time constant of 100 ms); if
+it is ``brief``, it does so after 30 ms. The last one was added after people had been analysed. In
 the test the mean of the same readings is proportional to the difference of two values.
 """
 
@@ -29,8 +30,8 @@ STEPS, TEST_STEPS = 60, 300
 """Readings of a trial in training, which lasts until the deadline, and in the test."""
 DEADLINE_MS = 800.0
 """Deadline of training in most sessions."""
-LOCATION_MS = 100.0
-"""Duration of the pulse, and time of the peak if it is fading, ms."""
+LOCATION_MS = {"pulse": 100.0, "fading": 100.0, "brief": 30.0}
+"""Duration of the pulse, and times at which the other courses peak, ms."""
 TRAINING, TEST = 376, 192
 """Trials of a simulated person."""
 PAIRS = [one + other for one in "ABCD" for other in "ABCD" if one != other]
@@ -55,7 +56,7 @@ class Simon:
     t0_ms : float
         Time outside the circuit.
     kind : str
-        Course of the location's input, pulse or fading.
+        Course of the location's input, pulse, fading or brief.
     """
 
     d_prime: float
@@ -63,12 +64,12 @@ class Simon:
     posterior: float
     value: float
     t0_ms: float
-    kind: Literal["pulse", "fading"]
+    kind: Literal["pulse", "fading", "brief"]
 
 
 def location_course(kind: str, steps: int) -> Array:
     """Return the location's input at the end of each reading, (steps,), with a maximum of 1."""
-    time = STEP_MS * np.arange(1, steps + 1) / LOCATION_MS
+    time = STEP_MS * np.arange(1, steps + 1) / LOCATION_MS[kind]
     course: Array = np.minimum(time, 1.0) if kind == "pulse" else time * np.exp(1 - time)
     return course
 

@@ -111,7 +111,7 @@ def value_of(simon: Simon) -> float:
 
 
 def main() -> None:
-    """Print the parameters of both kinds, and write the predictions."""
+    """Print the parameters of all kinds, and write the predictions of those in ``KINDS``."""
     found = Told(PREDICTION_SEED, PEOPLE, [], [])
     for kind in KINDS:
         simon, means_of = fitted(kind)
@@ -121,6 +121,7 @@ def main() -> None:
         table = contrasts(models(simon, PEOPLE, PREDICTION_SEED, tested=kind == MAIN))
         found.predictions.extend(predictions(kind, table))
     TOLD.write_text(written(found))
+    print(*fitted("brief"))
 
 
 if __name__ == "__main__":

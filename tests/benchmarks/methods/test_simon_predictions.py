@@ -95,13 +95,16 @@ def test_the_location_excites_its_channel_and_is_no_evidence():
         assert added[k, :, 1 - side] == pytest.approx(0.0)
 
 
-def test_a_pulse_persists_and_a_fading_input_peaks_once():
-    pulse, fading = (location_course(kind, 200) for kind in KINDS)
+def test_a_pulse_persists_and_other_inputs_peak_once_and_vanish():
+    pulse = location_course("pulse", 200)
     at = round(100 / STEP_MS) - 1
-    assert pulse[at] == fading[at] == pytest.approx(1)
+    assert pulse[at - 1] < pulse[at] == 1
     assert (pulse[at:] == 1).all()
-    assert fading.argmax() == at
-    assert fading[-1] < 1e-6
+    for kind, peak in (("fading", at), ("brief", round(30 / STEP_MS) - 1)):
+        course = location_course(kind, 200)
+        assert course.argmax() == peak
+        assert course[peak] == pytest.approx(1)
+        assert course[-1] < 1e-6
 
 
 def test_the_mean_reading_of_the_test_is_proportional_to_the_difference_of_value():
