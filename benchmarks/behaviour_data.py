@@ -1,9 +1,9 @@
 """The built-in data sets of choices and response times, from csv files published with code.
 
 ``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
-palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, stop_signal_cnp_controls.csv and the two
-licence texts in FOLDER. It writes parquet files with consistent columns to ``bgmodel/data``, and
-copies the licences there.
+palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, stop_signal_cnp_controls.csv,
+parkinson_simon_2018.csv and the two licence texts in FOLDER. It writes parquet files with
+consistent columns to ``bgmodel/data``, and copies the licences there.
 """
 
 from __future__ import annotations
@@ -87,6 +87,37 @@ STOP: dict[str, Any] = {
     "source": "https://openneuro.org/datasets/ds000030, version 1.0.0, healthy controls, task "
     "stopsignal",
     "note": "126 healthy adults, 128 trials each, a quarter of them stop trials, two staircases.",
+}
+
+SIMON: dict[str, Any] = {
+    "columns": {
+        **EVERYWHERE,
+        "response": "training: 1 correct, 0 error; test: 1 the first of the two items in the "
+        "alphabet, which was rewarded at least as often, 0 the other; empty without a response",
+        "group": "pd: Parkinson's disease; ctl: control",
+        "session": "1 or 2; controls have one session",
+        "medication": "on or off: dopaminergic medication; none: control",
+        "phase": "training: press the side that the colour asks for; test: choose one of two items",
+        "congruency": "congruent: the item is shown on the side that its colour asks for; "
+        "incongruent: on the other side; none: test",
+        "item": "item shown in training, A to D; none in the test. Correct responses to A are "
+        "always rewarded, to D never, to B if congruent, to C if incongruent",
+        "pair": "items of a test trial, the left one first; none in training",
+        "side": "side of the response, left or right; empty without a response",
+        "reward": "1 or 0 after a correct response in training, otherwise empty",
+    },
+    "strength": None,
+    "conditions": ["medication", "congruency"],
+    "licence": "CC0-1.0",
+    "licence_file": "",
+    "citation": "Singh, A., Richardson, S. P., Narayanan, N. & Cavanagh, J. F. (2018). Mid-frontal "
+    "theta activity is diminished during cognitive control in Parkinson's disease. "
+    "Neuropsychologia 117, 113-122; Cavanagh, J. F., Mueller, A. A., Brown, D. R., Janowich, J. "
+    "R., Story-Remer, J. H., Wegele, A. & Richardson, S. P. (2017). Cognitive states influence "
+    "dopamine-driven aberrant learning in Parkinson's disease. Cortex 90, 115-124.",
+    "source": "https://openneuro.org/datasets/ds003509, version 1.1.0",
+    "note": "Simon task with reward learning: 28 patients, once on and once off medication, and 28 "
+    "controls.",
 }
 
 
@@ -177,11 +208,53 @@ def stop_signal(raw: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def simon(raw: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per trial of a Simon task and of the test after it; ValueError if they differ.
+
+    Parameters
+    ----------
+    raw : DataFrame
+        Columns participant_id, group (ctl, pd), session, medication (on, off, none), phase
+        (training, test), congruency, item, pair, response (left, right), correct (0, 1), rt_s (s)
+        and reward (0, 1). In a pair the left item comes first; correct is 1 where the item that
+        comes first in the alphabet is chosen.
+    """
+    if not (raw["response"].notna() == raw["rt_s"].notna()).all():
+        raise ValueError("response and rt_s must be given in the same trials")
+    if not ((raw["group"] == "ctl") == (raw["medication"] == "none")).all():
+        raise ValueError("medication must be none in controls and nowhere else")
+    if (raw["reward"].notna() & (raw["correct"] != 1)).any():
+        raise ValueError("reward must be empty where the response is not correct")
+    test = raw["phase"] == "test"
+    if not (test == raw["pair"].notna()).all():
+        raise ValueError("pair must be given in the test and nowhere else")
+    first = (raw["pair"].str[0] < raw["pair"].str[1]) == (raw["response"] == "left")
+    correct = raw["correct"].mask(test, first.astype("float64")).where(raw["response"].notna())
+    return pd.DataFrame(
+        {
+            "participant_id": raw["participant_id"].astype(str),
+            "trial": raw.groupby("participant_id").cumcount().astype("int64"),
+            "rt": raw["rt_s"].astype("float64"),
+            "response": correct.astype("Int8"),
+            "group": raw["group"].astype(str),
+            "session": raw["session"].astype("int8"),
+            **{name: raw[name].astype(str) for name in ("medication", "phase")},
+            **{
+                name: raw[name].fillna("none").astype(str)
+                for name in ("congruency", "item", "pair")
+            },
+            "side": raw["response"].astype("string"),
+            "reward": raw["reward"].astype("Int8"),
+        }
+    )
+
+
 SETS = {
     "roitman_shadlen_2002": ("roitman_shadlen_2002.csv", motion, ROITMAN),
     "palmer_huk_shadlen_2005": ("palmer_huk_shadlen_2005.csv", motion, PALMER),
     "cavanagh_2011": ("cavanagh_2011_hddm.csv", learned_pairs, CAVANAGH),
     "stop_signal_cnp": ("stop_signal_cnp_controls.csv", stop_signal, STOP),
+    "parkinson_simon_2018": ("parkinson_simon_2018.csv", simon, SIMON),
 }
 
 

@@ -9,6 +9,7 @@ from benchmarks.behaviour_data import (
     SETS,
     learned_pairs,
     motion,
+    simon,
     stop_signal,
     write_sets,
 )
@@ -43,7 +44,23 @@ def stop_file():
     return pd.DataFrame({**rows, **more, "rt_s": rt, "ssd_s": ssd})
 
 
-FILES = {motion: motion_file, learned_pairs: pairs_file, stop_signal: stop_file}
+def simon_file():
+    trials = np.arange(200)
+    test, made = trials >= 150, trials % 10 != 0
+    correct = made & (trials % 7 != 0)
+    rows = {
+        "participant_id": "01", "group": "pd", "session": 1, "medication": "off",
+        "phase": np.where(test, "test", "training"),
+        "congruency": np.where(test, None, "congruent"), "item": np.where(test, None, "A"),
+        "pair": np.where(test, "CB", None), "response": np.where(made, "left", None),
+        "correct": np.where(made, np.where(test, 0.0, correct), np.nan),
+        "rt_s": np.where(made, 0.5, np.nan),
+        "reward": np.where(correct & ~test, 1.0, np.nan),
+    }  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+FILES = {motion: motion_file, learned_pairs: pairs_file, stop_signal: stop_file, simon: simon_file}
 
 
 def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
@@ -96,3 +113,20 @@ def test_stop_trials_whose_columns_disagree_are_refused():
         stop_signal(stop_file().assign(ssd_s=0.1))
     with pytest.raises(ValueError, match="in the same trials"):
         stop_signal(stop_file().assign(response="left"))
+
+
+def test_a_simon_task_whose_columns_disagree_is_refused():
+    made = simon(simon_file())
+    test = made["phase"] == "test"
+    # The left item of CB was chosen in every response, and B comes first in the alphabet.
+    assert made.loc[test, "response"].dropna().tolist() == [0] * 45
+    assert made["response"].isna().sum() == made["rt"].isna().sum() == 20
+    assert set(made.loc[test, "congruency"]) == set(made.loc[test, "item"]) == {"none"}
+    with pytest.raises(ValueError, match="in the same trials"):
+        simon(simon_file().assign(response="left"))
+    with pytest.raises(ValueError, match="medication must be none in controls"):
+        simon(simon_file().assign(medication="none"))
+    with pytest.raises(ValueError, match="reward must be empty"):
+        simon(simon_file().assign(reward=1.0))
+    with pytest.raises(ValueError, match="pair must be given in the test"):
+        simon(simon_file().assign(pair="AB"))

@@ -1,4 +1,4 @@
-"""The command that lists, shows and writes the shipped sets of choices and times."""
+"""The command that lists, shows and writes the shipped data sets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 class Data(Shows):
     """List the published data sets that come with the package, or show one of them.
 
-    For one set it prints accuracy and response times of each participant in each condition.
+    For one set it prints accuracy and response times of each participant in each condition; for
+    sets that are no choices with one deadline, numbers of trials and responses, and median times.
 
     Examples: bgmodel data; bgmodel data roitman_shadlen_2002;
     bgmodel data cavanagh_2011 --out cavanagh.csv
@@ -33,9 +34,9 @@ class Data(Shows):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tables.shipped import shipped
+        from bgmodel.tables.shipped import every_set
 
-        sets = shipped()
+        sets = every_set()
         known = f"one of {', '.join(sets)}"
         require(not self.name or self.name in sets, "name", f"must be {known}", self.name)
         if self.output is not None:
@@ -67,16 +68,22 @@ class Data(Shows):
         self.show("\n\n".join(_head(one) for one in sets.values()), pd.DataFrame(rows))
 
     def _show(self, one: Shipped) -> None:
-        """Show accuracy and times of a set."""
+        """Show accuracy and times of a set, or numbers of trials of one that is no choices."""
         from bgmodel.tables.choices import read_choices
+        from bgmodel.tables.shipped import SETS
         from bgmodel.tables.statistics import statistics
 
-        choices = read_choices(one.name, strength=one.strength, conditions=one.conditions)
-        found = statistics(choices)
+        about = one.about
+        if one.name in SETS:
+            choices = read_choices(one.name, strength=one.strength, conditions=one.conditions)
+            found = statistics(choices)
+            about["checksum"] = choices.checksum
+        else:
+            times = one.table.groupby(["participant_id", *one.conditions])["rt"]
+            found = times.agg(trials="size", responses="count", median_s="median").reset_index()
         columns = "\n".join(f"{name:<16}{meaning}" for name, meaning in one.columns.items())
         shown = found.to_string(index=False, float_format="{:.3f}".format)
         text = f"{_head(one)}\n\n{columns}\n\n{shown}"
-        about = {**one.about, "checksum": choices.checksum}
         self.show(text, found, columns=one.columns, output=self.output, **about)
 
     def _write(self, one: Shipped, output: Path) -> None:
@@ -88,10 +95,12 @@ class Data(Shows):
 def _head(one: Shipped) -> str:
     """Return the description and source of a set."""
     signed = [] if one.strength is None else [f"{one.strength} (signed)"]
+    by = ", ".join([*signed, *one.conditions])
+    text = f" (bgmodel/data/{one.licence_file})" if one.licence_file else ""
     return (
-        f"{one.name}: {one.trials} trials of {one.people} participants, by "
-        f"{', '.join([*signed, *one.conditions])}\n"
+        f"{one.name}: {one.trials} trials of {one.people} participants"
+        f"{f', by {by}' if by else ''}\n"
         f"  {one.citation}\n"
         f"  {one.source}\n"
-        f"  {one.licence} (bgmodel/data/{one.licence_file}). {one.note}"
+        f"  {one.licence}{text}. {one.note}"
     )

@@ -13,18 +13,24 @@ from bgmodel.support.files import read_provenance, read_table
 SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
 STOP_SET = "stop_signal_cnp"
 """The set of stop-signal trials, which are no choices; ``bgmodel.stopping.people`` reads it."""
+SIMON_SET = "parkinson_simon_2018"
+"""A Simon task of patients on and off medication; its trials without a response have different
+deadlines, so that ``read_choices`` does not read it."""
+OTHERS = (STOP_SET, SIMON_SET)
+"""Sets that are no choices with one deadline."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shipped:
-    """A published set of choices and times, with its description.
+    """A published set, with its description.
 
     Parameters
     ----------
     name : str
         Its name, as for ``read_choices``.
     table : DataFrame
-        One row per trial: participant_id, trial, rt (s), response (1 or 0), and its conditions.
+        One row per trial: participant_id, trial, rt (s), response (1 or 0 in sets of choices), and
+        its conditions.
     columns : dict
         Description of each column, by name.
     strength : str or None
@@ -33,7 +39,7 @@ class Shipped:
         Columns of experimental conditions.
     citation, source, licence, licence_file, note : str
         Publication; repository; licence of the repository, by its SPDX name; file of its text, in
-        the package's folder ``data``; remarks on the licence.
+        the package's folder ``data``, or "" where the licence asks for none; remarks.
     """
 
     name: str
@@ -65,8 +71,13 @@ class Shipped:
 
 
 def shipped() -> dict[str, Shipped]:
-    """Return the shipped sets by name."""
+    """Return the shipped sets of choices by name."""
     return {name: _read(name) for name in SETS}
+
+
+def every_set() -> dict[str, Shipped]:
+    """Return all shipped sets by name: those of choices, then the others."""
+    return {name: _read(name) for name in (*SETS, *OTHERS)}
 
 
 def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -78,6 +89,7 @@ def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
 def _read(name: str) -> Shipped:
     """Return a set, with the description stored in its file."""
     table, about = shipped_table(name)
+    about = {"strength": None, "conditions": [], "licence_file": ""} | about
     kept = ("strength", "citation", "source", "licence", "licence_file", "note")
     return Shipped(
         name,

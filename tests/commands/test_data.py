@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.support.files import provenance_path, read_provenance
 from bgmodel.tables.choices import read_choices, shipped
+from bgmodel.tables.shipped import OTHERS, every_set
 from tests.helpers import ROOT, run
 
 NO_LICENCE = "No repository states a licence for the data apart from its code."
@@ -23,8 +24,8 @@ def test_the_list_names_every_set_with_its_citation_and_licence(capsys):
         assert (ROOT / "bgmodel" / "data" / one.licence_file).read_text().count("Redistribution")
     assert run("data", "--json") == 0
     listed = json.loads(capsys.readouterr().out)["records"]
-    assert [row["name"] for row in listed] == list(SHIPPED)
-    assert [row["participants"] for row in listed] == [2, 6, 14]
+    assert [row["name"] for row in listed] == [*SHIPPED, *OTHERS]
+    assert [row["participants"] for row in listed] == [2, 6, 14, 126, 56]
 
 
 def test_a_set_is_shown_by_participant_and_condition(capsys):
@@ -40,6 +41,22 @@ def test_a_set_is_shown_by_participant_and_condition(capsys):
 
 
 CONDITIONS = ("conflict", "stimulation")
+
+
+@pytest.mark.parametrize(("name", "cells"), [(OTHERS[0], 126), (OTHERS[1], 28 * 3 + 28 * 2 * 3)])
+def test_a_set_that_is_no_choices_is_shown_by_its_trials_and_responses(
+    tmp_path, capsys, name, cells
+):
+    out = tmp_path / "mine.csv"
+    assert run("data", name, "--out", out, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    one = every_set()[name]
+    assert len(found["records"]) == cells
+    assert sum(row["trials"] for row in found["records"]) == one.trials == len(pd.read_csv(out))
+    assert sum(row["responses"] for row in found["records"]) == one.table["rt"].count()
+    assert set(found["columns"]) == set(one.columns)
+    assert run("data", name) == 0
+    assert "CC0-1.0. " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.support.files import read_provenance
 from bgmodel.tables.choices import read_choices, shipped
+from bgmodel.tables.shipped import SIMON_SET, every_set
 from bgmodel.tables.statistics import statistics
 from tests.helpers import ROOT
 
@@ -109,3 +110,55 @@ def test_theta_slows_under_conflict_and_no_more_with_stimulation():
     }
     assert r["off"] == pytest.approx(0.056, abs=6e-4)
     assert r["on"] == pytest.approx(-0.065, abs=6e-4)
+
+
+SIMON = every_set()[SIMON_SET].table
+TRAINED = SIMON[SIMON["phase"] == "training"]
+MEANS = {
+    "none": ((553, 13), (586, 11), (33, 4), (0.956, 0.923)),
+    "off": ((587, 26), (623, 25), (37, 4), (0.938, 0.903)),
+    "on": ((567, 21), (600, 21), (33, 4), (0.947, 0.912)),
+}
+"""By medication: mean time of correct responses from 0.2 s on, ms, and its standard error over
+people, congruent, incongruent and their difference; share of correct responses, congruent and
+incongruent, of all trials pooled. Computed independently from the published files."""
+
+
+def test_the_simon_task_has_the_published_numbers_of_people_sessions_and_trials():
+    assert len(SIMON) == 47_371
+    people = SIMON.groupby("group")["participant_id"].nunique()
+    assert people.to_dict() == {"ctl": 28, "pd": 28}
+    sessions = SIMON.groupby("participant_id")[["session", "medication"]].nunique()
+    groups = SIMON.groupby("participant_id")["group"].first()
+    assert (sessions[groups == "pd"] == 2).all(axis=None)
+    assert (sessions[groups == "ctl"] == 1).all(axis=None)
+    first = SIMON[(SIMON["session"] == 1) & (SIMON["group"] == "pd")]
+    assert first.groupby("medication")["participant_id"].nunique().to_dict() == {
+        "off": 14,
+        "on": 14,
+    }
+
+
+def test_people_and_patients_have_the_known_times_and_shares_in_the_simon_task():
+    keys = ["medication", "participant_id", "congruency"]
+    right = TRAINED[(TRAINED["response"] == 1) & (TRAINED["rt"] >= 0.2)]
+    ms = 1000 * right.groupby(keys)["rt"].mean().unstack()
+    ms["cost"] = ms["incongruent"] - ms["congruent"]
+    answered = TRAINED.dropna(subset=["rt"]).astype({"response": float})
+    share = answered.groupby(["medication", "congruency"])["response"].mean().unstack()
+    for medication, (*times, shares) in MEANS.items():
+        some = ms.loc[medication]
+        for name, (mean, error) in zip(("congruent", "incongruent", "cost"), times, strict=True):
+            assert some[name].mean() == pytest.approx(mean, abs=0.5)
+            assert some[name].sem() == pytest.approx(error, abs=0.5)
+        assert share.loc[medication].tolist() == pytest.approx(shares, abs=6e-4)
+
+
+def test_rewards_of_the_simon_task_follow_item_and_congruency():
+    rewards = TRAINED.dropna(subset=["reward"]).astype({"reward": float})
+    shares = rewards.groupby(["item", "congruency"])["reward"].mean().unstack()
+    assert shares["congruent"].tolist() == [1, 1, 0, 0]
+    assert shares["incongruent"].tolist() == [1, 0, 1, 0]
+    test = SIMON[SIMON["phase"] == "test"]
+    assert (test["pair"].value_counts() == len(test) / 12).all()
+    assert (test[["congruency", "item"]] == "none").all(axis=None)
