@@ -1,7 +1,7 @@
 """The built-in data sets of choices and response times, from csv files published with code.
 
 ``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
-palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, stop_signal_cnp_controls.csv,
+palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, rlddm_hddm.csv, stop_signal_cnp_controls.csv,
 parkinson_simon_2018.csv and the two licence texts in FOLDER. It writes parquet files with
 consistent columns to ``bgmodel/data``, and copies the licences there.
 """
@@ -70,6 +70,22 @@ CAVANAGH = {
     "Sherman, S. J. & Frank, M. J. (2011). Subthalamic nucleus stimulation reverses mediofrontal "
     "influence over decision threshold. Nature Neuroscience 14, 1462-1467.",
     "source": "https://github.com/hddm-devs/hddm, hddm/examples/cavanagh_theta_nn.csv",
+}
+SELECTION = {
+    **CAVANAGH,
+    "columns": {
+        **EVERYWHERE,
+        "response": "1: the item of the pair that is rewarded more often; 0: the other",
+        "pair": "AB, CD or EF: rewarded with probabilities of 0.8 and 0.2, 0.7 and 0.3, 0.6 and "
+        "0.4",
+        "pair_trial": "number of the presentation of this pair, from 0; 60 of them are missing",
+        "reward": "1 or 0: feedback on the chosen item",
+    },
+    "conditions": ["pair"],
+    "citation": "Pedersen, M. L. & Frank, M. J. (2020). Simultaneous hierarchical Bayesian "
+    "parameter estimation for reinforcement learning and drift diffusion models: a tutorial and "
+    "links to neural data. Computational Brain & Behavior 3, 458-471.",
+    "source": "https://github.com/hddm-devs/hddm, hddm/examples/rlddm_data.csv",
 }
 
 STOP: dict[str, Any] = {
@@ -182,6 +198,30 @@ def learned_pairs(raw: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def selection(raw: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per trial of probabilistic selection; ValueError if columns disagree.
+
+    Parameters
+    ----------
+    raw : DataFrame
+        Columns subj_idx, response (0 or 1), cond (AB, CD, EF), rt (s), trial (of the pair, from 1,
+        with gaps) and feedback (0 or 1), in the order of presentation.
+    """
+    if not (raw.groupby(["subj_idx", "cond"])["trial"].diff().dropna() > 0).all():
+        raise ValueError("trial must number the trials of each pair in their order")
+    return pd.DataFrame(
+        {
+            "participant_id": raw["subj_idx"].astype(str),
+            "trial": raw.groupby("subj_idx").cumcount().astype("int64"),
+            "rt": raw["rt"].astype("float64"),
+            "response": raw["response"].astype("Int8"),
+            "pair": raw["cond"].astype(str),
+            "pair_trial": raw["trial"].astype("int64") - 1,
+            "reward": raw["feedback"].astype("int64"),
+        }
+    )
+
+
 def stop_signal(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of a stop-signal task; ValueError if columns disagree.
 
@@ -253,6 +293,7 @@ SETS = {
     "roitman_shadlen_2002": ("roitman_shadlen_2002.csv", motion, ROITMAN),
     "palmer_huk_shadlen_2005": ("palmer_huk_shadlen_2005.csv", motion, PALMER),
     "cavanagh_2011": ("cavanagh_2011_hddm.csv", learned_pairs, CAVANAGH),
+    "pedersen_frank_2020": ("rlddm_hddm.csv", selection, SELECTION),
     "stop_signal_cnp": ("stop_signal_cnp_controls.csv", stop_signal, STOP),
     "parkinson_simon_2018": ("parkinson_simon_2018.csv", simon, SIMON),
 }

@@ -10,7 +10,7 @@ import pandas as pd
 
 from bgmodel.support.files import read_provenance, read_table
 
-SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
+SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011", "pedersen_frank_2020")
 STOP_SET = "stop_signal_cnp"
 """The set of stop-signal trials, which are no choices; ``bgmodel.stopping.people`` reads it."""
 SIMON_SET = "parkinson_simon_2018"

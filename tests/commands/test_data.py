@@ -25,7 +25,7 @@ def test_the_list_names_every_set_with_its_citation_and_licence(capsys):
     assert run("data", "--json") == 0
     listed = json.loads(capsys.readouterr().out)["records"]
     assert [row["name"] for row in listed] == [*SHIPPED, *OTHERS]
-    assert [row["participants"] for row in listed] == [2, 6, 14, 126, 56]
+    assert [row["participants"] for row in listed] == [2, 6, 14, 28, 126, 56]
 
 
 def test_a_set_is_shown_by_participant_and_condition(capsys):

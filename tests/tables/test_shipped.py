@@ -21,6 +21,7 @@ MOTION = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005")
         ("roitman_shadlen_2002", 6149, 2),
         ("palmer_huk_shadlen_2005", 3373, 6),
         ("cavanagh_2011", 3988, 14),
+        ("pedersen_frank_2020", 5280, 28),
     ],
 )
 def test_a_set_has_the_trials_and_participants_that_were_published(name, trials, people):
@@ -162,3 +163,14 @@ def test_rewards_of_the_simon_task_follow_item_and_congruency():
     test = SIMON[SIMON["phase"] == "test"]
     assert (test["pair"].value_counts() == len(test) / 12).all()
     assert (test[["congruency", "item"]] == "none").all(axis=None)
+
+
+def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_designed():
+    table = SHIPPED["pedersen_frank_2020"].table
+    accuracy = table.groupby("pair")["response"].mean()
+    assert accuracy.tolist() == pytest.approx([0.752, 0.672, 0.578], abs=0.02)
+    medians = table.groupby(["participant_id", "pair"])["rt"].median().groupby("pair").mean()
+    assert medians.tolist() == pytest.approx([0.987, 0.999, 1.061], abs=6e-4)
+    better = table[table["response"] == 1].groupby("pair")["reward"].agg(["mean", "size"])
+    away = (better["mean"] - [0.8, 0.7, 0.6]) / np.sqrt(0.25 / better["size"])
+    assert (away.abs() < 3).all()

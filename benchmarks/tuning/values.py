@@ -1,0 +1,95 @@
+"""Options of learners of values for a bandit with reversals, tuned on a seed that scores nothing.
+
+Every combination of a grid is played, and that with the least regret is printed:
+``python -m benchmarks.tuning.values``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+from bgmodel.learning.values.bandit import Bandit
+from bgmodel.learning.values.ideal import ideal_of
+from bgmodel.learning.values.learners import (
+    Confidence,
+    Learner,
+    LogitQ,
+    Opal,
+    QBoth,
+    QLearning,
+    Reinforce,
+)
+from bgmodel.learning.values.play import play, relative_regret
+
+TUNING_SEED = 45_001
+"""Seed of all tuning."""
+RUNS = 200
+RATES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
+GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
+    "q-both": (QBoth, {"rate": RATES, "beta": (3.0, 5.0, 8.0, 12.0, 20.0, 40.0)}),
+    "q": (QLearning, {"rate": RATES, "beta": (2.0, 3.0, 4.0, 5.0, 7.0, 10.0)}),
+    "q, two rates": (
+        QLearning,
+        {"rate": (0.3, 0.5, 0.7), "rate_minus": (0.2, 0.4, 0.6, 0.8), "beta": (3.0, 5.0, 8.0)},
+    ),
+    "logit-q": (LogitQ, {"rate": RATES, "beta": (0.3, 0.5, 0.7, 1.0, 1.5, 2.0)}),
+    "confidence": (
+        Confidence,
+        {
+            "rate": (0.5, 0.7, 1.0, 1.4, 2.0),
+            "decay": (0.0, 0.02, 0.05, 0.1, 0.2, 0.3),
+            "beta": (1.0, 1.5, 2.0, 3.0, 5.0),
+        },
+    ),
+    "opal": (
+        Opal,
+        {
+            "rate": (0.2, 0.4, 0.6, 0.8),
+            "critic_rate": (0.0, 0.02, 0.1),
+            "decay": (0.02, 0.05, 0.1, 0.2, 0.3),
+            "beta": (1.0, 2.0, 3.0, 5.0),
+        },
+    ),
+    "reinforce": (
+        Reinforce,
+        {"rate": (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0), "mean_rate": (0.0, 0.02, 0.05, 0.1, 0.3)},
+    ),
+}
+"""Learners, and the values of each option that are tried."""
+
+
+def grids(bandit: Bandit) -> Iterator[tuple[str, type[Learner], dict[str, tuple[Any, ...]]]]:
+    """Yield learners with their grids; the affine critic expects the rewards of the bandit."""
+    for name, (kind, grid) in GRIDS.items():
+        yield name, kind, grid
+        if kind is Confidence:
+            affine = {"low": (bandit.worse,), "high": (bandit.better,)}
+            yield "confidence, affine", kind, grid | affine
+
+
+def tuned(bandit: Bandit) -> dict[str, tuple[float, dict[str, Any]]]:
+    """Return the least relative regret of each learner, and the options that have it."""
+    ideal = play(ideal_of(bandit), bandit, runs=RUNS, seed=TUNING_SEED)
+    found = {}
+    for name, kind, grid in grids(bandit):
+        tried = []
+        for values in product(*grid.values()):
+            options = dict(zip(grid, values, strict=True))
+            played = play(kind(**options), bandit, runs=RUNS, seed=TUNING_SEED)
+            tried.append((relative_regret(played, ideal)[0], options))
+        found[name] = min(tried, key=lambda one: one[0])
+    return found
+
+
+def main() -> None:
+    """Print the best options for each bandit."""
+    for better in (0.8, 0.7):
+        bandit = Bandit(better, 1 - better, reverse_every=50)
+        for name, (regret, options) in tuned(bandit).items():
+            print(f"{better:g}: {name:20} {regret:.3f} {options}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Learning the values of actions from reward: bandits, learners, a circuit, and people."""
