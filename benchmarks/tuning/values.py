@@ -26,37 +26,44 @@ from bgmodel.learning.values.play import play, relative_regret
 TUNING_SEED = 45_001
 """Seed of all tuning."""
 RUNS = 200
-RATES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
 GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
-    "q-both": (QBoth, {"rate": RATES, "beta": (3.0, 5.0, 8.0, 12.0, 20.0, 40.0)}),
-    "q": (QLearning, {"rate": RATES, "beta": (2.0, 3.0, 4.0, 5.0, 7.0, 10.0)}),
+    "q-both": (
+        QBoth, {"rate": (0.1, 0.15, 0.2, 0.3, 0.4), "beta": (5.0, 10.0, 20.0, 40.0, 80.0)}
+    ),
+    "q": (QLearning, {"rate": (0.4, 0.5, 0.6, 0.7, 0.8), "beta": (5.0, 7.0, 10.0, 15.0, 20.0)}),
     "q, two rates": (
         QLearning,
-        {"rate": (0.3, 0.5, 0.7), "rate_minus": (0.2, 0.4, 0.6, 0.8), "beta": (3.0, 5.0, 8.0)},
+        {
+            "rate": (0.4, 0.6, 0.8, 1.0),
+            "rate_minus": (0.2, 0.4, 0.6, 0.8),
+            "beta": (5.0, 10.0, 20.0),
+        },
     ),
-    "logit-q": (LogitQ, {"rate": RATES, "beta": (0.3, 0.5, 0.7, 1.0, 1.5, 2.0)}),
+    "logit-q": (
+        LogitQ, {"rate": (0.4, 0.6, 0.8, 0.9, 1.0), "beta": (1.0, 1.5, 2.0, 3.0, 5.0)}
+    ),
     "confidence": (
         Confidence,
         {
-            "rate": (0.5, 0.7, 1.0, 1.4, 2.0),
-            "decay": (0.0, 0.02, 0.05, 0.1, 0.2, 0.3),
-            "beta": (1.0, 1.5, 2.0, 3.0, 5.0),
+            "rate": (0.25, 0.35, 0.5, 0.7, 1.0, 1.4),
+            "decay": (0.0, 0.02, 0.05, 0.1),
+            "beta": (3.0, 5.0, 8.0, 12.0),
         },
     ),
     "opal": (
         Opal,
         {
-            "rate": (0.2, 0.4, 0.6, 0.8),
-            "critic_rate": (0.0, 0.02, 0.1),
-            "decay": (0.02, 0.05, 0.1, 0.2, 0.3),
-            "beta": (1.0, 2.0, 3.0, 5.0),
+            "rate": (0.6, 0.8, 1.0),
+            "critic_rate": (0.0, 0.02),
+            "decay": (0.1, 0.2, 0.3),
+            "beta": (3.0, 5.0, 8.0, 12.0),
         },
     ),
     "reinforce": (
         Reinforce,
-        {"rate": (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0), "mean_rate": (0.0, 0.02, 0.05, 0.1, 0.3)},
+        {"rate": (0.05, 0.1, 0.15, 0.2, 0.3, 0.5), "mean_rate": (0.0, 0.02, 0.05, 0.1, 0.3)},
     ),
-}
+}  # fmt: skip
 """Learners, and the values of each option that are tried."""
 
 
@@ -86,7 +93,7 @@ def tuned(bandit: Bandit) -> dict[str, tuple[float, dict[str, Any]]]:
 def main() -> None:
     """Print the best options for each bandit."""
     for better in (0.8, 0.7):
-        bandit = Bandit(better, 1 - better, reverse_every=50)
+        bandit = Bandit(better, round(1 - better, 1), reverse_every=50)
         for name, (regret, options) in tuned(bandit).items():
             print(f"{better:g}: {name:20} {regret:.3f} {options}", flush=True)
 

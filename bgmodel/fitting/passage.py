@@ -78,15 +78,30 @@ def constant_at_rest(bound: float, time_s: Array, start: float = 0.0) -> Array:
     """
     scaled = np.asarray(time_s, float) / (2 * bound) ** 2
     # Distance from the start to the bound of response 0 and of 1, in units of that between them.
-    away = np.array([bound + start, bound - start])[:, None, None] / (2 * bound)
-    n = np.arange(1, 2 * TERMS)
-    modes = n * np.sin(np.pi * n * away) * np.exp(-((n * np.pi) ** 2) * scaled[:, None] / 2)
-    late = np.pi * modes.sum(axis=2)
-    there = away + 2 * np.arange(-TERMS // 2, TERMS // 2)
-    images = there * np.exp(-(there**2) / (2 * scaled[:, None]))
-    early = images.sum(axis=2) / np.sqrt(2 * np.pi * scaled**3)
-    density = np.where(scaled > 0.15, late, early)
-    return np.asarray(np.maximum(density, 0.0) / (2 * bound) ** 2)
+    away = np.array([bound + start, bound - start])[:, None] / (2 * bound)
+    return standard_at_rest(away, scaled) / (2 * bound) ** 2
+
+
+def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
+    """Return the density at a bound for bounds 1 apart and no drift, of any shape.
+
+    Parameters
+    ----------
+    away : array
+        Distance from the start to this bound, 0..1.
+    scaled : array
+        Time divided by the squared distance between the bounds, above 0; broadcasts with ``away``.
+    terms : int
+        Terms of either series; with 4 the error is below 1e-9.
+    """
+    away, scaled = away[..., None], np.asarray(scaled)[..., None]
+    n = np.arange(1, 2 * terms)
+    modes = n * np.sin(np.pi * n * away) * np.exp(-((n * np.pi) ** 2) * scaled / 2)
+    there = away + 2 * np.arange(-terms // 2, terms // 2)
+    images = there * np.exp(-(there**2) / (2 * scaled))
+    early = images.sum(axis=-1) / np.sqrt(2 * np.pi * scaled[..., 0] ** 3)
+    density = np.where(scaled[..., 0] > 0.15, np.pi * modes.sum(axis=-1), early)
+    return np.asarray(np.maximum(density, 0.0))
 
 
 def falling_at_rest(
