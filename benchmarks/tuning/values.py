@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
+import numpy as np
+
 from bgmodel.learning.values.bandit import Bandit
 from bgmodel.learning.values.ideal import ideal_of
 from bgmodel.learning.values.learners import (
@@ -26,29 +28,19 @@ from bgmodel.learning.values.play import play, relative_regret
 TUNING_SEED = 45_001
 """Seed of all tuning."""
 RUNS = 200
+CHOICES = (5.0, 10.0, 20.0, 40.0, np.inf)
+"""Inverse temperatures."""
+RATES = (0.2, 0.3, 0.4, 0.6, 0.8, 0.9)
 GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
-    "q-both": (
-        QBoth, {"rate": (0.1, 0.15, 0.2, 0.3, 0.4), "beta": (5.0, 10.0, 20.0, 40.0, 80.0)}
-    ),
-    "q": (QLearning, {"rate": (0.4, 0.5, 0.6, 0.7, 0.8), "beta": (5.0, 7.0, 10.0, 15.0, 20.0)}),
+    "q-both": (QBoth, {"rate": (0.1, 0.15, *RATES[:3]), "beta": CHOICES}),
+    "q": (QLearning, {"rate": RATES, "beta": CHOICES}),
     "q, two rates": (
-        QLearning,
-        {
-            "rate": (0.4, 0.6, 0.8, 1.0),
-            "rate_minus": (0.2, 0.4, 0.6, 0.8),
-            "beta": (5.0, 10.0, 20.0),
-        },
+        QLearning, {"rate": RATES[2:], "rate_minus": RATES[2:], "beta": CHOICES[1::3]}
     ),
-    "logit-q": (
-        LogitQ, {"rate": (0.4, 0.6, 0.8, 0.9, 1.0), "beta": (1.0, 1.5, 2.0, 3.0, 5.0)}
-    ),
+    "logit-q": (LogitQ, {"rate": RATES, "beta": (1.0, 1.5, 3.0, *CHOICES)}),
     "confidence": (
         Confidence,
-        {
-            "rate": (0.25, 0.35, 0.5, 0.7, 1.0, 1.4),
-            "decay": (0.0, 0.02, 0.05, 0.1),
-            "beta": (3.0, 5.0, 8.0, 12.0),
-        },
+        {"rate": (0.25, 0.35, 0.5, 0.7, 1.0), "decay": (0.0, 0.02, 0.05, 0.1), "beta": CHOICES},
     ),
     "opal": (
         Opal,
@@ -56,12 +48,16 @@ GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
             "rate": (0.6, 0.8, 1.0),
             "critic_rate": (0.0, 0.02),
             "decay": (0.1, 0.2, 0.3),
-            "beta": (3.0, 5.0, 8.0, 12.0),
+            "beta": CHOICES,
         },
     ),
     "reinforce": (
         Reinforce,
-        {"rate": (0.05, 0.1, 0.15, 0.2, 0.3, 0.5), "mean_rate": (0.0, 0.02, 0.05, 0.1, 0.3)},
+        {
+            "rate": (1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
+            "mean_rate": (0.0, 0.02, 0.1),
+            "decay": (0.0, 0.02, 0.05, 0.1, 0.2),
+        },
     ),
 }  # fmt: skip
 """Learners, and the values of each option that are tried."""

@@ -266,14 +266,16 @@ class BasalGanglia(Facts):
         *,
         forced: bool = True,
         rates: RateMeans | None = None,
+        first_trial: int = 0,
     ) -> Decision:
         """Return the decisions at one threshold on OUT, without the checks of ``decide``.
 
-        For callers that check and warn themselves, such as experiments.
+        For callers that check and warn themselves, such as experiments. Trial t has the noise of
+        ``first_trial + t``.
         """
         model = self.until(level - ROUNDING_NATS) if rates is None else self
         parts = []
-        for part, activity, trace in model.batches(evidence):
+        for part, activity, trace in model.batches(evidence, first_trial):
             parts.append(first_crossing(trace, level, forced=forced, checked=False))
             if rates is not None:
                 rates.add(activity)

@@ -271,7 +271,7 @@ def _proposed(
     from scipy.stats import multivariate_t
 
     proposal = multivariate_t(middle, spread, df=FREEDOM, seed=rng)
-    found = proposal.rvs(draws)
+    found = np.reshape(proposal.rvs(draws), (draws, len(middle)))
     return found, proposal.logpdf(found)
 
 

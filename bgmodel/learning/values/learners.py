@@ -76,11 +76,11 @@ class QLearning(Learner):
 
     name: ClassVar[str] = "q"
     limits: ClassVar[dict[str, tuple[float, float]]] = {"rate": (0.0, 1.0), "rate_minus": (0, 1)}
-    rate: Number = 0.4
+    rate: Number = 0.9
     """Learning rate; that of positive errors if there are two."""
     rate_minus: Number | None = None
     """Learning rate of negative errors; by default the same."""
-    beta: Number = 5.0
+    beta: Number = 40.0
 
     def start(self, shape: tuple[int, ...]) -> Array:
         """Return values of 0.5."""
@@ -97,6 +97,8 @@ class QBoth(QLearning):
     """Q learning that moves the value of the other arm towards ``1 - r`` as well."""
 
     name: ClassVar[str] = "q-both"
+    rate: Number = 0.2
+    beta: Number = np.inf
 
     def learn(self, state: Array, chosen: Array, reward: Array) -> Array:
         """Move both values."""
@@ -112,7 +114,7 @@ class LogitQ(QLearning):
     name: ClassVar[str] = "logit-q"
     margin: float = 0.01
     """Q is taken as at least this, and at most 1 minus this."""
-    beta: Number = 1.0
+    beta: Number = np.inf
 
     def values(self, state: Array) -> Array:
         """Return ``logit Q``."""
@@ -133,7 +135,7 @@ class Confidence(Learner):
     limits: ClassVar[dict[str, tuple[float, float]]] = {
         "decay": (0.0, 1.0), "low": (0.0, 1.0), "high": (0.0, 1.0)
     }  # fmt: skip
-    rate: Number = 1.0
+    rate: Number = 0.25
     """Nats per unit of error; that of positive errors if there are two."""
     rate_minus: Number | None = None
     """The same for negative errors."""
@@ -141,9 +143,9 @@ class Confidence(Learner):
     """Reward expected at a confidence of 0."""
     high: Number = 1.0
     """Reward expected at a confidence of 1."""
-    decay: Number = 0.0
+    decay: Number = 0.1
     """Share of the weights that is forgotten in each trial."""
-    beta: Number = 1.0
+    beta: Number = np.inf
 
     def start(self, shape: tuple[int, ...]) -> Array:
         """Return weights of 0 nats."""
@@ -169,17 +171,17 @@ class Opal(Learner):
     limits: ClassVar[dict[str, tuple[float, float]]] = {
         "rate": (0.0, 1.0), "critic_rate": (0.0, 1.0), "decay": (0.0, 1.0), "rho": (-1.0, 1.0)
     }  # fmt: skip
-    rate: Number = 0.5
+    rate: Number = 1.0
     """Learning rate of G and N."""
-    critic_rate: Number = 0.1
+    critic_rate: Number = 0.0
     """Learning rate of the critic."""
-    decay: Number = 0.0
+    decay: Number = 0.2
     """Share of the distance of G and N from 1 that is forgotten in each trial."""
     rho: Number = 0.0
     """Dopamine at the choice; 0 weighs G and N alike."""
     most: float = 20.0
     """Largest G and N; assumed, because growth in proportion to themselves has no limit."""
-    beta: Number = 2.0
+    beta: Number = 40.0
 
     def start(self, shape: tuple[int, ...]) -> Array:
         """Return G and N of 1, and a critic of 0.5."""
@@ -205,11 +207,16 @@ class Reinforce(Learner):
     """REINFORCE (Williams 1992): ``dw_i = rate (r - mean) (1[i = c] - P_i)``, P = softmax(w)."""
 
     name: ClassVar[str] = "reinforce"
-    limits: ClassVar[dict[str, tuple[float, float]]] = {"mean_rate": (0.0, 1.0), "beta": (1.0, 1.0)}
-    rate: Number = 1.0
+    limits: ClassVar[dict[str, tuple[float, float]]] = {
+        "mean_rate": (0.0, 1.0), "decay": (0.0, 1.0), "beta": (1.0, 1.0)
+    }  # fmt: skip
+    rate: Number = 4.0
     """Step size."""
-    mean_rate: Number = 0.1
+    mean_rate: Number = 0.0
     """Learning rate of the mean reward, the baseline."""
+    decay: Number = 0.1
+    """Share of the weights that is forgotten in each trial; without it the policy becomes certain,
+    and then learns nothing from a reversal."""
 
     def start(self, shape: tuple[int, ...]) -> Array:
         """Return weights of 0 and a mean of 0.5."""
@@ -222,7 +229,7 @@ class Reinforce(Learner):
         policy = np.stack([1 - p, p], axis=-1)
         error = reward[..., None] - mean
         step = np.asarray(self.rate)[..., None] * error * (chosen - policy)
-        return np.stack([weights + step, mean + np.asarray(self.mean_rate)[..., None] * error])
+        return np.stack([_kept(self, weights) + step, mean + np.asarray(self.mean_rate)[..., None] * error])
 
 
 LEARNERS: dict[str, Callable[[], Learner]] = {
@@ -252,13 +259,6 @@ def check_option(name: str, value: Any, low: float, high: float) -> None:
         raise InputError.of(name, f"must be within {low:g}..{high:g}", value)
 
 
-def check_unit_rewards(reward: Array) -> None:
-    """Raise ValueError unless all rewards are 0 or 1, the outcomes of a probability."""
-    if not np.isin(reward, (0.0, 1.0)).all():
-        other = reward[~np.isin(reward, (0.0, 1.0))]
-        raise InputError.of("reward", "must be 0 or 1 in every trial", other[:3])
-
-
 def _rates(learner: QLearning | Confidence, error: Array) -> Array:
     """Return the learning rate of each error, by its sign."""
     plus = np.asarray(learner.rate)[..., None]
@@ -267,5 +267,5 @@ def _rates(learner: QLearning | Confidence, error: Array) -> Array:
     return np.where(error > 0, plus, np.asarray(learner.rate_minus)[..., None])
 
 
-def _kept(learner: Confidence, state: Array) -> Array:
+def _kept(learner: Confidence | Reinforce, state: Array) -> Array:
     return np.asarray((1 - np.asarray(learner.decay)[..., None]) * state)

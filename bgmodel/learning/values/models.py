@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.special import expit, logit
@@ -165,6 +166,11 @@ def _nats(name: str) -> Parameter:
     return Parameter(name, "log", 0.3, 1.0)
 
 
+def _remembered(kind: type[Confidence] | type[Opal]) -> Callable[..., Learner]:
+    """Return a learner that forgets nothing: the pairs of people do not reverse."""
+    return partial(kind, decay=0.0)
+
+
 RATES = ("rate", "rate_minus")
 MODELS: dict[str, ValueModel] = {
     model.name: model
@@ -177,10 +183,10 @@ MODELS: dict[str, ValueModel] = {
         ValueModel("q", (_share("rate"), _scale(2.0)), QLearning),
         ValueModel("q, two rates", (*map(_share, RATES), _scale(2.0)), QLearning),
         ValueModel("logit q", (_share("rate"), _scale(0.7)), LogitQ),
-        ValueModel("confidence", (_nats("rate"), _scale(0.7)), Confidence),
-        ValueModel("confidence, two rates", (*map(_nats, RATES), _scale(0.7)), Confidence),
+        ValueModel("confidence", (_nats("rate"), _scale(0.7)), _remembered(Confidence)),
+        ValueModel("confidence, two rates", (*map(_nats, RATES), _scale(0.7)), _remembered(Confidence)),
         ValueModel(
-            "opal", (_share("critic_rate"), _share("rate"), _scale(1.0)), Opal
+            "opal", (_share("critic_rate"), _share("rate"), _scale(1.0)), _remembered(Opal)
         ),
     )
 }
