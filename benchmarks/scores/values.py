@@ -58,7 +58,6 @@ def learners(better: float) -> dict[str, Learner]:
     return {
         "Q, both arms": QBoth(rate=0.2 if first else 0.15, beta=np.inf),
         "Q": QLearning(rate=0.9 if first else 0.8, beta=40.0 if first else 20.0),
-        "Q, two rates": QLearning(rate=0.6, rate_minus=0.6, beta=10.0),
         "logit Q": LogitQ(rate=0.9, beta=np.inf),
         "confidence": Confidence(rate=0.25, decay=0.1 if first else 0.05, beta=np.inf),
         "confidence, affine critic": Confidence(

@@ -27,3 +27,205 @@ effect, more from gains than from losses. Expected in simulated people with one 
 0.1 of the bound towards the last choice: fitted without stickiness, the mean log-ratio of the rates
 is above zero; fitted with it, its interval contains zero.
 """
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.methods.value_people import (
+    by_difference,
+    courses,
+    from_prior,
+    like,
+    log_ratio,
+    mean_and_error,
+    recovered,
+    rises,
+    slow_errors,
+)
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel.learning.values.fits import ValueFit, fit_person, left_out
+from bgmodel.learning.values.models import MODELS
+from bgmodel.learning.values.people import PairTrials, read_pairs
+from bgmodel.learning.values.simulated import simulated
+
+SCORING_SEED = 45_003
+"""Seed of simulated people, their parameters, and posterior draws."""
+REFERENCE = "q"
+"""The model with which others are compared."""
+DRAWN = "confidence, two rates"
+"""The model whose predictions are compared with people's choices and times."""
+CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "non_decision_s": 0.4, "stickiness": 0.1}
+"""Simulated people with one rate who repeat choices."""
+
+
+@cache
+def people_of(people: int) -> dict[str, PairTrials]:
+    """Return the first people of the built-in set."""
+    return dict(list(read_pairs().items())[:people])
+
+
+@cache
+def fits_of(model: str, people: int) -> dict[str, ValueFit]:
+    """Return the fits of a model to all trials of each person."""
+    return {who: fit_person(model, person) for who, person in people_of(people).items()}
+
+
+def fitted(model: str, people: int) -> pd.DataFrame:
+    """Return one row per person: estimates, and log-likelihoods of fitted and left-out trials."""
+    rows = []
+    for who, fit in fits_of(model, people).items():
+        out = float(left_out(model, fit.person).sum())
+        rows.append(
+            {"participant_id": who, "model": model, "fitted": len(fit.at),
+             "log_likelihood": fit.log_likelihood, "bic": fit.bic, "left_out": out, **fit.values}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def compared(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per model: sums, and left-out trials compared with the reference."""
+    base = rows[rows["model"] == REFERENCE].set_index("participant_id")["left_out"]
+    found = []
+    for model, own in rows.groupby("model", sort=False):
+        better = own.set_index("participant_id")["left_out"] - base
+        mean, error = mean_and_error(better) if model != REFERENCE else (0.0, 0.0)
+        found.append(
+            {"model": model, "fitted": int(own["fitted"].iloc[0]),
+             "log_likelihood": own["log_likelihood"].sum(), "bic": own["bic"].sum(),
+             "left_out": own["left_out"].sum(), "better_nats": mean, "error_nats": error,
+             "better_people": int((better > 0).sum()), "people": len(own)}
+        )  # fmt: skip
+    return pd.DataFrame(found)
+
+
+def estimates(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return median and quartiles over people of every parameter of every model."""
+    found = []
+    for model, own in rows.groupby("model", sort=False):
+        for name in MODELS[str(model)].names:
+            low, middle, high = np.quantile(own[name], [0.25, 0.5, 0.75])
+            found.append(
+                {"model": model, "parameter": name, "median": middle, "q25": low, "q75": high}
+            )
+    return pd.DataFrame(found)
+
+
+def expected(rows: pd.DataFrame, people: int) -> pd.DataFrame:
+    """Return what was expected before the data were looked at, and what was found."""
+    out = rows.pivot(index="participant_id", columns="model", values="left_out")
+    known = people_of(people)
+    two, both = out["q, two rates"], rows[rows["model"] == "q, two rates"]
+    parts = by_difference(fits_of(DRAWN, people), SCORING_SEED)["median_s"]
+    each = _fastest_less_slowest(people)
+    found = [
+        ("two rates less one, nats", 4, 12, *mean_and_error(two - out["q"])),
+        ("stickiness, share of the bound", 0.02, 0.15, *mean_and_error(both["stickiness"])),
+        ("two rates less no learning, nats", 2, 10, *mean_and_error(two - out["no learning"])),
+        ("rise of choices, AB", 0.10, 0.30, *mean_and_error(rises(known, "AB"))),
+        ("rise of choices, EF", 0.0, 0.10, *mean_and_error(rises(known, "EF"))),
+        ("smallest less largest difference, ms", 30, 200, *mean_and_error(each)),
+        ("errors less correct, ms", 0, 100, *mean_and_error(1e3 * np.array(slow_errors(known)))),
+        ("share of people who learn more from gains", 0.5, 1.0,
+         *mean_and_error((both["rate"] > both["rate_minus"]) * 1.0)),
+        ("confidence less Q, both two rates, nats", -2, 2,
+         *mean_and_error(out["confidence, two rates"] - two)),
+    ]  # fmt: skip
+    assert len(parts) == 4
+    table = pd.DataFrame(found, columns=["measure", "expected_low", "expected_high", "value", "se"])
+    agrees = (table["value"] >= table["expected_low"]) & (table["value"] <= table["expected_high"])
+    return table.assign(agrees=agrees, people=people)
+
+
+def _fastest_less_slowest(people: int) -> list[float]:
+    """Return each person's median time at small less large differences of value, ms."""
+    found = []
+    for who, fit in fits_of(DRAWN, people).items():
+        median = by_difference({who: fit, f"{who} again": fit}, SCORING_SEED)["median_s"]
+        found.append(1e3 * float(median.iloc[0] - median.iloc[-1]))
+    return found
+
+
+def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
+    """Return how well parameters of simulated people are found, one row per parameter and all."""
+    known = MODELS[model]
+    if drawn == "like people":
+        true = like(list(fits_of(model, 28).values()), people, SCORING_SEED)
+    else:
+        true = from_prior(known, people, SCORING_SEED)
+    found, inside = recovered(known, true, SCORING_SEED)
+    rows: list[dict[str, Any]] = []
+    for k, name in enumerate(known.names):
+        off = found[:, k] - true[:, k]
+        bias, error = mean_and_error(off)
+        share, share_se = mean_and_error(inside[:, k] * 1.0)
+        rows.append(
+            {"parameter": name, "r": np.corrcoef(found[:, k], true[:, k])[0, 1], "bias": bias,
+             "bias_se": error, "sd": off.std(ddof=1), "coverage": share, "coverage_se": share_se}
+        )  # fmt: skip
+    share, share_se = mean_and_error(inside.mean(axis=1))
+    rows.append({"parameter": "all", "coverage": share, "coverage_se": share_se})
+    return pd.DataFrame(rows).assign(drawn=drawn, model=model, people=people)
+
+
+def confounded(people: int) -> pd.DataFrame:
+    """Return the asymmetry found in people with one rate who repeat choices."""
+    one, found = MODELS["q"], []
+    for stickiness in (0.0, CONFOUNDED["stickiness"]):
+        true = one.fitted(CONFOUNDED | {"stickiness": stickiness})
+        made = simulated(one, np.tile(true, (people, 1)), seed=SCORING_SEED)
+        for fixed in ({"stickiness": 0.0}, {}):
+            each = [log_ratio(fit_person("q, two rates", person, fixed=fixed)) for person in made]
+            mean, error = mean_and_error(each)
+            found.append(
+                {"true_stickiness": stickiness, "with_stickiness": not fixed, "log_ratio": mean,
+                 "log_ratio_se": error, "people": people}
+            )  # fmt: skip
+    return pd.DataFrame(found)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield fits to people, their predictions, and simulated people."""
+    people, some = (4, 4) if fast else (28, 100)
+    trials = sum(person.trials for person in people_of(people).values())
+    for model in MODELS:
+        yield Piece("people", model, trials, 1.1 * people, partial(fitted, model, people))
+    for kind, make in (("courses", courses), ("differences", by_difference)):
+        yield Piece(kind, DRAWN, trials, 20, partial(_drawn, make, people))
+    for drawn, names in (("like people", MODELS), ("prior", ("q, two rates", DRAWN))):
+        for model in names:
+            if MODELS[model].learner is not None:
+                make = partial(recovery, drawn, model, some)
+                yield Piece("recovery", f"{model}, {drawn}", 180 * some, some, make)
+    yield Piece("confound", "asymmetry", 180 * some, 1.2 * some, partial(confounded, some))
+    yield Piece("expected", "all", trials, 60, partial(_expected, people))
+
+
+def _drawn(make: Any, people: int) -> pd.DataFrame:
+    return make(fits_of(DRAWN, people), SCORING_SEED).assign(model=DRAWN)
+
+
+def _expected(people: int) -> pd.DataFrame:
+    """Return the expectations, from fits and left-out trials of the models that they name."""
+    names = ("no learning", "q", "q, two rates", "confidence, two rates")
+    return expected(pd.concat([fitted(name, people) for name in names]), people)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the tables of pages."""
+    kinds = ("courses", "differences", "recovery", "confound", "expected")
+    every = {kind: (kind, made[kind]) for kind in kinds}
+    every["models"] = ("people", compared(made["people"]))
+    every["parameters"] = ("people", estimates(made["people"]))
+    return every
+
+
+SCORE = Score("values", SCORING_SEED, (), pieces, tables, circuit="")
+
+if __name__ == "__main__":
+    main(SCORE)

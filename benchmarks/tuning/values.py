@@ -34,9 +34,6 @@ RATES = (0.2, 0.3, 0.4, 0.6, 0.8, 0.9)
 GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
     "q-both": (QBoth, {"rate": (0.1, 0.15, *RATES[:3]), "beta": CHOICES}),
     "q": (QLearning, {"rate": RATES, "beta": CHOICES}),
-    "q, two rates": (
-        QLearning, {"rate": RATES[2:], "rate_minus": RATES[2:], "beta": CHOICES[1::3]}
-    ),
     "logit-q": (LogitQ, {"rate": RATES, "beta": (1.0, 1.5, 3.0, *CHOICES)}),
     "confidence": (
         Confidence,
