@@ -18,6 +18,8 @@ from bgmodel.support.seeds import stream
 
 GROUP, LAST = 5, 40
 """Trials of a pair are averaged in groups, up to the shortest session of most people."""
+PARTS = 4
+"""Groups of trials by the difference of values."""
 DRAWN = 10
 """Simulated times of each trial."""
 
@@ -77,32 +79,38 @@ def courses(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_difference(fits: dict[str, ValueFit], seed: int, parts: int = 4) -> pd.DataFrame:
-    """Return choices and median times by each person's quartile of the absolute drift.
+def by_difference(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
+    """Return choices and median times by each person's quarter of the absolute drift.
 
     "share" is that of the item with the higher learned value; means over people.
     """
-    each: list[dict[str, list[float]]] = [{} for _ in range(parts)]
+    each: list[dict[str, list[float]]] = [{} for _ in range(PARTS)]
     for who, fit in fits.items():
-        p, times = predicted(fit, seed, who)
-        values = {key: np.array([value]) for key, value in fit.values.items()}
-        drift, person = fit.model.drifts(values, fit.person)[0], fit.person
-        known = np.abs(drift) > 0
-        edges = np.quantile(np.abs(drift[known]), np.linspace(0, 1, parts + 1)[1:-1])
-        part = np.searchsorted(edges, np.abs(drift))
-        higher = person.response == (drift > 0)
-        p_higher = np.where(drift > 0, p, 1 - p)
-        for k in range(parts):
-            inside = known & (part == k)
-            found = {
-                "drift": np.abs(drift[inside]).mean(), "share": higher[inside].mean(),
-                "share_model": p_higher[inside].mean(),
-                "median_s": np.median(person.rt_s[inside]),
-                "median_s_model": np.median(times[:, inside]),
-            }  # fmt: skip
-            for key, value in found.items():
-                each[k].setdefault(key, []).append(float(value))
+        for row, of_part in zip(each, quarters(fit, seed, who), strict=True):
+            for key, value in of_part.items():
+                row.setdefault(key, []).append(value)
     return pd.DataFrame([{"part": k + 1} | _summarised(one) for k, one in enumerate(each)])
+
+
+def quarters(fit: ValueFit, seed: int, name: str) -> list[dict[str, float]]:
+    """Return the choices and median times of one person by quarter of the absolute drift."""
+    p, times = predicted(fit, seed, name)
+    values = {key: np.array([value]) for key, value in fit.values.items()}
+    drift, person = fit.model.drifts(values, fit.person)[0], fit.person
+    known, size = drift != 0, np.abs(drift)
+    edges = np.quantile(size[known], np.linspace(0, 1, PARTS + 1)[1:-1])
+    part = np.searchsorted(edges, size)
+    higher, p_higher = person.response == (drift > 0), np.where(drift > 0, p, 1 - p)
+    found = []
+    for k in range(PARTS):
+        inside = known & (part == k)
+        found.append(
+            {"drift": float(size[inside].mean()), "share": float(higher[inside].mean()),
+             "share_model": float(p_higher[inside].mean()),
+             "median_s": float(np.median(person.rt_s[inside])),
+             "median_s_model": float(np.median(times[:, inside]))}
+        )  # fmt: skip
+    return found
 
 
 def _summarised(each: dict[str, list[float]]) -> dict[str, float]:

@@ -65,9 +65,7 @@ def learners(better: float) -> dict[str, Learner]:
         ),
         "OpAL": Opal(rate=1.0, critic_rate=0.0, decay=0.2 if first else 0.1, beta=40.0),
         "REINFORCE": Reinforce(rate=4.0, mean_rate=0.0, decay=0.1),
-        "REINFORCE, no decay": Reinforce(
-            rate=0.5, mean_rate=0.1 if first else 0.3, decay=0.0
-        ),
+        "REINFORCE, no decay": Reinforce(rate=0.5, mean_rate=0.1 if first else 0.3, decay=0.0),
     }
 
 

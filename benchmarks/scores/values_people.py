@@ -44,6 +44,7 @@ from benchmarks.methods.value_people import (
     like,
     log_ratio,
     mean_and_error,
+    quarters,
     recovered,
     rises,
     slow_errors,
@@ -81,9 +82,11 @@ def fitted(model: str, people: int) -> pd.DataFrame:
     rows = []
     for who, fit in fits_of(model, people).items():
         out = float(left_out(model, fit.person).sum())
+        parts = [part["median_s"] for part in quarters(fit, SCORING_SEED, who)]
         rows.append(
             {"participant_id": who, "model": model, "fitted": len(fit.at),
-             "log_likelihood": fit.log_likelihood, "bic": fit.bic, "left_out": out, **fit.values}
+             "log_likelihood": fit.log_likelihood, "bic": fit.bic, "left_out": out,
+             "faster_ms": 1e3 * (parts[0] - parts[-1]), **fit.values}
         )  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -116,39 +119,29 @@ def estimates(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def expected(rows: pd.DataFrame, people: int) -> pd.DataFrame:
+def expected(rows: pd.DataFrame) -> pd.DataFrame:
     """Return what was expected before the data were looked at, and what was found."""
     out = rows.pivot(index="participant_id", columns="model", values="left_out")
+    people = len(out)
     known = people_of(people)
     two, both = out["q, two rates"], rows[rows["model"] == "q, two rates"]
-    parts = by_difference(fits_of(DRAWN, people), SCORING_SEED)["median_s"]
-    each = _fastest_less_slowest(people)
+    faster = rows.loc[rows["model"] == DRAWN, "faster_ms"]
     found = [
         ("two rates less one, nats", 4, 12, *mean_and_error(two - out["q"])),
         ("stickiness, share of the bound", 0.02, 0.15, *mean_and_error(both["stickiness"])),
         ("two rates less no learning, nats", 2, 10, *mean_and_error(two - out["no learning"])),
         ("rise of choices, AB", 0.10, 0.30, *mean_and_error(rises(known, "AB"))),
         ("rise of choices, EF", 0.0, 0.10, *mean_and_error(rises(known, "EF"))),
-        ("smallest less largest difference, ms", 30, 200, *mean_and_error(each)),
+        ("smallest less largest difference, ms", 30, 200, *mean_and_error(faster)),
         ("errors less correct, ms", 0, 100, *mean_and_error(1e3 * np.array(slow_errors(known)))),
         ("share of people who learn more from gains", 0.5, 1.0,
          *mean_and_error((both["rate"] > both["rate_minus"]) * 1.0)),
         ("confidence less Q, both two rates, nats", -2, 2,
          *mean_and_error(out["confidence, two rates"] - two)),
     ]  # fmt: skip
-    assert len(parts) == 4
     table = pd.DataFrame(found, columns=["measure", "expected_low", "expected_high", "value", "se"])
     agrees = (table["value"] >= table["expected_low"]) & (table["value"] <= table["expected_high"])
     return table.assign(agrees=agrees, people=people)
-
-
-def _fastest_less_slowest(people: int) -> list[float]:
-    """Return each person's median time at small less large differences of value, ms."""
-    found = []
-    for who, fit in fits_of(DRAWN, people).items():
-        median = by_difference({who: fit, f"{who} again": fit}, SCORING_SEED)["median_s"]
-        found.append(1e3 * float(median.iloc[0] - median.iloc[-1]))
-    return found
 
 
 def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
@@ -203,25 +196,19 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
                 make = partial(recovery, drawn, model, some)
                 yield Piece("recovery", f"{model}, {drawn}", 180 * some, some, make)
     yield Piece("confound", "asymmetry", 180 * some, 1.2 * some, partial(confounded, some))
-    yield Piece("expected", "all", trials, 60, partial(_expected, people))
 
 
 def _drawn(make: Any, people: int) -> pd.DataFrame:
     return make(fits_of(DRAWN, people), SCORING_SEED).assign(model=DRAWN)
 
 
-def _expected(people: int) -> pd.DataFrame:
-    """Return the expectations, from fits and left-out trials of the models that they name."""
-    names = ("no learning", "q", "q, two rates", "confidence, two rates")
-    return expected(pd.concat([fitted(name, people) for name in names]), people)
-
-
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the tables of pages."""
-    kinds = ("courses", "differences", "recovery", "confound", "expected")
+    kinds = ("courses", "differences", "recovery", "confound")
     every = {kind: (kind, made[kind]) for kind in kinds}
     every["models"] = ("people", compared(made["people"]))
     every["parameters"] = ("people", estimates(made["people"]))
+    every["expected"] = ("people", expected(made["people"]))
     return every
 
 

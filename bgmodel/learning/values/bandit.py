@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import check_range, whole
+from bgmodel.support.checks import check_finite, check_range, whole
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError, require
 
@@ -67,8 +67,8 @@ class Bandit:
         first = np.array([rng.integers(2) for rng in rngs])
         uniform = np.stack([rng.random((trials, 3)) for rng in rngs], axis=1)
         if self.reverse_every is None:
-            turned = np.cumsum(uniform[:-1, :, 2] < self.hazard, axis=0)
-            turned = np.concatenate([np.zeros((1, runs), int), turned])
+            before = np.cumsum(uniform[:-1, :, 2] < self.hazard, axis=0)
+            turned = np.concatenate([np.zeros((1, runs), dtype=np.intp), before])
         else:
             turned = (np.arange(trials) // self.reverse_every)[:, None]
         best = (first + turned) % 2
@@ -103,6 +103,6 @@ class Draws:
 def check_probabilities(better: float, worse: float) -> None:
     """Raise ValueError unless ``0 < worse < better < 1``."""
     for name, p in (("better", better), ("worse", worse)):
-        check_range(0, 1, **{name: p})
+        check_finite(**{name: p})
         require(0 < p < 1, name, "must be between 0 and 1, both excluded", p)
     require(worse < better, "better", f"must exceed worse, {worse:g}", better)

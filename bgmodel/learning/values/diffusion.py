@@ -76,9 +76,7 @@ def draw(
     mass = (density[1:] + density[:-1]) / 2 * np.diff(grid, axis=0)
     share = np.concatenate([np.zeros((1, len(drift))), np.cumsum(mass, axis=0)])
     share /= share[-1]
-    times = np.array(
-        [np.interp(u, share[:, k], grid[:, k]) for k, u in enumerate(uniform[1])]
-    )
+    times = np.array([np.interp(u, share[:, k], grid[:, k]) for k, u in enumerate(uniform[1])])
     lapse = uniform[2] < LAPSES
     rt_s = np.where(lapse, LONGEST_S * uniform[3], t0_s + times)
     return np.where(lapse, uniform[0] < 0.5, response).astype(int), np.asarray(rt_s)

@@ -58,7 +58,7 @@ class ValueFit:
     @property
     def free(self) -> Truths:
         """Which parameters are fitted, (parameters,)."""
-        return np.array([name not in self.fixed for name in self.model.names])
+        return np.asarray([name not in self.fixed for name in self.model.names])
 
     @cached_property
     def each(self) -> Array:

@@ -31,8 +31,8 @@ class ValueCircuit:
     posterior : float
         Posterior at which it decides.
     difference : float
-        Difference of values at which readings are scaled correctly; by default that of probabilities
-        of 0.8 and 0.2.
+        Difference of values at which readings are scaled correctly; by default that of
+        probabilities of 0.8 and 0.2.
     d_prime : float
         Discriminability of one reading at that difference.
     step_ms : float
@@ -81,7 +81,9 @@ class ValueCircuit:
             Number of the block of trials, which has its own noise.
         """
         given = np.asarray(reals("values", values), dtype=np.float64)
-        require(given.ndim == 2 and given.shape[1] == 2, "values", "must be (trials, 2)", given.shape)
+        require(
+            given.ndim == 2 and given.shape[1] == 2, "values", "must be (trials, 2)", given.shape
+        )
         rng = stream(self.seed, "values", number)
         noise = rng.standard_normal((len(given), self.t_max, 2))
         mean = self.d_prime * (given - given.mean(axis=1, keepdims=True)) / self.difference

@@ -72,7 +72,7 @@ class Learner:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class QLearning(Learner):
-    """``Q_c`` moves towards the reward by a share ``rate`` of the error (Rescorla & Wagner 1972)."""
+    """``Q_c`` moves towards the reward by a share of the error (Rescorla & Wagner 1972)."""
 
     name: ClassVar[str] = "q"
     limits: ClassVar[dict[str, tuple[float, float]]] = {"rate": (0.0, 1.0), "rate_minus": (0, 1)}
@@ -229,7 +229,9 @@ class Reinforce(Learner):
         policy = np.stack([1 - p, p], axis=-1)
         error = reward[..., None] - mean
         step = np.asarray(self.rate)[..., None] * error * (chosen - policy)
-        return np.stack([_kept(self, weights) + step, mean + np.asarray(self.mean_rate)[..., None] * error])
+        return np.stack(
+            [_kept(self, weights) + step, mean + np.asarray(self.mean_rate)[..., None] * error]
+        )
 
 
 LEARNERS: dict[str, Callable[[], Learner]] = {

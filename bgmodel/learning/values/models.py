@@ -101,9 +101,7 @@ class ValueModel:
 
     def natural(self, fitted: Array) -> dict[str, Array]:
         """Return the parameters by name from an array (..., parameters) on the scale of a fit."""
-        return {
-            each.name: each.natural(fitted[..., k]) for k, each in enumerate(self.parameters)
-        }
+        return {each.name: each.natural(fitted[..., k]) for k, each in enumerate(self.parameters)}
 
     def fitted(self, natural: dict[str, float]) -> Array:
         """Return parameters as an array on the scale of a fit."""
@@ -135,7 +133,8 @@ class ValueModel:
         if self.learner is None:
             return np.stack([values[each.name] for each in self.special], axis=-1)[:, person.pair]
         return np.asarray(
-            values["scale"][:, None] * value_differences(self.made(values), person, len(values["scale"]))
+            values["scale"][:, None]
+            * value_differences(self.made(values), person, len(values["scale"]))
         )
 
 
@@ -184,10 +183,10 @@ MODELS: dict[str, ValueModel] = {
         ValueModel("q, two rates", (*map(_share, RATES), _scale(2.0)), QLearning),
         ValueModel("logit q", (_share("rate"), _scale(0.7)), LogitQ),
         ValueModel("confidence", (_nats("rate"), _scale(0.7)), _remembered(Confidence)),
-        ValueModel("confidence, two rates", (*map(_nats, RATES), _scale(0.7)), _remembered(Confidence)),
         ValueModel(
-            "opal", (_share("critic_rate"), _share("rate"), _scale(1.0)), _remembered(Opal)
+            "confidence, two rates", (*map(_nats, RATES), _scale(0.7)), _remembered(Confidence)
         ),
+        ValueModel("opal", (_share("critic_rate"), _share("rate"), _scale(1.0)), _remembered(Opal)),
     )
 }
 """Models by name; priors are stated in ``special`` and ``COMMON``."""

@@ -69,9 +69,7 @@ def _drawn(
     """Return responses and times of one trial of each pair, (people, pairs)."""
     shape = drift.shape
     of_all = [np.broadcast_to(values[name], shape).ravel() for name in ("bound", "non_decision_s")]
-    chosen, rt_s = draw(
-        drift.ravel(), of_all[0], start.ravel(), of_all[1], uniform.reshape(4, -1)
-    )
+    chosen, rt_s = draw(drift.ravel(), of_all[0], start.ravel(), of_all[1], uniform.reshape(4, -1))
     return chosen.reshape(shape), rt_s.reshape(shape)
 
 
