@@ -9,6 +9,7 @@ from benchmarks.behaviour_data import (
     SETS,
     learned_pairs,
     motion,
+    selection,
     simon,
     stop_signal,
     write_sets,
@@ -60,7 +61,20 @@ def simon_file():
     return pd.DataFrame(rows)
 
 
-FILES = {motion: motion_file, learned_pairs: pairs_file, stop_signal: stop_file, simon: simon_file}
+def selection_file():
+    numbers = np.arange(200)
+    rows = {"subj_idx": 0, "cond": np.where(numbers % 2, "CD", "AB"), "trial": numbers // 2 + 1.0}
+    better = np.where(numbers % 3 > 0, 1.0, 0.0)
+    return pd.DataFrame({**rows, "rt": 0.8, "response": better, "feedback": 1.0})
+
+
+FILES = {
+    motion: motion_file,
+    learned_pairs: pairs_file,
+    selection: selection_file,
+    stop_signal: stop_file,
+    simon: simon_file,
+}
 
 
 def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
@@ -130,3 +144,10 @@ def test_a_simon_task_whose_columns_disagree_is_refused():
         simon(simon_file().assign(reward=1.0))
     with pytest.raises(ValueError, match="pair must be given in the test"):
         simon(simon_file().assign(pair="AB"))
+
+
+def test_trials_of_a_pair_that_are_out_of_order_are_refused():
+    made = selection(selection_file())
+    assert made["pair_trial"].tolist()[:4] == [0, 0, 1, 1]
+    with pytest.raises(ValueError, match="in their order"):
+        selection(selection_file()[::-1])
