@@ -104,13 +104,23 @@ def quarters(fit: ValueFit, seed: int, name: str) -> list[dict[str, float]]:
     found = []
     for k in range(PARTS):
         inside = known & (part == k)
-        found.append(
-            {"drift": float(size[inside].mean()), "share": float(higher[inside].mean()),
-             "share_model": float(p_higher[inside].mean()),
-             "median_s": float(np.median(person.rt_s[inside])),
-             "median_s_model": float(np.median(times[:, inside]))}
-        )  # fmt: skip
+        columns = {
+            "drift": size,
+            "share": higher,
+            "share_model": p_higher,
+            "median_s": person.rt_s,
+            "median_s_model": times,
+        }
+        of_part = {name: values[..., inside] for name, values in columns.items()}
+        found.append({name: _middle(name, values) for name, values in of_part.items()})
     return found
+
+
+def _middle(name: str, values: Array) -> float:
+    """Return the median of times, and the mean of others; NaN if there are none."""
+    if not values.size:
+        return float("nan")
+    return float(np.median(values) if name.startswith("median") else np.mean(values))
 
 
 def _summarised(each: dict[str, list[float]]) -> dict[str, float]:

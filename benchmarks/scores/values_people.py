@@ -190,12 +190,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("people", model, trials, 1.1 * people, partial(fitted, model, people))
     for kind, make in (("courses", courses), ("differences", by_difference)):
         yield Piece(kind, DRAWN, trials, 20, partial(_drawn, make, people))
-    for drawn, names in (("like people", MODELS), ("prior", ("q, two rates", DRAWN))):
+    yield Piece("confound", "asymmetry", 90 * some, 0.6 * some, partial(confounded, some // 2))
+    learned = [name for name, model in MODELS.items() if model.learner is not None]
+    for drawn, names in (("like people", learned), ("prior", ["q, two rates"])):
         for model in names:
-            if MODELS[model].learner is not None:
-                make = partial(recovery, drawn, model, some)
-                yield Piece("recovery", f"{model}, {drawn}", 180 * some, some, make)
-    yield Piece("confound", "asymmetry", 180 * some, 1.2 * some, partial(confounded, some))
+            make = partial(recovery, drawn, model, some)
+            yield Piece("recovery", f"{model}, {drawn}", 180 * some, 0.5 * some, make)
 
 
 def _drawn(make: Any, people: int) -> pd.DataFrame:

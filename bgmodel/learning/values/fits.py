@@ -24,6 +24,8 @@ FURTHEST = 5.0
 """Largest distance of a parameter from its prior median, in standard deviations of the prior."""
 STARTS = (0.0, -1.0, 1.0)
 """Starting points of the special parameters, standard deviations from the prior median."""
+BLOCK = 100
+"""Sets of parameters evaluated at a time; more no longer fit into a processor's cache."""
 FREEDOM = 5
 """Degrees of freedom of the distribution from which posterior draws are proposed."""
 
@@ -80,20 +82,21 @@ class ValueFit:
         """Return draws (draws, parameters) on the scale of the fit, and their weights.
 
         Importance sampling from a multivariate t distribution, at first at the maximum with its
-        curvature, then twice with the mean and covariance of the weighted draws.
+        curvature, then twice with the mean and covariance of the weighted draws; a third as many
+        draws are made in the first two stages.
 
         Parameters
         ----------
         seed : int
             Seed of the draws.
         draws : int
-            Their number in each stage.
+            Their number.
         """
         rng = stream(seed, "posterior", self.model.name)
         middle, spread = self.at[self.free], _covariance(self)
-        draws = whole("draws", draws, 100)
-        for _ in range(3):
-            found, log_q = _proposed(rng, middle, spread, draws)
+        draws = whole("draws", draws, 300)
+        for number in (draws // 3, draws // 3, draws):
+            found, log_q = _proposed(rng, middle, spread, number)
             weights = _weights(self._objective(found) - log_q)
             middle = weights @ found
             away = found - middle
@@ -122,8 +125,12 @@ class ValueFit:
     def _objective(self, free: Array) -> Array:
         """Return the log-likelihood plus log-prior, (sets,)."""
         every = self._complete(free)
-        each = log_likelihood(self.model, self.person, every)
-        return np.asarray(each[:, self.kept].sum(axis=1) + self.model.log_prior(every))
+        found = self.model.log_prior(every)
+        for first in range(0, len(every), BLOCK):
+            part = slice(first, first + BLOCK)
+            each = log_likelihood(self.model, self.person, every[part])
+            found[part] += each[:, self.kept].sum(axis=1)
+        return found
 
 
 def log_likelihood(model: ValueModel, person: PairTrials, fitted: Array) -> Array:
