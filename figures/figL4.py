@@ -30,6 +30,14 @@ LEVELS = {0.9: "C0", 1.0: "k", 1.15: "C3"}
 """Levels of dopamine."""
 PAIRS = {"AB": "C0", "CD": "C1", "EF": "C2"}
 """Pairs of items of people."""
+TITLES = (
+    "a  after a reversal",
+    "b  regret",
+    "c  circuit, values given",
+    "d  circuit, values learned",
+    "e  choices of people",
+    "f  times of people",
+)
 DOTS: dict[str, Any] = {"fmt": "o", "ms": 3.5, "lw": 1.0, "capsize": 1.5}
 
 
@@ -56,10 +64,8 @@ def draw(
     axes[2, 0].set(ylabel="better item chosen", ylim=(0.3, 1.0))
     axes[2, 1].set(ylabel="median response time (s)")
     _inset(axes[2, 1], read_table(differences))
-    titles = ("after a reversal", "regret", "circuit: given values", "circuit: learned values",
-              "people: choices", "people: times")  # fmt: skip
-    for ax, text, title in zip(axes.flat, "abcdef", titles, strict=True):
-        letter(ax, f"{text}  {title}")
+    for ax, title in zip(axes.flat, TITLES, strict=True):
+        letter(ax, title)
     say_if_older(figure, times, loop)
     return figure
 
@@ -127,7 +133,8 @@ def _people(ax: Axes, table: pd.DataFrame, name: str) -> None:
         ax.errorbar(rows["trial"], rows[name], rows[f"{name}_se"], color=colour, label=pair, **DOTS)
         ax.plot(rows["trial"], rows[f"{name}_model"], color=colour, lw=1)
     ax.set(xlabel="trial of the pair")
-    ax.legend(fontsize=7, ncols=3, loc="lower right")
+    if name == "share":
+        ax.legend(fontsize=7, ncols=3, loc="lower right")
 
 
 def _inset(ax: Axes, table: pd.DataFrame) -> None:

@@ -61,6 +61,8 @@ REFERENCE = "q"
 """The model with which others are compared."""
 DRAWN = "confidence, two rates"
 """The model whose predictions are compared with people's choices and times."""
+RECOVERED = ("q", "q, two rates", "confidence, two rates")
+"""Models whose parameters are sought in simulated people."""
 CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "non_decision_s": 0.4, "stickiness": 0.1}
 """Simulated people with one rate who repeat choices."""
 
@@ -191,8 +193,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for kind, make in (("courses", courses), ("differences", by_difference)):
         yield Piece(kind, DRAWN, trials, 20, partial(_drawn, make, people))
     yield Piece("confound", "asymmetry", 90 * some, 0.6 * some, partial(confounded, some // 2))
-    learned = [name for name, model in MODELS.items() if model.learner is not None]
-    for drawn, names in (("like people", learned), ("prior", ["q, two rates"])):
+    for drawn, names in (("like people", RECOVERED), ("prior", RECOVERED[1:2])):
         for model in names:
             make = partial(recovery, drawn, model, some)
             yield Piece("recovery", f"{model}, {drawn}", 180 * some, 0.5 * some, make)

@@ -1,0 +1,96 @@
+"""Summaries of people who learn values: what is simulated is found in them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.methods.value_people import (
+    GROUP,
+    LAST,
+    by_difference,
+    courses,
+    from_prior,
+    like,
+    log_ratio,
+    mean_and_error,
+    predicted,
+    recovered,
+    rises,
+    slow_errors,
+)
+from bgmodel.learning.values.fits import fit_person
+from bgmodel.learning.values.models import MODELS
+from bgmodel.learning.values.simulated import simulated
+
+MODEL = MODELS["q"]
+TRUE = {"rate": 0.2, "scale": 3.0, "bound": 0.9, "non_decision_s": 0.4, "stickiness": 0.05}
+AT = MODEL.fitted(TRUE)
+
+
+@pytest.fixture(scope="module")
+def people():
+    made = simulated(MODEL, np.tile(AT, (12, 1)), trials=LAST, seed=11)
+    return {str(k): person for k, person in enumerate(made)}
+
+
+@pytest.fixture(scope="module")
+def fits(people):
+    return {who: fit_person(MODEL, person) for who, person in people.items()}
+
+
+def test_mean_and_error_leave_out_what_is_unknown():
+    assert mean_and_error([1.0, np.nan, 3.0]) == pytest.approx((2.0, 1.0))
+
+
+def test_the_right_model_predicts_choices_and_times_within_their_errors(fits):
+    table = courses(fits, seed=1)
+    assert len(table) == 3 * LAST // GROUP
+    for name, at_least in (("share", 0.02), ("median_s", 0.05)):
+        away = (table[name] - table[f"{name}_model"]) / np.hypot(table[f"{name}_se"], at_least)
+        assert (away.abs() < 4).all()
+    first, last = (table[table["trial"] == t].set_index("pair") for t in (2.0, LAST - 3.0))
+    assert (last["share"]["AB"] - first["share"]["AB"]) > 0.05
+    with pytest.raises(KeyError):
+        table["trial_of_session"]
+
+
+def test_larger_differences_are_decided_better_and_sooner(fits):
+    table = by_difference(fits, seed=1)
+    assert table["drift"].is_monotonic_increasing
+    assert table["share"].iloc[-1] > table["share"].iloc[0] + 0.1
+    assert table["median_s"].iloc[-1] < table["median_s"].iloc[0]
+    p, times = predicted(fits["0"], 1, "0")
+    assert np.array_equal(times, predicted(fits["0"], 1, "0")[1])
+    assert ((p > 0) & (p < 1)).all()
+
+
+def test_rises_and_slow_errors_are_those_of_each_person(people):
+    person = people["3"]
+    of_pair = person.response[person.pair == 0]
+    assert rises(people, "AB")[3] == pytest.approx(of_pair[-10:].mean() - of_pair[:10].mean())
+    shifted = {who: one for who, one in people.items()}
+    assert np.isfinite(slow_errors(shifted)).all()
+
+
+def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):
+    drawn = like(list(fits.values()), 2000, seed=1)
+    at = np.stack([fit.at for fit in fits.values()])
+    middle = np.median(at, axis=0)
+    spread = 1.4826 * np.median(np.abs(at - middle), axis=0)
+    assert np.abs(drawn.mean(axis=0) - middle) == pytest.approx(0, abs=0.1 * spread.max())
+    assert drawn.std(axis=0) == pytest.approx(spread, rel=0.1)
+    sd = [each.sd for each in MODEL.parameters]
+    assert from_prior(MODEL, 2000, seed=1).std(axis=0) == pytest.approx(sd, rel=0.1)
+
+
+def test_intervals_contain_the_truth_of_most_people_and_not_another():
+    true = np.tile(AT, (6, 1))
+    found, inside = recovered(MODEL, true, seed=2)
+    assert found.shape == inside.shape == (6, 5)
+    assert inside.mean() > 0.7
+    assert np.abs(found[:, 2] - AT[2]).max() < 0.3  # the bound
+
+
+def test_the_log_ratio_is_that_of_the_rates(people):
+    fit = fit_person("q, two rates", people["0"])
+    ratio = fit.values["rate"] / fit.values["rate_minus"]
+    assert np.exp(log_ratio(fit)) == pytest.approx(ratio)
