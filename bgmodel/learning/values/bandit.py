@@ -102,7 +102,7 @@ class Draws:
 
 def check_probabilities(better: float, worse: float) -> None:
     """Raise ValueError unless ``0 < worse < better < 1``."""
+    check_finite(better=better, worse=worse)
     for name, p in (("better", better), ("worse", worse)):
-        check_finite(**{name: p})
         require(0 < p < 1, name, "must be between 0 and 1, both excluded", p)
     require(worse < better, "better", f"must exceed worse, {worse:g}", better)

@@ -65,7 +65,7 @@ class ValueFit:
     @cached_property
     def each(self) -> Array:
         """Logarithm of the density of every trial, (trials,)."""
-        return log_likelihood(self.model, self.person, self.at[None])[0]
+        return np.asarray(log_likelihood(self.model, self.person, self.at[None])[0])
 
     @property
     def log_likelihood(self) -> float:
