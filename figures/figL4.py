@@ -35,8 +35,9 @@ TITLES = (
     "b  regret",
     "c  circuit, values given",
     "d  circuit, values learned",
-    "e  choices of people",
-    "f  times of people",
+    "e  people: choices",
+    "f  their times",
+    "g  by difference",
 )
 DOTS: dict[str, Any] = {"fmt": "o", "ms": 3.5, "lw": 1.0, "capsize": 1.5}
 
@@ -53,18 +54,22 @@ def draw(
     output: Path,
 ) -> Figure:
     """Draw learners, the circuit and people, one row each."""
-    figure, axes = plt.subplots(3, 2, figsize=(7.4, 8.2))
-    _after_reversal(axes[0, 0], read_table(reversal))
-    _regret(axes[0, 1], read_table(bandit))
-    _circuit(axes[1, 0], read_table(times))
-    _loop(axes[1, 1], read_table(loop))
+    figure = plt.figure(figsize=(7.8, 8.4))
+    top, bottom = figure.subfigures(2, 1, height_ratios=(2, 1))
+    panels = [*top.subplots(2, 2).flat, *bottom.subplots(1, 3).flat]
+    axes = dict(zip("abcdefg", panels, strict=True))
+    _after_reversal(axes["a"], read_table(reversal))
+    _regret(axes["b"], read_table(bandit))
+    _circuit(axes["c"], read_table(times))
+    _loop(axes["d"], read_table(loop))
     people = read_table(courses)
-    for ax, name in ((axes[2, 0], "share"), (axes[2, 1], "median_s")):
-        _people(ax, people, name)
-    axes[2, 0].set(ylabel="better item chosen", ylim=(0.3, 1.0))
-    axes[2, 1].set(ylabel="median response time (s)")
-    _inset(axes[2, 1], read_table(differences))
-    for ax, title in zip(axes.flat, TITLES, strict=True):
+    _people(axes["e"], people, "share")
+    axes["e"].set(ylabel="better item chosen", ylim=(0.3, 1.0))
+    axes["e"].legend(fontsize=7, loc="upper left")
+    _people(axes["f"], people, "median_s")
+    axes["f"].set(ylabel="median response time (s)", ylim=(0.8, 1.4))
+    _by_difference(axes["g"], read_table(differences))
+    for ax, title in zip(axes.values(), TITLES, strict=True):
         letter(ax, title)
     say_if_older(figure, times, loop)
     return figure
@@ -128,23 +133,19 @@ def _loop(ax: Axes, table: pd.DataFrame) -> None:
 
 def _people(ax: Axes, table: pd.DataFrame, name: str) -> None:
     """Draw people (dots) and the fitted model (lines) over the trials of each pair."""
-    for pair, colour in PAIRS.items():
+    for shift, (pair, colour) in zip((-0.7, 0.0, 0.7), PAIRS.items(), strict=True):
         rows = where(table, pair=pair)
-        ax.errorbar(rows["trial"], rows[name], rows[f"{name}_se"], color=colour, label=pair, **DOTS)
-        ax.plot(rows["trial"], rows[f"{name}_model"], color=colour, lw=1)
+        at = rows["trial"] + shift
+        ax.errorbar(at, rows[name], rows[f"{name}_se"], color=colour, label=pair, **DOTS)
+        ax.plot(at, rows[f"{name}_model"], color=colour, lw=1)
     ax.set(xlabel="trial of the pair")
-    if name == "share":
-        ax.legend(fontsize=7, ncols=3, loc="lower right")
 
 
-def _inset(ax: Axes, table: pd.DataFrame) -> None:
-    """Draw times by the difference of the fitted values into a corner."""
-    inner = ax.inset_axes((0.62, 0.62, 0.36, 0.34))
-    inner.errorbar(table["drift"], table["median_s"], table["median_s_se"], color="k", **DOTS)
-    inner.plot(table["drift"], table["median_s_model"], color="k", lw=1)
-    inner.set_xlabel("drift", fontsize=6, labelpad=0)
-    inner.set_ylabel("median (s)", fontsize=6, labelpad=0)
-    inner.tick_params(labelsize=6)
+def _by_difference(ax: Axes, table: pd.DataFrame) -> None:
+    """Draw times by the difference of the fitted values."""
+    ax.errorbar(table["drift"], table["median_s"], table["median_s_se"], color="k", **DOTS)
+    ax.plot(table["drift"], table["median_s_model"], color="k", lw=1)
+    ax.set(xlabel="absolute drift (1/sqrt(s))", ylim=(0.8, 1.4))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ def test_figure_l4_shows_learners_the_circuit_and_people(tmp_path):
     figure = figL4.draw(FAST, *stored(*NAMES), output=tmp_path)
     figure.draw_without_rendering()
     plt.close(figure)
-    assert len(figure.axes) == 7  # one with a second scale
+    assert len(figure.axes) == 8  # one with a second scale
     learners = read_table(stored("reversal")[0])["learner"].unique()
     assert set(figL4.LEARNERS) <= set(learners)
     assert {line.get_label() for line in figure.axes[0].lines} == set(figL4.LEARNERS)
