@@ -167,9 +167,10 @@ def test_rewards_of_the_simon_task_follow_item_and_congruency():
 
 def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_designed():
     table = SHIPPED["pedersen_frank_2020"].table
-    accuracy = table.groupby("pair")["response"].mean()
-    assert accuracy.tolist() == pytest.approx([0.752, 0.672, 0.578], abs=0.02)
-    medians = table.groupby(["participant_id", "pair"])["rt"].median().groupby("pair").mean()
+    of_people = table.groupby(["participant_id", "pair"])
+    accuracy = of_people["response"].mean().groupby("pair").mean()
+    assert accuracy.tolist() == pytest.approx([0.752, 0.672, 0.578], abs=6e-4)
+    medians = of_people["rt"].median().groupby("pair").mean()
     assert medians.tolist() == pytest.approx([0.987, 0.999, 1.061], abs=6e-4)
     better = table[table["response"] == 1].groupby("pair")["reward"].agg(["mean", "size"])
     away = (better["mean"] - [0.8, 0.7, 0.6]) / np.sqrt(0.25 / better["size"])

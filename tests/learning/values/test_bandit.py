@@ -120,7 +120,7 @@ def test_q_approaches_a_constant_reward_geometrically_and_leaves_the_other_arm()
 @given(P, st.floats(0.2, 5.0))
 def test_unequal_rates_shift_the_confidence_by_the_logarithm_of_their_ratio(p, ratio):
     """At ``logit P = logit p + ln ratio`` the mean update of the confidence rule is 0."""
-    learner = Confidence(rate=0.1 * ratio, rate_minus=0.1)
+    learner = Confidence(rate=0.1 * ratio, rate_minus=0.1, decay=0.0)
     w = np.array([[0.0, logit(p) + np.log(ratio)]])
     up, down = (learner.learn(w, one_hot(1), np.float64(r)) - w for r in (1, 0))
     assert p * up + (1 - p) * down == pytest.approx(np.zeros((1, 2)), abs=1e-12)
@@ -130,14 +130,14 @@ def test_unequal_rates_shift_the_confidence_by_the_logarithm_of_their_ratio(p, r
 @given(P, st.floats(-3, 3))
 def test_the_affine_critic_expects_the_reward_of_the_posterior(p, log_odds):
     high, low = max(p, 0.5) + 0.02, min(p, 0.5) - 0.02
-    learner, w = Confidence(low=low, high=high), np.array([[0.0, log_odds]])
+    learner, w = Confidence(low=low, high=high, decay=0.0), np.array([[0.0, log_odds]])
     reward = expit(log_odds) * high + expit(-log_odds) * low
     assert learner.learn(w, one_hot(1), np.float64(reward)) == pytest.approx(w, abs=1e-12)
 
 
 @given(st.floats(-2, 2), P, P, st.floats(0, 1))
 def test_reinforce_follows_the_gradient_of_the_reward_whatever_the_baseline(w, first, second, mean):
-    learner = Reinforce(rate=1.0)
+    learner = Reinforce(rate=1.0, decay=0.0)
     state = np.array([[0.0, w], [mean, mean]])
 
     def expected(weights):
@@ -155,7 +155,7 @@ def test_reinforce_follows_the_gradient_of_the_reward_whatever_the_baseline(w, f
 
 
 def test_opponent_weights_learn_in_opposite_directions_and_forget():
-    gained = Opal(rate=0.5, critic_rate=0.0, rho=0.0)
+    gained = Opal(rate=0.5, critic_rate=0.0, decay=0.0)
     state = gained.learn(gained.start(()), one_hot(1), np.float64(1))
     assert state[:2, 1].tolist() == [1.25, 0.75]
     assert state[:2, 0].tolist() == [1.0, 1.0]

@@ -61,7 +61,7 @@ def test_choices_of_the_circuit_teach_the_learner(circuit):
         (lambda: ValueCircuit(bg.BasalGanglia("macaque", "algebra")), "model"),
         (lambda: ValueCircuit(bg.BasalGanglia(bg.load_circuit("macaque", 3))), "model"),
         (lambda: ValueCircuit(bg.BasalGanglia("macaque"), difference=0.0), "difference"),
-        (lambda: ValueCircuit(bg.BasalGanglia("macaque"), posterior=0.999), "threshold"),
+        (lambda: ValueCircuit(bg.BasalGanglia("macaque"), posterior=0.999), "thresholds"),
         (lambda: ValueCircuit(bg.BasalGanglia("macaque")).evidence([0.5, 0.5]), "values"),
     ],
 )
