@@ -55,7 +55,8 @@ def draw(
 ) -> Figure:
     """Draw learners, the circuit and people, one row each."""
     figure = plt.figure(figsize=(7.8, 8.4))
-    top, bottom = figure.subfigures(2, 1, height_ratios=(2, 1))
+    parts: Any = figure.subfigures(2, 1, height_ratios=(2, 1))
+    top, bottom = parts
     panels = [*top.subplots(2, 2).flat, *bottom.subplots(1, 3).flat]
     axes = dict(zip("abcdefg", panels, strict=True))
     _after_reversal(axes["a"], read_table(reversal))

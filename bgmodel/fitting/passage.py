@@ -109,7 +109,7 @@ def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
         there = away + 2 * k
         images += there * np.exp(-(there**2) / (2 * scaled))
     early = images / np.sqrt(2 * np.pi * scaled**3)
-    return np.maximum(np.where(scaled > 0.15, np.pi * modes, early), 0.0)
+    return np.asarray(np.maximum(np.where(scaled > 0.15, np.pi * modes, early), 0.0))
 
 
 def falling_at_rest(
