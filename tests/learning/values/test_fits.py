@@ -130,6 +130,10 @@ def test_posterior_intervals_of_one_parameter_are_those_of_a_grid(person):
 def test_left_out_trials_are_predicted_worse_than_fitted_ones_and_better_than_by_the_prior(person):
     out, fit = left_out("q", person, folds=3), fit_person("q", person)
     assert out.shape == (person.trials,)
+    first = person.within % 3 == 0
+    others = fit_person("q", person, kept=~first)
+    assert out[first] == pytest.approx(others.each[first], abs=2e-3)
+    assert np.abs(out[first] - fit.each[first]).max() > 1e-2
     assert out.sum() < fit.log_likelihood
     prior = np.array([float(p.fitted(p.median)) for p in MODELS["q"].parameters])
     assert out.sum() > log_likelihood(MODELS["q"], person, prior[None]).sum()

@@ -46,6 +46,11 @@ def test_each_block_has_its_own_noise_and_a_seed_gives_the_same_bytes(circuit):
     first, again, other = (circuit.decide(values, k).time_ms for k in (3, 3, 4))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
+    # The noise of cells is that of the block as well.
+    evidence, level = circuit.evidence(values, 3), circuit.model.threshold(None, 0.85)
+    known = circuit.model.decided(evidence, level, first_trial=90).time_ms
+    assert np.array_equal(first, known)
+    assert not np.array_equal(known, circuit.model.decided(evidence, level).time_ms)
 
 
 def test_choices_of_the_circuit_teach_the_learner(circuit):
