@@ -88,7 +88,7 @@ MEASURES = ["slope", "r", "relative_time"]
 def scores(
     learned: LearnedWeights, task: Taught, name: str, *, stn: bool = True, **known: object
 ) -> pd.DataFrame:
-    """Return slope, r and relative time of each run, on held-out trials of its own."""
+    """Return slope, r and relative time of each run, each on other held-out trials."""
     rows = []
     for run in range(learned.runs):
         test = task.test(f"{name} {run}")
@@ -102,7 +102,7 @@ def scores(
 def each_run(learned: LearnedWeights, task: Taught, name: str) -> dict[str, float]:
     """Return mean slope, r and relative time over runs, with standard errors.
 
-    Every run is scored on held-out trials of its own, so that the standard error includes theirs.
+    Every run is scored on other held-out trials, so that the standard error includes theirs.
     """
     table = scores(learned, task, name)
     return {k: v for one in MEASURES for k, v in mean_se(one, table[one]).items()}
