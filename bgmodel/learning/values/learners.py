@@ -42,7 +42,7 @@ class Learner:
             check_option(field.name, getattr(self, field.name), low, high)
 
     def start(self, shape: tuple[int, ...]) -> Array:
-        """Return the state before the first trial, (parts, *shape, 2)."""
+        """Return the state before the first trial: parts, the shape, and 2 arms."""
         raise NotImplementedError
 
     def values(self, state: Array) -> Array:
