@@ -121,6 +121,26 @@ class Observed:
         kept = np.maximum(missing + self._inside(density), TINY)
         return np.asarray(log - np.log(kept)[self.cell])
 
+    def outcomes(self, density: Array) -> tuple[Array, Array]:
+        """Return the probability of a response in each bin (cells, 2, bins), and of none (cells,).
+
+        Within the window of response times; they sum to 1 in each cell.
+
+        Parameters
+        ----------
+        density : array (cells, 2, bins), 1/s
+            Densities of responses.
+        """
+        mass = density * BIN_S
+        missing = np.zeros(len(mass))
+        if self.deadline_s is not None:
+            missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
+        start_s = np.arange(mass.shape[2]) * BIN_S
+        early, late = (np.clip((t - start_s) / BIN_S, 0, 1) for t in self.window_s)
+        mass = mass * (late - early)
+        whole = mass.sum(axis=(1, 2)) + missing
+        return mass / whole[:, None, None], missing / whole
+
     def _inside(self, density: Array) -> Array:
         """Return the probability of a response in the window, (cells,)."""
         mass = density.sum(axis=1) * BIN_S

@@ -187,6 +187,8 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
     assert "parameter trade-offs" in shown
+    assert "largest differences between quantiles" in shown
+    assert "fewer than 20 errors" in shown
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]
