@@ -61,7 +61,10 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     bins, width = grid.bins, BIN_S
     # From the centre of one bin to the edges of another: preserves mass whatever t0 is.
     edges = (np.arange(-bins, bins + 1) - 0.5) * width
-    below = ndtr((edges - t0_s[:, None]) / t0_sd_s[:, None])
+    # Bins of decisions and of responses, and interpolation between the latter, each add to the
+    # variance of times (Sheppard's corrections): together a third of a squared bin.
+    sd_s = np.sqrt(np.maximum(t0_sd_s**2 - width**2 / 3, (width / 20) ** 2))
+    below = ndtr((edges - t0_s[:, None]) / sd_s[:, None])
     kernel = np.roll(np.diff(below, axis=1), -bins, axis=1)
     size = 2 * bins
     spectrum = np.fft.rfft(decided, size, axis=2) * np.fft.rfft(kernel, size, axis=1)[:, None]
