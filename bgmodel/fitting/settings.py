@@ -39,6 +39,14 @@ class FitSettings:
     """Name of the response that counts as 1, if responses are not 1 and 0."""
     deadline: float | None = None
     """Time at which a trial without a response ended, s."""
+    rt: str | None = None
+    """Column of response times, if it is not called rt."""
+    response: str | None = None
+    """Column of responses, if it is not called response."""
+    participant_column: str | None = None
+    """Column of participants, if it is not called participant_id."""
+    rt_unit: str = "s"
+    """Unit of response times in the table: s or ms."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; "0 inf" keeps all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
@@ -120,6 +128,10 @@ class FitSettings:
             participant=self.participant,
             deadline_s=self.deadline,
             upper=self.upper,
+            rt=self.rt,
+            response=self.response,
+            participant_column=self.participant_column,
+            rt_unit=self.rt_unit,
         )
 
     def people(self, choices: Choices) -> list[tuple[str, Choices]]:
@@ -241,6 +253,10 @@ def fit(
     pooled: bool = False,
     upper: str | None = None,
     deadline: float | None = None,
+    rt: str | None = None,
+    response: str | None = None,
+    participant_column: str | None = None,
+    rt_unit: str = FitSettings.rt_unit,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
@@ -273,6 +289,10 @@ def fit(
         Name of the response that counts as 1, if responses are not 1 and 0.
     deadline : float, optional
         Time at which a trial without a response ended, s.
+    rt, response, participant_column : str, optional
+        Names of these columns, if they are not rt, response and participant_id.
+    rt_unit : str
+        Unit of response times in the table: s or ms.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
@@ -311,6 +331,7 @@ def fit(
     need_fit()
     asked = FitSettings(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
+        rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         rt_window=rt_window, mechanism=mechanism, engine=engine,
         free=_names(free),
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
