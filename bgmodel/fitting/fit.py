@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.cautions import cautions
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
-from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
+from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.quantiles import (
     SIDES,
     observed_quantiles,
@@ -35,10 +36,6 @@ if TYPE_CHECKING:
 
 SHARE = 0.9
 """Share of the posterior within an interval."""
-SMALL_SHARE = 1 / 3
-"""A fit warns if the simulation error over the error from the data exceeds this ratio."""
-LATEST_T0_S = 1.0
-"""A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
 WORST = 3
 """Number of residuals in the text of a fit."""
 Tell = Callable[[str], None]
@@ -254,54 +251,7 @@ def fit_likelihood(
     drawn = None
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
-    cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
-    cautions += [*_ended(found), *_late(found), *_short(drawn)]
-    for caution in cautions:
+    own = [*apart.cautions(found), *there.cautions()]
+    for caution in [*own, *cautions(found, there, simulated, drawn)]:
         FitWarning.warn(caution)
     return Fit(found, there, simulated, apart, drawn)
-
-
-def _ended(found: Optimum) -> list[str]:
-    """Return a warning for each number that ends at a bound of its range."""
-    return [
-        f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
-        for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
-        if ends
-    ]
-
-
-def _late(found: Optimum) -> list[str]:
-    """Return a warning for each non-decision time that is implausibly long."""
-    return [
-        f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
-        "the onset of evidence, not of the trial"
-        for name, value in found.values.items()
-        if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
-    ]
-
-
-def _short(drawn: Posterior | None) -> list[str]:
-    """Return a warning if a chain of draws is short compared with its autocorrelation time."""
-    if drawn is None or drawn.long_enough:
-        return []
-    return [
-        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times, not "
-        f"{ENOUGH}: its effective sample size is below {drawn.effective:.0f}, and "
-        "intervals are rough"
-    ]
-
-
-def _rough(there: Directions, simulated: Simulation) -> list[str]:
-    """Return a warning if the simulation error is more than a third of a standard error."""
-    share = simulated.parameters / there.standard_errors
-    rough = [
-        f"{name} ({value:.0%})"
-        for name, value in zip(there.names, share, strict=True)
-        if value > SMALL_SHARE
-    ]
-    if not rough:
-        return []
-    return [
-        "the error that comes from the number of simulated trials is more than a third of that "
-        f"from the data: {', '.join(rough)}. Simulate more trials (trials)"
-    ]
