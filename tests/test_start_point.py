@@ -7,6 +7,7 @@ import pytest
 import bgmodel as bg
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import FAVOURS, design_of
+from bgmodel.fitting.gaps import GAPS
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.settings import FitSettings
@@ -37,7 +38,8 @@ def drawn(seed, trials=400, model=None, **values):
 
 
 def fitted(table, free="+start", model="constant_gap", **options):
-    asked = FitSettings(strength="coherence", free=(free,) if free else (), **options)
+    names = ((free,) if free else ()) if isinstance(free, str) else free
+    asked = FitSettings(strength="coherence", free=names, **options)
     choices = asked.read(table)
     found = optimum(asked.likelihood(asked.design(choices), asked.model(model)))
     return found, {k: float(np.atleast_1d(v)[0]) for k, v in found.values.items()}
@@ -47,7 +49,7 @@ def fitted(table, free="+start", model="constant_gap", **options):
     ("model", "more"), [("constant_gap", {}), ("falling_gap", {"fall_per_s": 1.0})]
 )
 def test_a_start_is_recovered(model, more):
-    table = drawn(91_001, model=GapModel(model == "falling_gap"), **more)
+    table = drawn(91_001, model=GapModel(GAPS[model]), **more)
     with unwarned():
         found, values = fitted(table, model=model)
     without, _ = fitted(table, "", model=model)

@@ -26,6 +26,7 @@ from bgmodel.fitting.circuit import (
 )
 from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.gaps import EXPONENTIAL
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
@@ -55,7 +56,7 @@ def models(trials: int, seconds: float) -> dict[str, Model]:
     fewer = round(FEWER * trials)
     return {
         "constant gap": GapModel(),
-        "falling gap": GapModel(falls=True),
+        "falling gap": GapModel(EXPONENTIAL),
         "circuit": fitted_circuit(NONE, trials, seconds),
         "circuit, rising dopamine": fitted_circuit(MECHANISMS["rising_dopamine"], fewer, seconds),
         "circuit, STN driven at onset": fitted_circuit(MECHANISMS["onset_stn"], fewer, seconds),
@@ -69,7 +70,7 @@ def person(data: str, who: str, trials: int) -> pd.DataFrame:
     found = [_means(design).assign(model="closed form", kind="cells")]
     left_out = {}
     for name, model in models(trials, 3.0).items():
-        likelihood = likelihood_of(model, design, free=[each.name for each in model.parameters])
+        likelihood = likelihood_of(model, design)
         made = fit_likelihood(likelihood)
         left_out[name] = predicted(likelihood, start=made.optimum.vector)
         found.append(made.parameters().assign(model=name, kind="parameters"))

@@ -132,7 +132,7 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
     model = GapModel() if by == "test" else fitted_circuit(NONE, trials, DEADLINE_S)
     rows = []
     for number in range(first, first + sets):
-        names = [each.name for each in model.parameters]
+        names = [each.name for each in model.parameters if each.free]
         design, truth = data_set(by, names, number)
         likelihood = within_prior(likelihood_of(model, design, free=names))
         best = optimum(likelihood)
@@ -202,7 +202,7 @@ def direct(sets: int, trials: int) -> pd.DataFrame:
     data for one over the other. The trials are simulated at exactly these drifts and thresholds.
     """
     model = fitted_circuit(NONE, trials, DEADLINE_S)
-    names = [each.name for each in model.parameters]
+    names = [each.name for each in model.parameters if each.free]
     rows = []
     for number in range(sets):
         design, truth = data_set("circuit", names, number)

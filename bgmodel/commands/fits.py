@@ -44,7 +44,8 @@ class FitRun(FitSettings, Shows):
     folder: Positional[Path | None] = None
     """Folder for results; by default fits/ and the name of the data."""
     models: tuple[str, ...] = ("constant_gap", "macaque")
-    """Models: constant_gap, falling_gap, or a circuit, by its name or as a .toml file."""
+    """Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap, or a circuit, by its name or
+    as a .toml file."""
     draws: bool = False
     """Sample from the posterior too: adds 90 % credible intervals."""
     task: Literal["choices", "stop"] = "choices"

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from bgmodel.tables.choices import Choices
 
 TABLES = ("parameters.csv", "cells.csv")
+WORST = 5
+"""Number of residuals that are printed for each fit."""
 
 
 @dataclass(frozen=True)
@@ -160,9 +162,23 @@ class Kept:
                 f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, with a "
                 f"simulation error of {own:.1f} nats"
             )
+        self._say_residuals(who, name, found.cells())
         drawn = found.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: effective sample size {drawn.effective:.0f}")
+
+    def _say_residuals(self, who: str, name: str, cells: pd.DataFrame) -> None:
+        """Report where quantiles of correct and wrong times miss those of the model most."""
+        from bgmodel.fitting.quantiles import residuals, too_few
+
+        whole = dict.fromkeys(("data_ms", "model_ms", "residual_ms"), 0)
+        worst = residuals(cells)[:WORST].round({**whole, "se_ms": 1, "z": 1})
+        if len(worst):
+            self.note(f"\n{who}, {name}: largest differences between quantiles of data and model")
+            self.note(worst.to_string(index=False, float_format="{:g}".format))
+        few = too_few(cells)
+        if few:
+            self.note(few)
 
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
         """Write the tables of all fits, keeping earlier ones of others, and return the first.

@@ -57,12 +57,13 @@ def _check_unused(command: Any) -> None:
 
 def _model(name: str, noise_nats: float) -> StopModel:
     """Return the stop process of the test or of a circuit."""
+    from bgmodel.fitting.gaps import CONSTANT, GAPS
     from bgmodel.fitting.stop_model import TEST, circuit_stop
 
-    if name == "falling_gap":
+    if name in GAPS and name != CONSTANT.name:
         must = "must be of constant_gap, or circuits, for --task stop"
         raise InputError.of("models", must, name)
-    return TEST if name == "constant_gap" else circuit_stop(name, noise_nats)
+    return TEST if name == CONSTANT.name else circuit_stop(name, noise_nats)
 
 
 def _people(command: Any) -> dict[str, StopTrials]:

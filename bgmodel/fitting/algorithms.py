@@ -1,4 +1,4 @@
-"""The sequential test as a model of choices and times, with a constant or a falling gap."""
+"""The sequential test as a model of choices and times, its gap constant or falling."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from bgmodel.fitting import passage
+from bgmodel.fitting.gaps import CONSTANT, FALL, Gap
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.support.arrays import Array, Integers
@@ -18,9 +19,6 @@ SENSITIVITY = Parameter(
 )
 """Bounds and start for a largest strength of 1; ``likelihood_of`` divides them by the largest."""
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
-FALL = Parameter(
-    "fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls exponentially, 1/s; 0 is constant"
-)
 START = Parameter(
     "start",
     -0.9,
@@ -30,10 +28,25 @@ START = Parameter(
     free=False,
 )
 """A bias to one response; none by default."""
+SPREAD = Parameter(
+    "start_spread",
+    0.0,
+    0.9,
+    0.0,
+    "half of the range from which the start is drawn uniformly in each trial, as a share of the "
+    "distance between its mean and the nearer bound",
+    free=False,
+)
+DRIFT_SD = Parameter(
+    "drift_sd", 0.0, 5.0, 0.0, "standard deviation of the drift across trials, 1/sqrt(s)",
+    free=False,
+)  # fmt: skip
+STARTS = 12
+"""Number of starts, in Gauss-Legendre quadrature, over which densities are averaged."""
 
-
-EARLY, PARTS = 20, 8
-"""Number of early bins, in which densities may change fast, and the number of their parts."""
+EARLY, PARTS, FIRST = 20, 8, 32
+"""Number of early bins, in which densities may change fast, and of the parts of each; number of
+parts of the first bin."""
 
 
 class Model(Protocol):
@@ -76,16 +89,16 @@ class GapModel:
 
     Parameters
     ----------
-    falls : bool
-        Whether the gap falls, as ``exp(-fall_per_s t)``. At a rate of 0 it is the constant gap.
+    gap : Gap
+        Shape of the gap over time.
     """
 
-    falls: bool = False
+    gap: Gap = CONSTANT
 
     @property
     def name(self) -> str:
-        """``constant_gap`` or ``falling_gap``."""
-        return "falling_gap" if self.falls else "constant_gap"
+        """Name of its gap, such as ``constant_gap``."""
+        return self.gap.name
 
     @property
     def threshold_name(self) -> str:
@@ -94,41 +107,42 @@ class GapModel:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sensitivity, bound, its rate of fall, start, and parameters of responses."""
-        return (SENSITIVITY, BOUND, *((FALL,) if self.falls else ()), START, *RESPONSE)
+        """Sensitivity, bound and its fall, start, variability, and parameters of responses."""
+        return (SENSITIVITY, BOUND, *self.gap.parameters, START, SPREAD, DRIFT_SD, *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision in each bin; see ``Model``."""
-        bound = values["bound"]
-        start = bound * values.get("start", np.zeros(len(bound)))
+        none = np.zeros(len(strength))
+        start, drift_sd = values.get(START.name, none), values.get(DRIFT_SD.name, none)
         # A start on the other side is the mirror image: densities are computed once for both.
         mirrored = start < 0
-        start, drift = (
-            np.abs(start),
-            values["sensitivity"] * np.where(mirrored, -strength, strength),
-        )
-        falls = values["fall_per_s"] if self.falls else np.zeros(len(bound))
-        found = np.empty((len(strength), 2, grid.bins))
+        drift = values[SENSITIVITY.name] * np.where(mirrored, -strength, strength)
+        names = (BOUND.name, SPREAD.name, *self.gap.names)
+        settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
+        found = np.zeros((len(strength), 2, grid.bins))
         time_s, width_s, first = _parts(grid.bins)
-        shapes = np.stack([bound, falls, start], axis=1)
-        for shape in np.unique(shapes, axis=0):
-            cells = (shapes == shape).all(axis=1)
-            a, fall, z = map(float, shape)
-            at_rest, gap = self._at_rest(a, fall, z, time_s, width_s)
-            mass = passage.with_drift(at_rest, gap, time_s, drift[cells], z) * width_s
-            found[cells] = np.add.reduceat(mass, first, axis=2)
+        for setting in np.unique(settings, axis=0):
+            cells = (settings == setting).all(axis=1)
+            share, bound, spread, *falls = map(float, setting)
+            starts, weights = _starts(bound * share, spread * bound * (1 - share))
+            shape = dict(zip(self.gap.names, falls, strict=True))
+            at_rest, gap = self._at_rest(bound, shape, starts, time_s, width_s)
+            for one, z, weight in zip(at_rest, starts, weights, strict=True):
+                here = (drift[cells], float(z), drift_sd[cells])
+                mass = passage.with_drift(one, gap, time_s, *here) * width_s
+                found[cells] += weight * np.add.reduceat(mass, first, axis=2)
         found[mirrored] = found[mirrored, ::-1]
         return found
 
     def _at_rest(
-        self, bound: float, fall_per_s: float, start: float, time_s: Array, width_s: Array
+        self, bound: float, shape: Mapping[str, float], starts: Array, time_s: Array, width_s: Array
     ) -> tuple[Array, Array]:
-        """Return the densities without drift at times, and the bound at these times."""
-        if fall_per_s == 0:
-            at_rest = passage.constant_at_rest(bound, time_s, start)
+        """Return densities without drift (starts, 2, times), and the bound at these times."""
+        if shape.get(FALL.name, 0.0) == 0:
+            at_rest = passage.constant_at_rest(bound, time_s, starts)
             return at_rest, np.full(len(time_s), bound)
-        gap, slope = passage.exponential(bound, 1 / fall_per_s)
-        return passage.falling_at_rest(gap, slope, time_s, width_s, start), gap(time_s)
+        gap, slope = self.gap.at(bound, shape, time_s)
+        return passage.falling_at_rest(gap, slope, time_s, width_s, starts), gap
 
     def halves(self) -> tuple[Model, Model]:
         """Return itself twice, since it is exact."""
@@ -143,8 +157,19 @@ class GapModel:
         return {"model": self.name}
 
 
+def _starts(mean: float, half: float) -> tuple[Array, Array]:
+    """Return starts in the range of some half width around a mean, sqrt(s), and their weights."""
+    if half == 0:
+        return np.array([mean]), np.ones(1)
+    nodes, weights = np.polynomial.legendre.leggauss(STARTS)
+    return mean + half * nodes, weights / 2
+
+
 def _parts(bins: int) -> tuple[Array, Array, Integers]:
     """Return middles and widths of the parts of all bins, s, and the first part of each bin."""
     parts = np.where(np.arange(bins) < EARLY, PARTS, 2)
+    parts[0] = FIRST
     width_s = np.repeat(BIN_S / parts, parts)
+    # Narrow at first: from a start near a bound, densities have their peak within a millisecond.
+    width_s[:FIRST] = np.diff(BIN_S * np.linspace(0, 1, FIRST + 1) ** 2)
     return width_s.cumsum() - width_s / 2, width_s, parts.cumsum() - parts

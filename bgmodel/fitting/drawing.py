@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import FAVOURS
-from bgmodel.fitting.responses import QUANTILES
+from bgmodel.fitting.quantiles import PERCENT, SIDES, conditions_of, too_few
 from bgmodel.plots import wilson
 from bgmodel.support.arrays import Array
-from circuits.plots import PALETTE, panels, styled
+from circuits.plots import GREY, PALETTE, Look, panels, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DATA: dict[str, Any] = {"color": "k", "ls": "", "ms": 4}
@@ -25,18 +26,20 @@ TITLES = (
     "b  Mean response time",
     "c  Spread of response times",
     "d  Quantiles 0.1, 0.3, 0.5, 0.7, 0.9",
+    "e  These quantiles for correct (filled) and wrong (open) responses",
 )
 LABELS = (
     "Share of the favoured response",
     "Mean response time (s)",
     "Standard deviation (s)",
     "Response time (s)",
+    "Response time (s)",
 )
 
 
 @styled
 def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
-    """Draw data and models: psychometric, chronometric, spread and quantiles, over strength.
+    """Draw data and models: choices, mean times, spread and quantiles, and errors.
 
     Parameters
     ----------
@@ -48,45 +51,38 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     Returns
     -------
     Figure
-        Four panels over strength: share of the response that the
-        strength favours (response 1 without strengths), mean, standard deviation and quantiles of
-        response times; data are markers, models lines. Error bars of the data are 95 % intervals
-        (Wilson's for choices, 1.96 standard errors for means). Each condition has its own marker
-        and line; with a single strength, conditions are placed along the axis. The title has the
-        number of trials.
+        Four panels over strength: share of the response that the strength favours (response 1
+        without strengths), mean, standard deviation and quantiles of response times; and a
+        quantile-probability plot, in which quantiles of correct and of wrong times are over the
+        probability of the response. Models are shown where the data have at least
+        ``quantiles.FEWEST`` responses. Data are markers, models lines, or dashes if there is a
+        single strength: then conditions are placed along the axis. Error bars of the data are 95 %
+        intervals (Wilson's for choices, 1.96 standard errors for the others). Each condition has
+        its own marker and line. The title has the number of trials, and that of the last panel the
+        number of cells with too few errors to be shown.
     """
-    figure, grid = panels(2, 2, size=(7.2, 5.4))
-    axes = grid.ravel()
+    figure, axes = _axes()
     first = next(iter(fits.values()))
     place, labels, group = _places(first)
+    several = first["strength"].nunique() > 1
     for number, which in enumerate(dict.fromkeys(group)):
         rows = np.array([each == which for each in group])
         mark, line = LOOKS[number % len(LOOKS)]
-        seen, x = first[rows], place[rows]
-        look = {**DATA, "marker": mark}
-        label = f"Data, {which}" if which else "Data"
-        bars = {**look, "capsize": 2, "elinewidth": 0.8}
-        axes[0].errorbar(x, seen["accuracy"], _wilson_ends(seen), label=label, **bars)
-        axes[1].errorbar(x, seen["mean_s"], 1.96 * seen["mean_se"], **bars)
-        axes[2].plot(x, seen["sd_s"], **look)
-        for q in QUANTILES:
-            axes[3].plot(x, seen[f"q{round(100 * q)}_s"], **look)
+        _data(axes, first[rows], place[rows], mark, f"Data, {which}" if which else "Data")
         for k, (name, cells) in enumerate(fits.items()):
-            model = {
+            look = {
                 "color": PALETTE[k % len(PALETTE)],
-                "ls": line,
-                "marker": "_" if rows.sum() == 1 else "",
+                "ls": line if several else "",
+                "marker": "" if several and rows.sum() > 1 else "_",
             }
-            label = name if number == 0 else "_"
-            axes[0].plot(x, cells.loc[rows, "model_accuracy"], label=label, **model)
-            axes[1].plot(x, cells.loc[rows, "model_mean_s"], **model)
-            axes[2].plot(x, cells.loc[rows, "model_sd_s"], **model)
-            for q in QUANTILES:
-                axes[3].plot(x, cells.loc[rows, f"model_q{round(100 * q)}_s"], lw=1, **model)
+            _model(axes, cells[rows], place[rows], look, name if number == 0 else "_")
     for ax, text, unit in zip(axes, TITLES, LABELS, strict=True):
         ax.set(title=text, ylabel=unit)
+    for ax in axes[:4]:
         ax.set_xticks(sorted(set(place)), labels)
-        ax.set_xlabel("Strength" if first["strength"].nunique() > 1 else "Condition")
+        ax.set_xlabel("Strength" if several else "Condition")
+    axes[4].set(xlabel="Probability of the response", xlim=(-0.02, 1.02))
+    axes[4].set_title(too_few(first), loc="right", fontsize=6.5, color=GREY)
     figure.legend(loc="outside lower center", ncols=4)
     few, most, total = (int(f(first["trials"])) for f in (np.min, np.max, np.sum))
     many = f"{most}" if few == most else f"{few} to {most}"
@@ -96,6 +92,57 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
         ha="left",
     )
     return figure
+
+
+def _axes() -> tuple[Figure, list[Axes]]:
+    """Return a figure with four panels, and a fifth below them that is twice as wide."""
+    figure, grid = panels(3, 2, size=(7.2, 8.0))
+    *axes, wide, spare = grid.ravel()
+    wide.set_subplotspec(wide.get_gridspec()[2, :])
+    spare.remove()
+    return figure, [*axes, wide]
+
+
+def _data(axes: list[Axes], seen: pd.DataFrame, place: Array, mark: str, label: str) -> None:
+    """Draw the data of one condition in all panels."""
+    look = {**DATA, "marker": mark}
+    bars = {**look, "capsize": 2, "elinewidth": 0.8}
+    axes[0].errorbar(place, seen["accuracy"], _wilson_ends(seen), label=label, **bars)
+    axes[1].errorbar(place, seen["mean_s"], 1.96 * seen["mean_se"], **bars)
+    axes[2].plot(place, seen["sd_s"], **look)
+    for percent in PERCENT.values():
+        axes[3].plot(place, seen[f"q{percent}_s"], **look)
+        for name, fill in (("correct", "k"), ("wrong", "w")):
+            axes[4].errorbar(
+                _probability(seen["accuracy"], name),
+                seen[f"{name}_q{percent}_s"],
+                1.96 * seen[f"{name}_q{percent}_se"],
+                **bars,
+                mfc=fill,
+            )
+
+
+def _model(axes: list[Axes], cells: pd.DataFrame, place: Array, look: Look, label: str) -> None:
+    """Draw the predictions of one model for one condition in all panels."""
+    axes[0].plot(place, cells["model_accuracy"], label=label, **look)
+    axes[1].plot(place, cells["model_mean_s"], **look)
+    axes[2].plot(place, cells["model_sd_s"], **look)
+    both = pd.concat([_probability(cells["model_accuracy"], name) for name in SIDES])
+    order = both.to_numpy().argsort(kind="stable")
+    for percent in PERCENT.values():
+        axes[3].plot(place, cells[f"model_q{percent}_s"], **look, lw=1)
+        times = pd.concat([_predicted(cells, f"{name}_q{percent}_s") for name in SIDES])
+        axes[4].plot(both.to_numpy()[order], times.to_numpy()[order], **look, lw=1)
+
+
+def _predicted(cells: pd.DataFrame, name: str) -> pd.Series:
+    """Return predicted quantiles where those of the data are known: others are of lapses."""
+    return cells[f"model_{name}"].where(cells[name].notna())
+
+
+def _probability(accuracy: pd.Series, name: str) -> pd.Series:
+    """Return the probability of correct or of wrong responses."""
+    return accuracy if name == "correct" else 1 - accuracy
 
 
 def _wilson_ends(seen: pd.DataFrame) -> Array:
@@ -108,9 +155,7 @@ def _wilson_ends(seen: pd.DataFrame) -> Array:
 
 def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
     """Return the position of each cell, the names of positions, and each cell's condition."""
-    columns = list(cells.columns)
-    told = columns[columns.index("strength") + 1 : columns.index("trials")]
-    names = [name for name in told if cells[name].nunique() > 1]
+    names = [name for name in conditions_of(cells) if cells[name].nunique() > 1]
     # A side is a response, which alone would not say what it is.
     words = {name: f"{FAVOURS} " if name == FAVOURS else "" for name in names}
     conditions = [

@@ -10,11 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.cautions import cautions
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
-from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
+from bgmodel.fitting.posterior import Posterior, posterior
+from bgmodel.fitting.quantiles import (
+    SIDES,
+    observed_quantiles,
+    phrase,
+    predicted_quantiles,
+    residuals,
+    too_few,
+)
 from bgmodel.fitting.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation, simulation_error, without_parts
 from bgmodel.fitting.slow import warn_of_slow
@@ -27,10 +36,8 @@ if TYPE_CHECKING:
 
 SHARE = 0.9
 """Share of the posterior within an interval."""
-SMALL_SHARE = 1 / 3
-"""A fit warns if the simulation error over the error from the data exceeds this ratio."""
-LATEST_T0_S = 1.0
-"""A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
+WORST = 3
+"""Number of residuals in the text of a fit."""
 Tell = Callable[[str], None]
 
 
@@ -59,7 +66,7 @@ class Fit(Facts):
     posterior: Posterior | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return participant, log likelihood, and each number with its standard error."""
+        """Return log likelihood, each number with its standard error, and largest residuals."""
         likelihood, table = self.optimum.likelihood, self.parameters()
         own = self.simulation.log_likelihood
         said = f" +- {own:.1f}" if own else ""
@@ -70,7 +77,17 @@ class Fit(Facts):
         }
         for row in table.itertuples():
             found[str(row.parameter)] = f"{row.value:.4g} +- {row.standard_error:.2g}"
-        return found
+        worst = self.residuals()[:WORST].to_dict("records")
+        found |= {f"residual {n}": phrase(row) for n, row in enumerate(worst, 1)}
+        few = too_few(self.cells())
+        return found | ({"errors": few} if few else {})
+
+    def residuals(self) -> pd.DataFrame:
+        """Return differences between quantiles of data and model, largest first.
+
+        One row per cell, response (correct or wrong) and quantile; see ``quantiles.residuals``.
+        """
+        return residuals(self.cells())
 
     def summary(self) -> pd.DataFrame:
         """Return the numbers of the fit with their errors and intervals, as a table to read."""
@@ -89,8 +106,8 @@ class Fit(Facts):
         Returns
         -------
         Figure
-            Four panels; markers are data with 95 % intervals, lines the model. The title has the
-            number of trials.
+            Five panels; markers are data with 95 % intervals, lines the model. The last shows
+            quantiles of correct and wrong times. The title has the number of trials.
         """
         from bgmodel.fitting.drawing import draw_fits
 
@@ -159,18 +176,27 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
     Columns strength, conditions, trials; accuracy (share of response 1, which the strength
     favours), mean_s, sd_s and q10_s to q90_s of all responses, each with its prediction as
     ``model_...``; accuracy_se and mean_se of the data; correct_s and wrong_s, mean times of
-    response 1 and 0.
+    response 1 and 0; correct_q10_s to wrong_q90_s, their quantiles, with standard errors as
+    ``..._se``. Quantiles of a response with fewer than ``quantiles.FEWEST`` trials are NaN.
+    Predictions are for the window of response times.
     """
-    said = moments(density, design.grid)
+    mass, _ = design.observed.outcomes(density)
+    said = moments(mass / BIN_S, design.grid)
     rows = []
     for cell in range(design.cells):
         seen = (design.observed.cell == cell) & (design.observed.response >= 0)
+        rt_s, response = design.observed.rt_s[seen], design.observed.response[seen]
         row = {"strength": design.strength[cell]}
         row |= {name: levels[cell] for name, levels in design.conditions.items()}
         row |= {"trials": int(design.trials[cell]), "answered": int(seen.sum())}
-        row |= _seen(design.observed.rt_s[seen], design.observed.response[seen])
+        row |= _seen(rt_s, response) | observed_quantiles(rt_s, response)
         row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
-        row |= _said(density[cell], design.grid.middles_s)
+        row |= predicted_quantiles(mass[cell])
+        row |= {
+            f"model_{name}_s": float(mass[cell, side] @ design.grid.middles_s)
+            / float(mass[cell, side].sum())
+            for name, side in SIDES.items()
+        }
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -193,17 +219,6 @@ def _seen(rt: Array, right: Integers) -> dict[str, float]:
         "wrong_s": mean(rt[right == 0]),
         **{f"q{round(100 * q)}_s": np.quantile(rt, q) if len(rt) else np.nan for q in QUANTILES},
     }
-
-
-def _said(density: Array, middles_s: Array) -> dict[str, float]:
-    """Return quantiles and mean times of both responses under densities (2, bins)."""
-    mass = density.sum(axis=0) * BIN_S
-    below = np.concatenate([[0.0], mass.cumsum() / mass.sum()])
-    edges = np.concatenate([[0.0], middles_s + BIN_S / 2])
-    found = {f"model_q{round(100 * q)}_s": float(np.interp(q, below, edges)) for q in QUANTILES}
-    for name, one in (("model_correct_s", density[1]), ("model_wrong_s", density[0])):
-        found[name] = float(one @ middles_s / one.sum())
-    return found
 
 
 def fit_likelihood(
@@ -236,54 +251,7 @@ def fit_likelihood(
     drawn = None
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
-    cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
-    cautions += [*_ended(found), *_late(found), *_short(drawn)]
-    for caution in cautions:
+    own = [*apart.cautions(found), *there.cautions()]
+    for caution in [*own, *cautions(found, there, simulated, drawn)]:
         FitWarning.warn(caution)
     return Fit(found, there, simulated, apart, drawn)
-
-
-def _ended(found: Optimum) -> list[str]:
-    """Return a warning for each number that ends at a bound of its range."""
-    return [
-        f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
-        for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
-        if ends
-    ]
-
-
-def _late(found: Optimum) -> list[str]:
-    """Return a warning for each non-decision time that is implausibly long."""
-    return [
-        f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
-        "the onset of evidence, not of the trial"
-        for name, value in found.values.items()
-        if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
-    ]
-
-
-def _short(drawn: Posterior | None) -> list[str]:
-    """Return a warning if a chain of draws is short compared with its autocorrelation time."""
-    if drawn is None or drawn.long_enough:
-        return []
-    return [
-        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times, not "
-        f"{ENOUGH}: its effective sample size is below {drawn.effective:.0f}, and "
-        "intervals are rough"
-    ]
-
-
-def _rough(there: Directions, simulated: Simulation) -> list[str]:
-    """Return a warning if the simulation error is more than a third of a standard error."""
-    share = simulated.parameters / there.standard_errors
-    rough = [
-        f"{name} ({value:.0%})"
-        for name, value in zip(there.names, share, strict=True)
-        if value > SMALL_SHARE
-    ]
-    if not rough:
-        return []
-    return [
-        "the error that comes from the number of simulated trials is more than a third of that "
-        f"from the data: {', '.join(rough)}. Simulate more trials (trials)"
-    ]

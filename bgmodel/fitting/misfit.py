@@ -138,25 +138,9 @@ def _split(values: Array, cells: int) -> tuple[Array, Array, Array]:
     return values[:cells], values[cells : 2 * cells], values[2 * cells :]
 
 
-def _outcomes(design: Design, density: Array) -> tuple[Array, Array]:
-    """Return the probability of a response in each bin (cells, 2, bins), and of none (cells,).
-
-    Within the window of response times; they sum to 1 in each cell.
-    """
-    mass = density * BIN_S
-    missing = np.zeros(len(mass))
-    if design.observed.deadline_s is not None:
-        missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
-    start_s = np.arange(mass.shape[2]) * BIN_S
-    early, late = (np.clip((t - start_s) / BIN_S, 0, 1) for t in design.observed.window_s)
-    mass = mass * (late - early)
-    whole = mass.sum(axis=(1, 2)) + missing
-    return mass / whole[:, None, None], missing / whole
-
-
 def _edges_s(design: Design, density: Array) -> Array:
     """Return the quantiles of response times of each cell, s, between 0 and infinity."""
-    mass = _outcomes(design, density)[0].sum(axis=1)
+    mass = design.observed.outcomes(density)[0].sum(axis=1)
     ends_s = np.arange(mass.shape[1] + 1) * BIN_S
     below = np.pad(mass.cumsum(axis=1) / mass.sum(axis=1, keepdims=True), ((0, 0), (1, 0)))
     inner = np.array([np.interp(QUANTILES, one, ends_s) for one in below])
@@ -165,7 +149,7 @@ def _edges_s(design: Design, density: Array) -> Array:
 
 def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
     """Return accuracy and mean time of each cell, and the expected counts of all cells."""
-    mass, missing = _outcomes(design, density)
+    mass, missing = design.observed.outcomes(density)
     answered = mass.sum(axis=(1, 2))
     share = mass[:, 1].sum(axis=1) / answered
     mean_s = mass.sum(axis=1) @ design.grid.middles_s / answered
@@ -183,7 +167,7 @@ def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
 
 def _variance(design: Design, density: Array) -> Array:
     """Return the variance of response times in each cell under the model, s^2."""
-    mass = _outcomes(design, density)[0].sum(axis=1)
+    mass = design.observed.outcomes(density)[0].sum(axis=1)
     mass, times_s = mass / mass.sum(axis=1, keepdims=True), design.grid.middles_s
     return np.asarray(mass @ times_s**2 - (mass @ times_s) ** 2)
 

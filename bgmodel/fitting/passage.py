@@ -8,15 +8,16 @@ times ``exp(v (+-a(t) - z) - v^2 t / 2)``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
+from bgmodel.support.compiling import compiled
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""
+LARGEST = 700.0
+"""Largest exponent; where it is larger, the density without drift is 0 in floating point."""
 
 
 def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
@@ -62,8 +63,8 @@ def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
     return np.asarray(np.sqrt(np.where(a * v < 0.02, near, variance)))
 
 
-def constant_at_rest(bound: float, time_s: Array, start: float = 0.0) -> Array:
-    """Return the densities of both responses for a constant bound and no drift, (2, times), 1/s.
+def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) -> Array:
+    """Return the densities of both responses for a constant bound and no drift, 1/s.
 
     By the two series of Navarro & Fuss (2009): modes for late times, images for early ones.
 
@@ -72,14 +73,19 @@ def constant_at_rest(bound: float, time_s: Array, start: float = 0.0) -> Array:
     bound : float, sqrt(s)
         A.
     time_s : array (times,), s
-        Above 0.
-    start : float, sqrt(s)
+        Increasing, above 0.
+    start : float, or array (starts,), sqrt(s)
         z, between -A and A.
+
+    Returns
+    -------
+    array (2, times), or (starts, 2, times), 1/s
     """
-    scaled = np.asarray(time_s, float) / (2 * bound) ** 2
+    scaled, z = np.asarray(time_s, float) / (2 * bound) ** 2, np.atleast_1d(start)
     # Distance from the start to the bound of response 0 and of 1, in units of that between them.
-    away = np.array([bound + start, bound - start])[:, None] / (2 * bound)
-    return standard_at_rest(away, scaled) / (2 * bound) ** 2
+    away = np.stack([bound + z, bound - z], axis=1)[:, :, None] / (2 * bound)
+    found = standard_at_rest(away, scaled, terms=6) / (2 * bound) ** 2
+    return np.asarray(found if np.ndim(start) else found[0])
 
 
 def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
@@ -113,71 +119,83 @@ def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
 
 
 def falling_at_rest(
-    bound: Callable[[Array], Array],
-    slope: Callable[[Array], Array],
+    bound: Array,
+    slope: Array,
     time_s: Array,
     width_s: Array | None = None,
-    start: float = 0.0,
+    start: npt.ArrayLike = 0.0,
 ) -> Array:
-    """Return the densities of both responses for bounds +-a(t) and no drift, (2, times), 1/s.
+    """Return the densities of both responses for bounds +-a(t) and no drift, 1/s.
 
     Parameters
     ----------
-    bound, slope : function
-        a(t), sqrt(s), above 0, and its derivative.
+    bound, slope : array (times,), sqrt(s) and 1/sqrt(s)
+        a(t), not below 0, and its derivative.
     time_s : array (times,), s
         Increasing, above 0.
     width_s : array (times,), s, optional
         Weight of each time in an integral; by default times are equally spaced and begin one
         interval after 0.
-    start : float, sqrt(s)
+    start : float, or array (starts,), sqrt(s)
         z, between -a(0) and a(0).
+
+    Returns
+    -------
+    array (2, times), or (starts, 2, times), 1/s
+        Responses 0 and 1.
 
     Notes
     -----
     The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
-    where two times coincide. For two mirror-symmetric bounds the equations of the sum and of the
-    difference of both responses are separate; on a grid of times each is a triangular system.
+    where two times coincide. On a grid of times the equations of both bounds are one triangular
+    system, and starts differ only in its right side.
     """
-    from scipy.linalg import solve_triangular
-
-    times = np.asarray(time_s, float)
+    times, z = np.asarray(time_s, float), np.atleast_1d(np.asarray(start, float))
     width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
-    a, fall = bound(times), slope(times)
-
-    def flux(apart: Array, since: Array, falls: Array) -> Array:
-        return np.asarray(
-            0.5 * (falls - apart / since) * np.exp(-(apart**2) / (2 * since))
-            / np.sqrt(2 * np.pi * since)
-        )  # fmt: skip
-
-    from_0, from_1 = flux(a + start, times, fall), flux(a - start, times, fall)
-    since = times[:, None] - times
-    before = since > 1e-12
-    since = np.where(before, since, 1.0)
-    same = flux(a[:, None] - a, since, fall[:, None])
-    other = flux(a[:, None] + a, since, fall[:, None])
-
-    def solved(kernel: Array, first: Array) -> Array:
-        system = np.eye(len(times)) - np.where(before, 2 * width * kernel, 0.0)
-        return np.asarray(solve_triangular(system, -2 * first, lower=True))
-
-    total = solved(same + other, from_0 + from_1)
-    apart = solved(same - other, from_1 - from_0) if start else np.zeros(len(times))
-    return np.maximum(np.stack([total - apart, total + apart]) / 2, 0.0)
+    away = np.stack([bound + z[:, None], bound - z[:, None]], axis=1)
+    first = (slope - away / times) * np.exp(-(away**2) / (2 * times)) / np.sqrt(2 * np.pi * times)
+    found = _solved(first.transpose(2, 1, 0).copy(), bound, slope, times, width)
+    found = np.maximum(found.transpose(2, 1, 0), 0.0)
+    return np.asarray(found if np.ndim(start) else found[0])
 
 
-def exponential(bound: float, fall_s: float) -> tuple[Callable[[Array], Array], ...]:
-    """Return the bound that falls by a factor e in ``fall_s`` seconds, and its slope."""
+@compiled
+def _solved(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
+    """Solve the integral equations by forward substitution.
 
-    def at(time_s: Array) -> Array:
-        return np.asarray(bound * np.exp(-time_s / fall_s))
+    Parameters
+    ----------
+    first : array (times, 2, starts)
+        Twice the flux at each bound from the starts, negative where the bound is approached.
+    bound, slope, times, width : array (times,)
+        As for ``falling_at_rest``.
 
-    return at, lambda time_s: -at(time_s) / fall_s
+    Returns
+    -------
+    array (times, 2, starts), 1/s
+    """
+    found = -first
+    for i in range(len(times)):
+        for j in range(i):
+            since = times[i] - times[j]
+            scale = width[j] / np.sqrt(2 * np.pi * since)
+            same, other = bound[i] - bound[j], bound[i] + bound[j]
+            from_same = scale * (slope[i] - same / since) * np.exp(-(same**2) / (2 * since))
+            from_other = scale * (slope[i] - other / since) * np.exp(-(other**2) / (2 * since))
+            for k in range(first.shape[2]):
+                zero, one = found[j, 0, k], found[j, 1, k]
+                found[i, 0, k] += from_same * zero + from_other * one
+                found[i, 1, k] += from_same * one + from_other * zero
+    return found
 
 
 def with_drift(
-    at_rest: Array, bound: Array, time_s: Array, drift: npt.ArrayLike, start: float = 0.0
+    at_rest: Array,
+    bound: Array,
+    time_s: Array,
+    drift: npt.ArrayLike,
+    start: float = 0.0,
+    drift_sd: npt.ArrayLike = 0.0,
 ) -> Array:
     """Return the densities of both responses at drifts.
 
@@ -186,16 +204,29 @@ def with_drift(
     at_rest, bound, time_s : array (2, times), (times,), (times,)
         Densities without drift, 1/s; a(t); times, s.
     drift : array (cells,), 1/sqrt(s)
-        v.
+        v; its mean if it varies.
     start : float, sqrt(s)
         z, as for the densities without drift.
+    drift_sd : float, or array (cells,), 1/sqrt(s)
+        Standard deviation of the drift from trial to trial, Gaussian.
 
     Returns
     -------
     array (cells, 2, times), 1/s
         Responses 0 and 1.
+
+    Notes
+    -----
+    With c the distance from the start to the bound, with its sign, the mean of
+    ``exp(u c - u^2 t / 2)`` over drifts u of mean v and variance s^2 is
+    ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) / sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004):
+    it is exact for any bound, since the drift enters only by Girsanov's theorem.
     """
     v = np.asarray(drift, float)[:, None]
-    common = -(v**2) * time_s / 2 - v * start
-    weights = np.stack([np.exp(common - v * bound), np.exp(common + v * bound)], axis=1)
-    return np.asarray(weights * at_rest)
+    variance = np.broadcast_to(np.asarray(drift_sd, float) ** 2, v.shape[:1])[:, None]
+    spread = 1 + variance * time_s
+    weights = [
+        np.exp(np.minimum((2 * v * c + variance * c**2 - v**2 * time_s) / (2 * spread), LARGEST))
+        for c in (-bound - start, bound - start)
+    ]
+    return np.asarray(np.stack(weights, axis=1) / np.sqrt(spread)[:, None] * at_rest)

@@ -61,7 +61,10 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     bins, width = grid.bins, BIN_S
     # From the centre of one bin to the edges of another: preserves mass whatever t0 is.
     edges = (np.arange(-bins, bins + 1) - 0.5) * width
-    below = ndtr((edges - t0_s[:, None]) / t0_sd_s[:, None])
+    # Bins of decisions and of responses, and interpolation between the latter, each add to the
+    # variance of times (Sheppard's corrections): together a third of a squared bin.
+    sd_s = np.sqrt(np.maximum(t0_sd_s**2 - width**2 / 3, (width / 20) ** 2))
+    below = ndtr((edges - t0_s[:, None]) / sd_s[:, None])
     kernel = np.roll(np.diff(below, axis=1), -bins, axis=1)
     size = 2 * bins
     spectrum = np.fft.rfft(decided, size, axis=2) * np.fft.rfft(kernel, size, axis=1)[:, None]
@@ -120,6 +123,26 @@ class Observed:
             return np.asarray(log)
         kept = np.maximum(missing + self._inside(density), TINY)
         return np.asarray(log - np.log(kept)[self.cell])
+
+    def outcomes(self, density: Array) -> tuple[Array, Array]:
+        """Return the probability of a response in each bin (cells, 2, bins), and of none (cells,).
+
+        Within the window of response times; they sum to 1 in each cell.
+
+        Parameters
+        ----------
+        density : array (cells, 2, bins), 1/s
+            Densities of responses.
+        """
+        mass = density * BIN_S
+        missing = np.zeros(len(mass))
+        if self.deadline_s is not None:
+            missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
+        start_s = np.arange(mass.shape[2]) * BIN_S
+        early, late = (np.clip((t - start_s) / BIN_S, 0, 1) for t in self.window_s)
+        mass = mass * (late - early)
+        whole = mass.sum(axis=(1, 2)) + missing
+        return mass / whole[:, None, None], missing / whole
 
     def _inside(self, density: Array) -> Array:
         """Return the probability of a response in the window, (cells,)."""

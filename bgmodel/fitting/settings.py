@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 ADDED = "+"
 """Before a name in ``free``: in addition to the parameters that are free by default."""
-GAPS = {"constant_gap": False, "falling_gap": True}
-"""Models other than circuits: names of the sequential test, and whether its bounds fall."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +39,14 @@ class FitSettings:
     """Name of the response that counts as 1, if responses are not 1 and 0."""
     deadline: float | None = None
     """Time at which a trial without a response ended, s."""
+    rt: str | None = None
+    """Column of response times, if it is not called rt."""
+    response: str | None = None
+    """Column of responses, if it is not called response."""
+    participant_column: str | None = None
+    """Column of participants, if it is not called participant_id."""
+    rt_unit: str = "s"
+    """Unit of response times in the table: s or ms."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; "0 inf" keeps all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
@@ -49,8 +55,8 @@ class FitSettings:
     """What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
     or, with a threshold, a change within a trial: rising_dopamine or onset_stn."""
     free: tuple[str, ...] = ()
-    """Parameters to fit; by default all except start and a threshold that --mechanism replaces.
-    With a plus, in addition to these: "+start"."""
+    """Parameters to fit; by default all except start, start_spread, drift_sd, floor, and a
+    threshold that --mechanism replaces. With a plus, in addition to these: "+start"."""
     fix: tuple[str, ...] = ()
     """Parameters to fix at a value, such as "lapse=0.02"."""
     vary: tuple[str, ...] = ()
@@ -106,7 +112,9 @@ class FitSettings:
             must = "must have a plus before all names (in addition to the default) or before none"
             raise InputError.of("free", must, self.free)
         named = [own(each) for each in self._named if own(each) in known]
-        default = [name for name, each in known.items() if each.free] if any(added) else []
+        fixed = {own(name) for name in self.fixed}
+        default = [name for name, each in known.items() if each.free and name not in fixed]
+        default = default if any(added) else []
         return list(dict.fromkeys([*default, *named])) or None
 
     def read(self, data: str | Path | pd.DataFrame) -> Choices:
@@ -120,6 +128,10 @@ class FitSettings:
             participant=self.participant,
             deadline_s=self.deadline,
             upper=self.upper,
+            rt=self.rt,
+            response=self.response,
+            participant_column=self.participant_column,
+            rt_unit=self.rt_unit,
         )
 
     def people(self, choices: Choices) -> list[tuple[str, Choices]]:
@@ -146,7 +158,8 @@ class FitSettings:
         Parameters
         ----------
         model : str, path or Circuit
-            A name in ``GAPS``, or a circuit of two channels: by name, as a .toml file or a Circuit.
+            A name in ``gaps.GAPS``, or a circuit of two channels: by name, as a .toml file or a
+            Circuit.
         seconds : float
             Length of simulated trials, s; see ``seconds_of``. The model's parameters are the same
             for any length.
@@ -155,6 +168,7 @@ class FitSettings:
         """
         from bgmodel.fitting.algorithms import GapModel
         from bgmodel.fitting.circuit import CircuitModel
+        from bgmodel.fitting.gaps import GAPS
         from bgmodel.fitting.mechanisms import MECHANISMS
         from bgmodel.integrators.basal_ganglia import checked_circuit
         from circuits.anatomy import CIRCUITS
@@ -239,6 +253,10 @@ def fit(
     pooled: bool = False,
     upper: str | None = None,
     deadline: float | None = None,
+    rt: str | None = None,
+    response: str | None = None,
+    participant_column: str | None = None,
+    rt_unit: str = FitSettings.rt_unit,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
@@ -259,7 +277,8 @@ def fit(
         Name of an included data set, a .csv, .tsv or .parquet file, or a table with the columns
         participant_id, rt (s), response, and those of conditions.
     model : str, path or Circuit
-        constant_gap, falling_gap, or a circuit of two channels: its name, .toml file or Circuit.
+        constant_gap, falling_gap, hyperbolic_gap, weibull_gap, or a circuit of two channels: its
+        name, .toml file or Circuit.
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
@@ -270,12 +289,17 @@ def fit(
         Name of the response that counts as 1, if responses are not 1 and 0.
     deadline : float, optional
         Time at which a trial without a response ended, s.
+    rt, response, participant_column : str, optional
+        Names of these columns, if they are not rt, response and participant_id.
+    rt_unit : str
+        Unit of response times in the table: s or ms.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
         What changes the criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
     free : sequence of str, or str
-        Parameters to fit; by default all except start. With a plus, in addition: ``"+start"``.
+        Parameters to fit; by default all except start, start_spread, drift_sd and floor. With a
+        plus, in addition: ``"+start"``.
     fix : mapping from names to values, optional
         Fixed parameters: ``{"lapse": 0.02}``.
     vary : mapping from names to columns, optional
@@ -307,6 +331,7 @@ def fit(
     need_fit()
     asked = FitSettings(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
+        rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         rt_window=rt_window, mechanism=mechanism, engine=engine,
         free=_names(free),
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),

@@ -38,6 +38,7 @@ from bgmodel.tables.columns import (
     rows,
     strengths,
 )
+from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped
 from bgmodel.tables.text_files import read_rows
 from circuits.errors import InputError, require, within
@@ -174,6 +175,10 @@ def read_choices(
     participant: str | None = None,
     deadline_s: float | None = None,
     upper: str | None = None,
+    rt: str | None = None,
+    response: str | None = None,
+    participant_column: str | None = None,
+    rt_unit: str = "s",
 ) -> Choices:
     """Read a table of choices and response times; no trial is left out.
 
@@ -190,7 +195,8 @@ def read_choices(
         trial: ``rt``, s from the onset of evidence, and ``response``, 1 or 0; optionally
         ``participant_id``, without which all trials belong to one participant, "all". A trial
         without a response has neither ``rt`` nor ``response``; if ``rt`` is -999, as written for
-        HSSM, ``response`` is ignored.
+        HSSM, ``response`` is ignored. Tables of HSSM (responses 1 and -1) and of PyDDM (columns RT
+        and choice) are recognised.
     strength : str, optional
         Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
@@ -201,6 +207,10 @@ def read_choices(
         Time at which a trial without a response ended, s.
     upper : str, optional
         The response that counts as 1, if responses are two names instead of 1 and 0.
+    rt, response, participant_column : str, optional
+        Names of the columns of times, responses and participants, if they have others.
+    rt_unit : str
+        Unit of the times: s or ms.
 
     Returns
     -------
@@ -220,9 +230,10 @@ def read_choices(
     try:
         used = [*wanted, *([] if strength is None else [strength])]
         check_no_stops(table)
+        table = renamed(table, rt=rt, response=response, participant_column=participant_column)
         table = rows(table, used, participant)
         warn_of_copies(table, used)
-        rt_s, response = answers(table, deadline_s, upper)
+        rt_s, chosen = answers(table, deadline_s, upper, rt_unit)
         check_times(rt_s)
         warn_of_mixed_units(rt_s, participants(table))
         if deadline_s is not None:
@@ -234,18 +245,18 @@ def read_choices(
         found = Choices(
             participants(table),
             rt_s,
-            response,
+            chosen,
             signed,
             pd.DataFrame({c: levels(table[c]) for c in wanted}, index=range(len(table))),
             deadline_s,
             name,
         )
-        warn_of_twins(found.participant, rt_s, response)
+        warn_of_twins(found.participant, rt_s, chosen)
         _check_cells(found)
         _check_both_chosen(found)
-        check_signs(signed, response)
+        check_signs(signed, chosen)
         if strength is None:
-            warn_without_strength(table, used, response)
+            warn_without_strength(table, used, chosen)
     except ValueError as error:
         raise within(name, error, "source") from None
     return found

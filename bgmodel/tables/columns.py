@@ -18,6 +18,10 @@ MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """Contents of a cell for a missing number or response."""
 MOST_MEDIAN_S = 50.0
 """Longest median time that is accepted as seconds."""
+UNITS = {"s": 1.0, "ms": 1e-3}
+"""Units of response times, in seconds."""
+LEAST_MEDIAN_MS = 20.0
+"""Shortest median time that is accepted as milliseconds."""
 MISSING_RT = -999.0
 """Response time of HSSM for a missing response."""
 NO_RESPONSE = -1
@@ -70,7 +74,8 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         if meant not in names:
             check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
-            held = "seems to hold participants: rename it to participant_id"
+            held = "seems to hold participants: rename it to participant_id, or name it"
+            held += " (participant_column, at the terminal --participant-column)"
             raise InputError(f"column {name!r} {held}", "participant")
     for name in wanted:
         if name not in names:
@@ -99,7 +104,8 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         )
         raise InputError(
             f"column {each} may hold participants, whose trials would be pooled: rename it to "
-            "participant_id, or name it as a condition",
+            "participant_id, name it (participant_column, at the terminal --participant-column), "
+            "or name it as a condition",
             "participant",
         )
 
@@ -134,12 +140,12 @@ def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
 
 
 def answers(
-    table: pd.DataFrame, deadline_s: float | None, upper: str | None
+    table: pd.DataFrame, deadline_s: float | None, upper: str | None, unit: str = "s"
 ) -> tuple[Array, npt.NDArray[np.int8]]:
     """Return times, s, and responses; ValueError if one is missing, or a time is too late."""
     require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     rt, response = table["rt"], table["response"]
-    rt_s, told = times(rt)
+    rt_s, told = times(rt, unit)
     chosen = responses(response, told, upper)
     absent, silent = np.isnan(rt_s), chosen == NO_RESPONSE
     refuse(absent & ~silent, rt, "given where there is a response")
@@ -266,26 +272,42 @@ def numbers(column: pd.Series) -> Array:
     return values
 
 
-def times(column: pd.Series) -> tuple[Array, Truths]:
+def times(column: pd.Series, unit: str = "s") -> tuple[Array, Truths]:
     """Return response times, (rows,), s, NaN if missing, and where HSSM's missing code occurs.
+
+    Parameters
+    ----------
+    column : Series
+        The times.
+    unit : str
+        A name in ``UNITS``.
 
     Raises
     ------
     ValueError
-        If a time is not a number above 0, or times seem to be in milliseconds.
+        If a time is not a number above 0, or times seem to be in another unit.
     """
+    known = isinstance(unit, str) and unit in UNITS
+    require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
     values = numbers(column)
     told = values == MISSING_RT
     values[told] = np.nan
     given = values[np.isfinite(values)]
-    if len(given) and np.median(given) > MOST_MEDIAN_S:
+    median = float(np.median(given)) if len(given) else 1.0 / UNITS[unit]
+    if unit == "s" and median > MOST_MEDIAN_S:
         raise InputError(
-            f"{column.name} must be in seconds, got a median of {np.median(given):g}: divide by "
-            "1000 if these are milliseconds",
+            f"{column.name} must be in seconds, got a median of {median:g}: divide by 1000 if "
+            "these are milliseconds, or say so (rt_unit='ms', at the terminal --rt-unit ms)",
             column.name,
         )
-    refuse(values <= 0, column, "above 0 s")
-    return values, told
+    if unit == "ms" and 0 < median < LEAST_MEDIAN_MS:
+        raise InputError(
+            f"{column.name} must be in ms, got a median of {median:g}: leave rt_unit out if these "
+            "are seconds",
+            column.name,
+        )
+    refuse(values <= 0, column, f"above 0 {unit}")
+    return values * UNITS[unit], told
 
 
 def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDArray[np.int8]:

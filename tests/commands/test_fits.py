@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.commands.fitted import TABLES, Kept
-from bgmodel.fitting.algorithms import START, GapModel
+from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
@@ -187,11 +187,14 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
     assert "parameter trade-offs" in shown
+    assert "largest differences between quantiles" in shown
+    assert "fewer than 20 errors" in shown
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]
-    assert held["parameter"].tolist() == ["start", "t0_sd_s", "lapse"] * 2
-    assert held["value"].tolist() == [each.start for each in (START, *RESPONSE[1:])] * 2
+    unasked = (START, SPREAD, DRIFT_SD, *RESPONSE[1:])
+    assert held["parameter"].tolist() == [each.name for each in unasked] * 2
+    assert held["value"].tolist() == [each.start for each in unasked] * 2
     parameters = parameters[~parameters["held"]]
     assert parameters["participant"].tolist() == ["a"] * 3 + ["b/c"] * 3
     assert parameters["parameter"].tolist() == ["sensitivity", "bound", "t0_s"] * 2

@@ -74,6 +74,7 @@ def test_results_as_json_and_again_with_force(capsys):
         (("--strength", "coherence"), "--strength has no effect with --task stop"),
         (("--rt-window", "0", "inf"), "--rt-window has no effect with --task stop"),
         (("--models", "falling_gap"), "models must be of constant_gap, or circuits"),
+        (("--models", "weibull_gap"), "models must be of constant_gap, or circuits"),
     ],
 )
 def test_options_without_effect_are_refused(capsys, options, says):

@@ -6,12 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
-from bgmodel.fitting.algorithms import BOUND, FALL, START, GapModel
+from bgmodel.fitting.algorithms import BOUND, DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.gaps import EXPONENTIAL, FALL, FLOOR
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 
 GRID = Grid(300)
-CONSTANT, FALLING = GapModel(), GapModel(falls=True)
+CONSTANT, FALLING = GapModel(), GapModel(EXPONENTIAL)
 
 
 def decided(model, strength, grid=GRID, **values):
@@ -86,7 +87,7 @@ def test_drift_is_sensitivity_times_strength():
 
 
 def test_a_model_names_its_parameters_and_its_threshold():
-    assert CONSTANT.parameters[1:] == (BOUND, START, *RESPONSE)
-    assert FALLING.parameters[1:] == (BOUND, FALL, START, *RESPONSE)
+    assert CONSTANT.parameters[1:] == (BOUND, START, SPREAD, DRIFT_SD, *RESPONSE)
+    assert FALLING.parameters[1:] == (BOUND, FALL, FLOOR, START, SPREAD, DRIFT_SD, *RESPONSE)
     assert {model.threshold_name for model in (CONSTANT, FALLING)} == {BOUND.name}
     assert CONSTANT.identity() != FALLING.identity()

@@ -12,6 +12,7 @@ from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
+from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation
 from circuits.errors import FitWarning
@@ -79,11 +80,20 @@ def test_cells_hold_data_beside_the_model(found, likelihood):
             assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
             assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)
     said = moments(found.optimum.density, design.grid)
-    assert table["model_accuracy"].tolist() == said["accuracy"].tolist()
+    assert table["model_accuracy"].to_numpy() == pytest.approx(said["accuracy"], rel=1e-12)
     assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
     assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)
     # In the test times of both responses are alike, where those that are wrong are no lapses.
     assert table["model_correct_s"][0] == pytest.approx(table["model_wrong_s"][0], abs=0.02)
+
+
+def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(found):
+    said, rows = found.facts(), found.residuals()
+    assert said["residual 1"] == phrase(rows.iloc[0].to_dict())
+    assert [name for name in said if name.startswith("residual")] == [
+        "residual 1", "residual 2", "residual 3",
+    ]  # fmt: skip
+    assert said["errors"] == too_few(found.cells()) != ""
 
 
 def test_quantiles_of_a_model_are_those_of_its_draws():

@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.gaps import EXPONENTIAL
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import (
     TOLERANCE_NATS,
@@ -23,7 +24,7 @@ from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned
 
 STRENGTHS = [0.0, 0.05, 0.15, 0.4]
-CONSTANT, FALLING = GapModel(), GapModel(falls=True)
+CONSTANT, FALLING = GapModel(), GapModel(EXPONENTIAL)
 CASES = {
     "constant": (CONSTANT, {"sensitivity": 12.0, "bound": 0.6}, 400),
     "falling": (FALLING, {"sensitivity": 12.0, "bound": 0.7, "fall_per_s": 1 / 0.3}, 500),

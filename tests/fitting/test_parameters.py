@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import MECHANISMS, CircuitModel
+from bgmodel.fitting.gaps import WEIBULL
 from bgmodel.fitting.parameters import Parameter, freedom
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
@@ -86,7 +87,7 @@ def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
 
 MACAQUE = load_circuit("macaque", 2)
 MODELS: list = [
-    GapModel(falls=True),
+    GapModel(WEIBULL),
     *(CircuitModel(MACAQUE, mechanism=c) for c in MECHANISMS.values()),
 ]
 EVERY = {each.name: each for model in MODELS for each in model.parameters}

@@ -6,16 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
+from bgmodel.fitting.gaps import EXPONENTIAL
 
 DRIFT = st.floats(-6.0, 6.0)
 BOUND = st.floats(0.2, 1.5)
 
 
-def constant(bound):
-    return (
-        lambda time_s: np.full(np.shape(time_s), bound),
-        lambda time_s: np.zeros(np.shape(time_s)),
-    )
+def constant(bound, time_s):
+    return np.full(len(time_s), bound), np.zeros(len(time_s))
+
+
+def exponential(bound, fall_s, time_s):
+    return EXPONENTIAL.at(bound, {"fall_per_s": 1 / fall_s}, time_s)
 
 
 def densities(drift, bound):
@@ -64,9 +66,9 @@ def test_closed_forms_go_over_smoothly_to_those_without_drift(bound):
 @pytest.mark.parametrize("bound", [0.4, 0.7, 1.5])
 def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
     times = np.arange(1, 1000) * 0.0025
-    falling = passage.falling_at_rest(*constant(bound), times)
+    falling = passage.falling_at_rest(*constant(bound, times), times)
     assert falling == pytest.approx(passage.constant_at_rest(bound, times), abs=1e-6)
-    wrong = passage.falling_at_rest(*constant(1.01 * bound), times)
+    wrong = passage.falling_at_rest(*constant(1.01 * bound, times), times)
     assert np.abs(wrong - falling).max() > 1e-3
 
 
@@ -74,8 +76,8 @@ def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
 @settings(max_examples=15)
 def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
     times = np.arange(1, 400) * 0.005 * bound**2
-    own = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
-    far = passage.exponential(scale * bound, scale**2 * fall_s)
+    own = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
+    far = exponential(scale * bound, scale**2 * fall_s, scale**2 * times)
     wide = passage.falling_at_rest(*far, scale**2 * times)
     assert scale**2 * wide == pytest.approx(own, rel=1e-9, abs=1e-12)
 
@@ -84,7 +86,7 @@ def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
 @settings(max_examples=15)
 def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
     times = np.arange(1, 800) * 0.005
-    found = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
+    found = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
     assert found.sum() * 0.005 == pytest.approx(1, abs=2e-3)
     assert (found >= 0).all()
 
@@ -93,15 +95,15 @@ def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
 @settings(max_examples=30)
 def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, bound, fall_s):
     times = np.arange(1, 200) * 0.01
-    gap, slope = passage.exponential(bound, fall_s)
+    gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
     drift = np.array(drifts)
-    found = passage.with_drift(at_rest, gap(times), times, drift)
+    found = passage.with_drift(at_rest, gap, times, drift)
     some = found[:, 0] > 1e-200
-    odds = np.exp(2 * drift[:, None] * gap(times))
+    odds = np.exp(2 * drift[:, None] * gap)
     assert found[:, 1][some] == pytest.approx((found[:, 0] * odds)[some], rel=1e-9)
     assert found[:, ::-1] == pytest.approx(
-        passage.with_drift(at_rest, gap(times), times, -drift), rel=1e-12
+        passage.with_drift(at_rest, gap, times, -drift), rel=1e-12
     )
 
 
@@ -142,8 +144,8 @@ def test_a_start_and_a_drift_of_the_other_sign_exchange_the_responses(bound, sha
             if fall_s is None:
                 at_rest, gap = passage.constant_at_rest(bound, times, z), np.full(399, bound)
             else:
-                at, slope = passage.exponential(bound, fall_s)
-                at_rest, gap = passage.falling_at_rest(at, slope, times, start=z), at(times)
+                gap, slope = exponential(bound, fall_s, times)
+                at_rest = passage.falling_at_rest(gap, slope, times, start=z)
             both.append(passage.with_drift(at_rest, gap, times, [sign * drift], z)[0])
         assert both[0] == pytest.approx(both[1][::-1], rel=1e-9, abs=1e-9)
 
@@ -152,11 +154,11 @@ def test_a_start_and_a_drift_of_the_other_sign_exchange_the_responses(bound, sha
 def test_from_any_start_a_bound_that_does_not_fall_is_constant(share):
     times = np.arange(1, 1500) * 0.001
     z = share * 0.7
-    falling = passage.falling_at_rest(*constant(0.7), times, start=z)
+    falling = passage.falling_at_rest(*constant(0.7, times), times, start=z)
     own = passage.constant_at_rest(0.7, times, z)
     # The first times after a start near a bound are steep.
     assert falling[:, 20:] == pytest.approx(own[:, 20:], abs=5e-3)
-    wrong = passage.falling_at_rest(*constant(0.7), times, start=z + 0.05)
+    wrong = passage.falling_at_rest(*constant(0.7, times), times, start=z + 0.05)
     assert np.abs(wrong - own)[:, 20:].max() > 0.05
 
 
@@ -186,9 +188,9 @@ def of_pyddm(bound, fall_s, drift, dt):
 @pytest.mark.parametrize(("bound", "fall_s", "drift"), [(0.8, 0.7, 2.0), (1.2, 2.0, 0.5)])
 def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fall_s, drift):
     times = np.arange(1, 1500) * 0.002
-    gap, slope = passage.exponential(bound, fall_s)
+    gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
-    (found,) = passage.with_drift(at_rest, gap(times), times, [drift]) * 0.002
+    (found,) = passage.with_drift(at_rest, gap, times, [drift]) * 0.002
     own = np.array([*found.sum(axis=1), found.sum(axis=0) @ times])
     coarse, fine = (of_pyddm(bound, fall_s, drift, dt) for dt in (0.002, 0.001))
     # Its error is of the first order in its step.

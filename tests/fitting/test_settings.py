@@ -40,7 +40,7 @@ def test_what_a_reader_is_shown_is_what_was_fitted(made):
     assert "2615" in repr(made)
     assert "sensitivity" in made._repr_html_()
     assert made.to_dataframe().equals(made.parameters())
-    assert len(made.plot().axes) == 4
+    assert len(made.plot().axes) == 5
 
 
 def test_python_and_the_command_have_the_same_defaults():

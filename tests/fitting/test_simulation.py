@@ -11,6 +11,7 @@ from bgmodel.fitting.algorithms import SENSITIVITY, GapModel
 from bgmodel.fitting.control import decided
 from bgmodel.fitting.crossings import simulated
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.gaps import EXPONENTIAL
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
@@ -60,7 +61,7 @@ def integrator(seed):
 @pytest.fixture(scope="module")
 def fits():
     """Return data that differ from the model, and a fit of each of several stores to them."""
-    some = drawn(GapModel(falls=True), [0.05, 0.3], 300, 3, seconds=2.0, sensitivity=10.0,
+    some = drawn(GapModel(EXPONENTIAL), [0.05, 0.3], 300, 3, seconds=2.0, sensitivity=10.0,
                  bound=0.7, fall_per_s=1.0)  # fmt: skip
     held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
     found = []

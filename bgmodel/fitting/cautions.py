@@ -1,0 +1,78 @@
+"""What a fit warns of: numbers at bounds, late responses, short chains, simulation errors."""
+
+from __future__ import annotations
+
+from bgmodel.fitting.identify import Directions
+from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.posterior import ENOUGH, Posterior
+from bgmodel.fitting.simulation import Simulation
+
+SMALL_SHARE = 1 / 3
+"""A fit warns if the simulation error over the error from the data exceeds this ratio."""
+LATEST_T0_S = 1.0
+"""A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
+
+
+def cautions(
+    found: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
+) -> list[str]:
+    """Return warnings of a fit.
+
+    Parameters
+    ----------
+    found : Optimum
+        The optimum.
+    there : Directions
+        Identifiability of parameters at the optimum.
+    simulated : Simulation
+        Errors due to simulated trials.
+    drawn : Posterior, optional
+        Posterior samples.
+    """
+    return [*_rough(there, simulated), *_ended(found), *_late(found), *_short(drawn)]
+
+
+def _ended(found: Optimum) -> list[str]:
+    """Return a warning for each number that ends at a bound of its range."""
+    return [
+        f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
+        for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
+        if ends
+    ]
+
+
+def _late(found: Optimum) -> list[str]:
+    """Return a warning for each non-decision time that is implausibly long."""
+    return [
+        f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
+        "the onset of evidence, not of the trial"
+        for name, value in found.values.items()
+        if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
+    ]
+
+
+def _short(drawn: Posterior | None) -> list[str]:
+    """Return a warning if a chain of draws is short compared with its autocorrelation time."""
+    if drawn is None or drawn.long_enough:
+        return []
+    return [
+        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times, not "
+        f"{ENOUGH}: its effective sample size is below {drawn.effective:.0f}, and "
+        "intervals are rough"
+    ]
+
+
+def _rough(there: Directions, simulated: Simulation) -> list[str]:
+    """Return a warning if the simulation error is more than a third of a standard error."""
+    share = simulated.parameters / there.standard_errors
+    rough = [
+        f"{name} ({value:.0%})"
+        for name, value in zip(there.names, share, strict=True)
+        if value > SMALL_SHARE
+    ]
+    if not rough:
+        return []
+    return [
+        "the error that comes from the number of simulated trials is more than a third of that "
+        f"from the data: {', '.join(rough)}. Simulate more trials (trials)"
+    ]

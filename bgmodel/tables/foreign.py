@@ -1,0 +1,94 @@
+"""Tables in other words: columns of other names, and the frames of PyDDM and HSSM."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.tables.columns import names_once
+from circuits.errors import InputError, require
+
+PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})
+"""Columns of a sample of PyDDM, by its own default and as exported here."""
+HSSM = {"1", "-1"}
+"""Responses of HSSM: to the upper and to the lower boundary."""
+
+
+def renamed(
+    table: pd.DataFrame,
+    *,
+    rt: str | None = None,
+    response: str | None = None,
+    participant_column: str | None = None,
+) -> pd.DataFrame:
+    """Return a table with columns rt, response and participant_id, whatever their names were.
+
+    A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
+    is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table.
+    rt, response, participant_column : str, optional
+        Names of the columns of response times, responses and participants.
+
+    Raises
+    ------
+    ValueError
+        If a named column does not exist, is named twice, or its new name belongs to another column.
+    """
+    options = {
+        "rt": ("rt", rt),
+        "response": ("response", response),
+        "participant_column": ("participant_id", participant_column),
+    }
+    given = {option: pair for option, pair in options.items() if pair[1] is not None}
+    if given:
+        names = names_once(table.columns)
+        for option, (ours, name) in given.items():
+            there = isinstance(name, str) and name in names
+            require(there, option, f"must be one of the columns {', '.join(names)}", name)
+            if name != ours and ours in names:
+                raise InputError(
+                    f"{option} is {name!r}, but there is also a column {ours}: remove or rename it",
+                    option,
+                )
+        meant = [name for _, name in given.values()]
+        require(len(set(meant)) == len(meant), "columns", "must be named once each", meant)
+        table = table.set_axis(names, axis=1).rename(
+            columns={str(name): ours for ours, name in given.values()}
+        )
+    if rt is None and response is None:
+        table = _of_pyddm(table)
+    return _of_hssm(table)
+
+
+def _of_pyddm(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with PyDDM's columns renamed, if it has these."""
+    names = list(table.columns)
+    for columns in PYDDM:
+        rest = [name for name in names if name not in columns]
+        if set(columns) <= set(names) and not {"rt", "response"} & set(rest):
+            return table.rename(columns=columns)
+    return table
+
+
+def _of_hssm(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with responses 0 instead of -1, if all are 1 or -1 and have a time."""
+    names = list(table.columns)
+    if names.count("rt") != 1 or names.count("response") != 1 or table["rt"].isna().any():
+        return table
+    said = table["response"].map(_code)
+    if set(said) != HSSM:
+        return table
+    return table.assign(response=np.where(said == "1", 1, 0))
+
+
+def _code(value: object) -> str:
+    """Return a response as text; 1.0 is 1."""
+    try:
+        number = float(str(value))
+    except ValueError:
+        return str(value)
+    return f"{number:g}"

@@ -1,0 +1,127 @@
+"""Shapes of the gap: their equations, limits, mass, and one record each."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bgmodel as bg
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
+from bgmodel.fitting.responses import Grid
+from bgmodel.fitting.settings import FitSettings
+from tests.helpers import refused
+from tests.test_start_point import drawn, fitted
+
+FALLING = [gap for gap in GAPS.values() if gap is not CONSTANT]
+EACH = pytest.mark.parametrize("gap", FALLING, ids=lambda gap: gap.name)
+GRID, STRENGTHS = Grid(400), np.array([-0.3, 0.0, 0.2])
+VALUES = st.fixed_dictionaries(
+    {
+        FALL.name: st.floats(0.05, FALL.high),
+        STEEPNESS.name: st.floats(STEEPNESS.low, STEEPNESS.high),
+        FLOOR.name: st.floats(FLOOR.low, FLOOR.high),
+    }
+)
+
+
+def decided(gap, **values):
+    every = {name: np.full(3, value) for name, value in {"sensitivity": 9.0, **values}.items()}
+    return GapModel(gap).decided(every, STRENGTHS, GRID)
+
+
+@EACH
+@given(VALUES, st.floats(0.2, 4.0))
+@settings(max_examples=30)
+def test_a_gap_falls_from_the_bound_to_its_floor_with_the_slope_of_its_times(gap, values, bound):
+    times = np.concatenate([[1e-9], np.linspace(0.01, 3.0, 200), [1e6]])
+    at, slope = gap.at(bound, values, times)
+    assert at[0] == pytest.approx(bound, rel=1e-6)
+    assert at[-1] == pytest.approx(bound * values[FLOOR.name], abs=1e-4 * bound)
+    assert (np.diff(at) <= 1e-12).all()
+    later, _ = gap.at(bound, values, times + 1e-6)
+    sooner, _ = gap.at(bound, values, times - 1e-9 * (times > 1))
+    assert slope[1:-1] == pytest.approx((later - at)[1:-1] / 1e-6, abs=2e-3 * bound)
+    assert (sooner >= at).all()
+
+
+def test_the_equations_at_the_time_that_the_rate_sets():
+    """At 1 / rate: 1/e, 1/2, and 1/e for any exponent; with a floor of a half, halfway to it."""
+    values, time = {FALL.name: 2.0, STEEPNESS.name: 3.0}, np.array([0.5])
+    for name, left in {
+        "falling_gap": np.exp(-1),
+        "hyperbolic_gap": 0.5,
+        "weibull_gap": np.exp(-1),
+    }.items():
+        (at,), _ = GAPS[name].at(1.2, values, time)
+        assert at == pytest.approx(1.2 * left)
+        (at,), _ = GAPS[name].at(1.2, {**values, FLOOR.name: 0.5}, time)
+        assert at == pytest.approx(1.2 * (0.5 + 0.5 * left))
+
+
+def test_a_weibull_gap_of_exponent_1_is_the_exponential_one():
+    for floor in (0.0, 0.4):
+        same = {"bound": 1.1, "fall_per_s": 1.3, "floor": floor, "start": 0.2}
+        own = decided(WEIBULL, **same, fall_shape=1.0)
+        assert own == pytest.approx(decided(EXPONENTIAL, **same), abs=1e-14)
+        assert np.abs(decided(WEIBULL, **same, fall_shape=2.0) - own).max() > 1e-3
+
+
+@EACH
+def test_a_gap_that_does_not_fall_is_constant(gap):
+    same = {"bound": 0.8, "fall_shape": 2.0, "start": 0.3}
+    own = decided(CONSTANT, **same)
+    assert np.array_equal(decided(gap, **same, fall_per_s=0.0), own)
+    assert decided(gap, **same, fall_per_s=1e-7) == pytest.approx(own, abs=1e-5)
+    # So is one of which nearly all remains.
+    assert decided(gap, **same, fall_per_s=2.0, floor=0.95) == pytest.approx(own, abs=5e-3)
+
+
+@EACH
+@given(VALUES, st.floats(0.25, 2.0), st.floats(-0.8, 0.8))
+@settings(max_examples=15)
+def test_no_trial_is_lost_or_made(gap, values, bound, start):
+    """With floors of up to 0.2 all trials are decided within the grid."""
+    values = {**values, FLOOR.name: 0.2 * values[FLOOR.name], FALL.name: max(values[FALL.name], 2)}
+    found = decided(gap, bound=bound, start=start, **values)
+    assert found.sum(axis=(1, 2)) == pytest.approx(1, abs=4e-3)
+    assert (found >= 0).all()
+
+
+def test_a_hyperbolic_gap_has_later_decisions_than_an_exponential_one_of_the_same_rate():
+    same = {"bound": 1.2, "fall_per_s": 2.0}
+    late = [
+        decided(GAPS[name], **same)[1, :, 150:].sum() for name in ("falling_gap", "hyperbolic_gap")
+    ]
+    assert late[1] > 2 * late[0]
+
+
+@EACH
+def test_each_shape_is_a_model_of_its_own_by_its_name(gap):
+    model = FitSettings().model(gap.name)
+    assert model == GapModel(gap)
+    assert model.identity() == {"model": gap.name}
+    assert set(gap.names) <= {each.name for each in model.parameters}
+    assert gap.about
+
+
+def test_a_model_that_there_is_not_is_refused_with_the_names_of_all_gaps():
+    with refused("models must be of constant_gap, falling_gap, hyperbolic_gap, weibull_gap, "):
+        bg.fit("roitman_shadlen_2002", "linear_gap")
+
+
+@pytest.mark.parametrize(
+    ("name", "truth"),
+    [
+        ("hyperbolic_gap", {"fall_per_s": 2.0}),
+        ("weibull_gap", {"fall_per_s": 1.2, "fall_shape": 3.0}),
+    ],
+)
+def test_a_shape_is_recovered_and_told_from_the_constant_gap(name, truth):
+    table = drawn(93_001, model=GapModel(GAPS[name]), bound=1.0, start=0.0, **truth)
+    held, free = ("t0_sd_s=0.05", "lapse=0.01"), ("sensitivity", "bound", "t0_s")
+    found, values = fitted(table, (*free, *truth), model=name, fix=held)
+    without, _ = fitted(table, free, fix=held)
+    assert values["fall_per_s"] == pytest.approx(truth["fall_per_s"], rel=0.3)
+    assert values["bound"] == pytest.approx(1.0, rel=0.15)
+    assert found.log_likelihood > without.log_likelihood + 20

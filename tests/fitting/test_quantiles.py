@@ -1,0 +1,142 @@
+"""Quantiles of errors beside those of correct responses, and the largest residuals."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.quantiles import (
+    FEWEST,
+    SIDES,
+    observed_quantiles,
+    phrase,
+    predicted_quantiles,
+    residuals,
+    too_few,
+)
+from bgmodel.fitting.responses import BIN_S, QUANTILES
+from tests.drawn import TRUTH, drawn
+
+MODEL, VALUES = GapModel(), {"sensitivity": 8.0, "bound": 0.6}
+NAMES = [f"{name}_q{round(100 * q)}" for name in SIDES for q in QUANTILES]
+
+
+def cells_at(some, vector=(8.0, 0.6), **options):
+    """Return cells of choices under the constant gap at some sensitivity and bound."""
+    design = design_of(some, **options)
+    likelihood = likelihood_of(MODEL, design, free=["sensitivity", "bound"], fixed=TRUTH)
+    return cells_of(design, likelihood.density(np.array(vector)))
+
+
+@pytest.fixture(scope="module")
+def cells():
+    """Return the cells of many trials at the truth; errors hardly ever occur at 0.9."""
+    return cells_at(drawn(MODEL, [0.0, 0.1, 0.9], 2000, 64, **VALUES))
+
+
+def test_quantiles_are_those_of_each_response_in_data_and_model(cells):
+    few = cells["strength"] == 0.9
+    for name in NAMES:
+        z = (cells[f"{name}_s"] - cells[f"model_{name}_s"]) / cells[f"{name}_se"]
+        assert (z[~few].abs() < 4).all()
+    # No quantile of one response stands for the other, nor for all.
+    assert (cells["model_wrong_q90_s"] > cells["model_wrong_q70_s"] + 0.01).all()
+
+
+def test_errors_of_the_data_are_not_those_of_correct_responses():
+    rng = np.random.default_rng(65)
+    rt_s, response = rng.uniform(0, 1, 400), np.repeat([0, 1], 200)
+    rt_s[:200] += 3
+    found = observed_quantiles(rt_s, response)
+    for q in QUANTILES:
+        name = f"q{round(100 * q)}"
+        assert found[f"correct_{name}_s"] == pytest.approx(q, abs=0.12)
+        assert found[f"wrong_{name}_s"] == pytest.approx(3 + q, abs=0.12)
+        # Of uniform times: sqrt(q (1 - q) / n).
+        assert found[f"wrong_{name}_se"] == pytest.approx(np.sqrt(q * (1 - q) / 200), rel=0.4)
+
+
+def test_predicted_quantiles_of_an_exponential_time_are_its_own():
+    edges = np.arange(1001) * BIN_S
+    mass = np.stack([np.diff(-np.exp(-edges / 0.5)), 0.2 * np.diff(-np.exp(-edges / 1.0))])
+    found = predicted_quantiles(mass)
+    for q in QUANTILES:
+        percent = round(100 * q)
+        assert found[f"model_wrong_q{percent}_s"] == pytest.approx(-0.5 * np.log(1 - q), abs=2e-3)
+        assert found[f"model_correct_q{percent}_s"] == pytest.approx(-np.log(1 - q), abs=2e-3)
+
+
+def test_a_response_that_is_rare_has_no_quantiles_and_the_cell_is_counted(cells):
+    rare = cells["strength"] == 0.9
+    wrong = [f"{name}_s" for name in NAMES if name.startswith("wrong")]
+    assert cells.loc[rare, wrong].isna().all(axis=None)
+    assert cells.loc[~rare, wrong].notna().all(axis=None)
+    assert cells[[f"model_{name}" for name in wrong]].notna().all(axis=None)
+    assert "1 of 3 cells" in too_few(cells)
+    assert too_few(cells[~rare]) == ""
+    rows = residuals(cells)
+    assert len(rows) == 5 * 5
+    assert (rows["responses"] >= FEWEST).all()
+
+
+@pytest.mark.parametrize("short", [0, 1])
+def test_the_fewest_responses_with_quantiles(short):
+    rt_s = np.linspace(0.3, 0.9, FEWEST - short)
+    found = observed_quantiles(rt_s, np.ones(len(rt_s), int))
+    assert np.isfinite(found["correct_q10_se"]) == (not short)
+    assert np.isnan(found["wrong_q50_s"])
+
+
+def test_residuals_are_sorted_by_their_size_in_standard_errors(cells):
+    rows = residuals(cells)
+    assert rows["z"].abs().is_monotonic_decreasing
+    assert rows["residual_ms"].to_numpy() == pytest.approx(rows["data_ms"] - rows["model_ms"])
+    assert rows["z"].to_numpy() == pytest.approx(rows["residual_ms"] / rows["se_ms"])
+    assert rows["z"].std() == pytest.approx(1, abs=0.35)
+
+
+def test_errors_that_are_slower_than_the_model_are_the_largest_residual():
+    """Wrong responses to the strongest evidence that has them come 200 ms later."""
+    some = drawn(MODEL, [0.0, 0.1], 2000, 66, **VALUES)
+    wrong = (some.response == 1) != (some.strength > 0)
+    late = wrong & (np.abs(some.strength) == 0.1)
+    some.rt_s[late] += 0.2
+    rows = residuals(cells_at(some))
+    worst = rows.iloc[0]
+    assert (worst["strength"], worst["response"]) == (0.1, "wrong")
+    shift = rows[(rows["strength"] == 0.1) & (rows["response"] == "wrong")]["residual_ms"]
+    assert shift.to_numpy() == pytest.approx(200, abs=50)
+    said = phrase(worst.to_dict())
+    assert all(part in said for part in ("wrong", "strength 0.1", f"{worst['residual_ms']:+.0f}"))
+
+
+def test_predictions_are_for_the_window_of_response_times():
+    some = drawn(MODEL, [0.0, 0.1], 4000, 67, **VALUES)
+    window = (0.5, 0.9)
+    with pytest.warns(UserWarning, match="excluded"):
+        table = cells_at(some, rt_window=window)
+    rows = residuals(table)
+    assert rows["model_ms"].between(500, 900).all()
+    assert (rows["z"].abs() < 4).all()
+    for name in ("accuracy", "mean_s"):
+        se = table[f"{name.removesuffix('_s')}_se"]
+        assert ((table[name] - table[f"model_{name}"]).abs() < 4 * se).all()
+
+
+def test_times_that_are_all_the_same_have_no_residual(cells):
+    same = cells.assign(**{f"{name}_se": 0.0 for name in NAMES})
+    assert residuals(same).empty
+    assert list(residuals(same)) == list(residuals(cells))
+
+
+def test_conditions_are_columns_of_the_residuals(cells):
+    table = cells.copy()
+    table.insert(1, "drug", "on")
+    table.insert(0, "participant", "a")
+    rows = residuals(table)
+    assert list(rows)[:3] == ["strength", "drug", "response"]
+    assert ", drug on" in phrase(rows.iloc[0].to_dict())
+    assert isinstance(rows, pd.DataFrame)

@@ -1,0 +1,123 @@
+"""Tables whose columns have other names or units, and those of PyDDM and HSSM."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.tables.choices import read_choices
+from bgmodel.tables.exports import to_hssm, to_pyddm
+from tests.helpers import refused, run, unwarned
+from tests.tables.test_choices import READ, people, silent
+
+OTHER = {"rt": "latency", "response": "key", "participant_id": "who"}
+NAMED = {"rt": "latency", "response": "key", "participant_column": "who"}
+
+
+def same(found, expected):
+    """Whether two tables of choices hold the same trials."""
+    return found.checksum == expected.checksum
+
+
+def test_columns_of_other_names_are_the_same_trials():
+    table = people()
+    with unwarned():
+        found = read_choices(table.rename(columns=OTHER), **READ, **NAMED)
+    assert same(found, read_choices(table, **READ))
+    other = table.assign(rt=table["rt"] + 0.01).rename(columns=OTHER)
+    assert not same(read_choices(other, **READ, **NAMED), found)
+
+
+def test_milliseconds_are_the_same_times():
+    table = people()
+    found = read_choices(table.assign(rt=1000 * table["rt"]), **READ, rt_unit="ms")
+    assert found.rt_s == pytest.approx(table["rt"].to_numpy(), rel=1e-12)
+    with refused(r"rt must be in seconds, .*rt_unit='ms'"):
+        read_choices(table.assign(rt=1000 * table["rt"]), **READ)
+    with refused("rt must be in ms, got a median of"):
+        read_choices(table, **READ, rt_unit="ms")
+    with refused("rt_unit must be one of s, ms, got 'min'"):
+        read_choices(table, **READ, rt_unit="min")
+    with refused("rt must be above 0 ms, got '-5.0' in row 3"):
+        wrong = (1000 * table["rt"]).where(table.index != 3, -5.0)
+        read_choices(table.assign(rt=wrong), **READ, rt_unit="ms")
+
+
+def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
+    table = silent(people(), [4, 9])
+    coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
+    found = read_choices(coded, **READ, rt_unit="ms", deadline_s=4.0)
+    assert np.flatnonzero(found.response == -1).tolist() == [4, 9]
+
+
+@pytest.mark.parametrize("to", [to_pyddm, to_hssm])
+@pytest.mark.parametrize("missing", [[], [4, 9]])
+def test_frames_of_other_tools_come_back_as_they_were(to, missing):
+    options = {**READ, "deadline_s": 4.0} if missing else READ
+    expected = read_choices(silent(people(), missing), **options)
+    frame = to(expected).rename(columns={"strength": "coherence"})
+    assert same(read_choices(frame, **options), expected)
+
+
+def test_a_sample_of_pyddm_has_its_own_names():
+    pyddm = pytest.importorskip("pyddm")
+    table = people()
+    sample = pyddm.Sample.from_pandas_dataframe(
+        table[["rt", "response", "coherence"]], "rt", "response"
+    )
+    frame = sample.to_pandas_dataframe(drop_undecided=True)
+    assert {"RT", "choice"} <= set(frame)
+    found = read_choices(frame, strength="coherence")
+    order = np.lexsort((found.response, found.rt_s))
+    mine = np.lexsort((table["response"], table["rt"]))
+    assert found.rt_s[order] == pytest.approx(table["rt"].to_numpy()[mine])
+    assert found.response[order].tolist() == table["response"].to_numpy()[mine].tolist()
+
+
+def test_minus_one_without_a_time_or_beside_0_is_no_response_of_hssm():
+    table = people()
+    late = table.assign(response=table["response"].where(table.index != 3, -1))
+    with refused("response must be 1 or 0, got '-1' in row 3"):
+        read_choices(late, **READ)
+    coded = table.assign(response=np.where(table["response"] == 1, 1, -1))
+    absent = coded.assign(rt=coded["rt"].where(coded.index != 3))
+    with refused("response must be 1 or 0"):
+        read_choices(absent, **READ)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"rt": "lag"}, "rt must be one of the columns who, trial, latency, key"),
+        ({"rt": "latency", "response": "latency"}, "columns must be named once each"),
+        ({"response": 3}, "response must be one of the columns"),
+        ({"participant_column": "name"}, "participant_column must be one of the columns"),
+    ],
+)
+def test_a_column_that_there_is_not_is_refused(options, says):
+    with refused(says):
+        read_choices(people().rename(columns=OTHER), **READ, **{**NAMED, **options})
+
+
+def test_a_column_that_has_our_name_already_is_not_overwritten():
+    table = people().assign(latency=1.0)
+    with refused("rt is 'latency', but there is also a column rt"):
+        read_choices(table, **READ, rt="latency")
+
+
+def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    table = people(seed=6, trials=80)
+    odd = table.assign(rt=1000 * table["rt"]).rename(columns=OTHER)
+    odd.to_csv("odd.csv", index=False)
+    quick = {"free": ["sensitivity", "t0_s"], "participant": "8", "strength": "coherence"}
+    fit = bg.fit(odd, "constant_gap", **NAMED, rt_unit="ms", **quick)
+    expected = bg.fit(table, "constant_gap", **quick)
+    assert fit.optimum.values == expected.optimum.values
+    options = ["--rt", "latency", "--response", "key", "--participant-column", "who"]
+    asked = ["odd.csv", *options, "--rt-unit", "ms", "--strength", "coherence"]
+    asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
+    assert run("fit", *asked) == 0
+    found = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]
+    assert found["sensitivity"] == pytest.approx(expected.optimum.values["sensitivity"])
+    assert "odd.csv: 40 trials" in capsys.readouterr().out
