@@ -98,7 +98,8 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     whole = decided([(stored, 1.0)], threshold, [drift], GRID)
     # Interpolation of noisy densities may fall a little below 0 in single bins.
     assert whole.min() > -2e-3
-    assert whole.sum() <= 1 + 1e-6
+    # So may the undecided, by less than one of the 900 trials: their counts are sharpened.
+    assert whole.sum() <= 1 + 1 / 900
     short, long = (decided([(stored, 1.0)], threshold, [drift], Grid(n)) for n in (60, 350))
     assert np.array_equal(short, whole[:, :, :60])
     assert np.array_equal(long[:, :, :300], whole)
