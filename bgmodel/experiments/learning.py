@@ -14,7 +14,9 @@ from bgmodel.learning.weights.sources import UNITS, GaussianFeatures, tap_featur
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_range, whole
+from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import stream
+from circuits.checks import check_types
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -65,8 +67,9 @@ class Learning:
     """Number of sensory units; with Gaussian evidence, for each channel."""
 
     def __post_init__(self) -> None:
+        check_types(self, type(self).__name__)
         require(self.rule in RULES, "rule", f"must be one of {', '.join(RULES)}", self.rule)
-        known = self.critic is None or self.critic in CRITICS
+        known = self.critic is None or self.critic in list(CRITICS)
         require(known, "critic", f"must be one of {', '.join(CRITICS)}", self.critic)
         whole("runs", self.runs, 1)
         whole("units", self.units, 2)
@@ -82,7 +85,7 @@ class Learning:
         return f"learned from {self.trials} trials by the rule {self.rule}{more}"
 
     def check(self, task: Stimuli) -> None:
-        """Raise ValueError for a task whose readings have no sensory units."""
+        """Raise ValueError for a task without sensory units, or learning that does not fit it."""
         if task.evidence is not None:
             raise InputError(
                 "an evidence table has no sensory units to learn from: [learning] needs Gaussian "
@@ -93,6 +96,14 @@ class Learning:
             value = getattr(task, name)
             must = "must be 0 with [learning]"
             require(value == getattr(PLAIN, name), name, must, value)
+        chance = 1 / task.channels
+        must = f"must be above {chance:.3g}, chance, and below 1"
+        require(chance < self.posterior < 1, "posterior", must, self.posterior, owner="learning")
+        # Blocks of 250 trials of each run are drawn at a time, and a sample of 1000.
+        units = self.units * (task.channels if task.task == "gaussian" else 1)
+        drawn = (300.0 * self.runs + 1000 + task.trials) * task.t_max * units
+        what = f"{self.runs} runs of {self.trials} trials with {self.units} units"
+        check_memory(8.0 * (3 * self.runs * self.trials + drawn), what)
 
     def features(self, task: Stimuli, seed: int) -> Features:
         """Return the readings that count, with their sensory units and exact likelihoods."""

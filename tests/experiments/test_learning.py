@@ -97,6 +97,24 @@ def test_an_evidence_table_has_no_sensory_units():
         QUICK.check(Stimuli(evidence="mine.csv"))
 
 
+@pytest.mark.parametrize("posterior", [0.0, 0.5, 1.0])
+def test_learning_stops_above_chance_and_below_certainty(posterior):
+    with refused("posterior"):
+        replace(QUICK, posterior=posterior).check(GRATINGS)
+
+
+def test_learning_too_large_for_memory_is_refused_before_the_run():
+    for huge in ({"trials": 10**12}, {"units": 10**9}):
+        with pytest.raises(ValueError, match="memory"):
+            replace(QUICK, **huge).check(GRATINGS)
+
+
+@pytest.mark.parametrize("wrong", [{"rule": ["q"]}, {"critic": ["q"]}, {"in_circuit": "yes"}])
+def test_types_of_learning_are_checked(wrong):
+    with refused(next(iter(wrong))):
+        Learning(**wrong)
+
+
 def test_learning_that_is_alike_changes_nothing():
     with refused("manipulation .*changes nothing"):
         replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK)).check_differs()

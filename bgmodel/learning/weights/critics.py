@@ -240,6 +240,6 @@ def critic_of(given: Critic | str) -> Critic:
 
 def made(field: str, name: str, known: Mapping[str, Callable[[], Made]]) -> Made:
     """Return the record of a name, with its default options; ValueError for an unknown name."""
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         raise InputError.of(field, f"must be one of {', '.join(known)}", name)
     return known[name]()

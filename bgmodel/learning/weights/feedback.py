@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.support.checks import check_positive, check_range, whole
+from bgmodel.support.checks import check_finite, check_positive, check_range, is_number, whole
 from circuits.errors import InputError, require
 
 
@@ -28,6 +28,7 @@ class Feedback:
 
     def __post_init__(self) -> None:
         check_range(0, 1, valid=self.valid, given=self.given)
+        check_finite(right=self.right, wrong=self.wrong)
         require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
         if self.given == 0:
             raise InputError(
@@ -80,6 +81,7 @@ class WeightLearner:
     def __post_init__(self) -> None:
         whole("trials", self.trials, 1)
         check_positive(rate=self.rate, gain_plus=self.gain_plus, gain_minus=self.gain_minus)
+        require(is_number(self.half_trials), "half_trials", "must be a number", self.half_trials)
         require(self.half_trials > 0, "half_trials", "must be > 0", self.half_trials)
         check_range(0, 1, trace_decay=self.trace_decay, averaged=self.averaged)
         whole("keep", self.keep, 1)

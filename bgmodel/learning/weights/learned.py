@@ -13,7 +13,7 @@ from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import check_positive, check_range, whole
+from bgmodel.support.checks import check_positive, check_range, is_whole, whole
 from bgmodel.support.reprs import Facts, span
 from circuits.errors import InputError, require
 
@@ -149,11 +149,12 @@ class LearnedWeights(Facts):
         Raises
         ------
         ValueError
-            If no weights were kept by then.
+            If no weights were kept by then, or learning ended before.
         """
         course = self.course
-        if course is None or trials < course.kept[0]:
+        if course is None:
             raise InputError.of("trials", "must be one at which weights were kept", trials)
+        check_range(course.kept[0], course.kept[-1], trials=trials)
         check_range(0, 1, averaged=averaged)
         last = int(np.searchsorted(course.kept, trials, side="right"))
         first = int(np.searchsorted(course.kept, (1 - averaged) * trials, side="right"))
@@ -163,8 +164,9 @@ class LearnedWeights(Facts):
     def log_likelihoods(self, features: Features, run: int = 0) -> Array:
         """Return learned log-likelihoods (trials, steps, hypotheses) up to a common term, nats."""
         self._check_fits(features)
-        require(0 <= run < self.runs, "run", f"must be 0..{self.runs - 1}", run)
-        return np.asarray(features.values @ self.weights[run].T)
+        inside = is_whole(run) and 0 <= run < self.runs
+        require(inside, "run", f"must be 0..{self.runs - 1}", run)
+        return np.asarray(features.values @ self.weights[int(run)].T)
 
     def to_evidence(self, features: Features, run: int = 0) -> Evidence:
         """Return the learned drive of one run as evidence, for a test or a circuit.

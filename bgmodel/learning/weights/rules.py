@@ -10,7 +10,7 @@ import numpy as np
 
 from bgmodel.learning.weights.critics import Trial, made
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import check_range
+from bgmodel.support.checks import check_positive, check_range
 
 MOST_NATS = 5.0
 """Largest weight of the Hebbian rule, nats; assumed, because its steps grow exponentially."""
@@ -171,6 +171,7 @@ class OpponentActor(Rule):
 
     def __post_init__(self) -> None:
         check_range(-1, 1, rho=self.rho)
+        check_positive(most=self.most)
 
     def start(self, shape: tuple[int, int, int]) -> Array:
         """Return G and N, all 1: (2, runs, hypotheses, units)."""

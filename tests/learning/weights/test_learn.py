@@ -249,6 +249,14 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
         ("gain_plus", lambda: WeightLearner(gain_plus=-1)),
         ("trace_decay", lambda: WeightLearner(trace_decay=1.5)),
         ("half_trials", lambda: WeightLearner(half_trials=0)),
+        ("half_trials", lambda: WeightLearner(half_trials="long")),
+        ("right", lambda: Feedback(right="one")),
+        ("wrong", lambda: Feedback(wrong=-np.inf)),
+        ("rule", lambda: rule_of(["q"])),
+        ("run", lambda: LearnedWeights(np.zeros((1, 3, 12)), tuple("012")).to_evidence(
+            CELLS.draw(2, rng=1), "first")),
+        ("trials", lambda: learn_weights(
+            CELLS, seed=1, runs=1, learner=WeightLearner(trials=5)).after(6)),
         ("criterion", lambda: FixedPoint(criterion=1.2)),
         ("sampled", lambda: FixedPoint(sampled=0)),
         ("trials", lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10)),
