@@ -10,6 +10,7 @@ import pytest
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.record import Changes
+from bgmodel.learning.weights import learn
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.stimuli import Stimuli
 from circuits.declaration.edits import Edits
@@ -113,6 +114,18 @@ def test_learning_too_large_for_memory_is_refused_before_the_run():
 def test_types_of_learning_are_checked(wrong):
     with refused(next(iter(wrong))):
         Learning(**wrong)
+
+
+def test_every_setting_reaches_the_learner(monkeypatch):
+    seen = {}
+    monkeypatch.setattr(learn, "learn_weights", lambda source, **kw: seen.update(kw, source=source))
+    asked = Learning(7, 3, "q", "mean", False, 0.7, 3.0, 2.0, 0.8, 5)
+    asked.learned(Stimuli(), None, seed=4)
+    learner = seen["learner"]
+    assert (learner.trials, learner.gain_plus, learner.gain_minus) == (7, 3.0, 2.0)
+    assert (seen["rule"], seen["critic"], seen["runs"], seen["seed"]) == ("q", "mean", 3, 4)
+    assert (seen["decider"].criterion, seen["feedback"].valid) == (0.7, 0.8)
+    assert seen["source"].units == 5
 
 
 def test_learning_that_is_alike_changes_nothing():
