@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
+from bgmodel.bootstrap import (
+    RESAMPLES,
+    check_resamples,
+    check_trials,
+    interval,
+    resampled,
+)
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
@@ -135,7 +141,10 @@ class Experiment(ExperimentRecord):
         read = self.heard(models, given)
         models[0].warn_beyond_range(read[0])
         models[0].warn_of_noise(control.threshold_nats)
-        weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
+        groups = self.groups(evidence.trials)
+        check_resamples(RESAMPLES, groups)
+        rng = stream(self.seed, "bootstrap")
+        weights = resampled(evidence.trials, RESAMPLES, rng, groups)
         found: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
@@ -190,7 +199,8 @@ class Outcome(Facts):
         and measure of ``MEASURES`` (and of ``OF_STOP`` with stop signals): condition, measure,
         value, low, high, trials. Low and high are
         the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
-        together; trials is the number of trials behind the value, for a change the smaller of two.
+        together, and the trials of a run of learning; trials is the number of trials behind the
+        value, for a change the smaller of two.
         Measures of decisions also have a condition "percent", the change in per cent of the
         control's value.
     trials : DataFrame

@@ -45,7 +45,7 @@ class Learning:
 
     trials: int = 3000
     """Number of trials of learning in each run."""
-    runs: int = 8
+    runs: int = 12
     """Number of independent runs."""
     rule: str = "confidence"
     """Rule that changes the weights."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -16,9 +17,10 @@ from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
+from bgmodel.support.arrays import Integers
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError, require
+from circuits.errors import InputError, NoiseWarning, require
 
 MANY_MISSED = 0.05
 """Warn if a larger share of trials has no decision in time."""
@@ -132,6 +134,26 @@ class ExperimentRecord(Observed):
             return self.drawn("experiment")
         features = learning.features(self.task, self.seed)
         return Trials(features.exact, list(features.names))
+
+    def groups(self, trials: int) -> Integers | None:
+        """Return the run of learning that each trial shares with others, for intervals (trials,).
+
+        Warns
+        -----
+        UserWarning
+            If the conditions have no runs in common, so that intervals leave out their differences.
+        """
+        runs = [one.runs for one in self.learnings if one is not None]
+        if not runs:
+            return None
+        shared = math.gcd(*runs)
+        if shared == 1:
+            NoiseWarning.warn(
+                "intervals leave out the differences between runs of learning: give both "
+                "conditions the same number of runs, ten or more"
+            )
+            return None
+        return np.arange(trials) % shared
 
     def heard(self, models: Sequence[BasalGanglia], given: Trials) -> list[Evidence]:
         """Return the evidence on which each condition decides: exact, or as it has been learned.

@@ -14,6 +14,7 @@ from bgmodel.learning.weights import learn
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.stimuli import Stimuli
 from circuits.declaration.edits import Edits
+from circuits.errors import NoiseWarning
 from tests.helpers import ROOT, refused
 
 GRATINGS = Stimuli(task="same-different", trials=120, t_max=20, step_ms=100.0)
@@ -142,3 +143,13 @@ def test_the_guide_has_every_key_with_its_default():
     for name, text in told.items():
         if name != "critic":
             assert tomllib.loads(f"x = {text.strip('`')}")["x"] == getattr(Learning(), name)
+
+
+def test_intervals_include_the_differences_between_runs():
+    taught = replace(PLAIN, learning=Learning(runs=12))
+    assert np.array_equal(taught.groups(30), np.arange(30) % 12)
+    assert PLAIN.groups(30) is None
+    both = replace(taught, manipulation=Changes(learning=Learning(runs=8)))
+    assert np.array_equal(both.groups(30), np.arange(30) % 4)
+    with pytest.warns(NoiseWarning, match="differences between runs"):
+        assert replace(PLAIN, learning=Learning(runs=1)).groups(30) is None
