@@ -6,7 +6,7 @@ from scipy.special import ndtr
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.gaps import EXPONENTIAL, HYPERBOLIC, WEIBULL
+from bgmodel.fitting.gaps import EXPONENTIAL, WEIBULL
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.tables.choices import read_choices
@@ -89,14 +89,6 @@ def test_the_log_likelihood_is_that_of_pyddm(gap, more):
     assert np.abs(own - limit).max() < 0.1
     # A difference would be seen: PyDDM's own step is worth more at half of this size.
     assert abs(own.sum() - fine.sum()) < 2.0
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize("gap", [EXPONENTIAL, HYPERBOLIC, WEIBULL], ids=lambda gap: gap.name)
-def test_the_log_likelihood_of_many_trials_is_that_of_pyddm_on_a_fine_grid(gap):
-    pytest.importorskip("pyddm")
-    own, _, limit = compared(gap, 92_002, 1000, 0.0005, fall_shape=3.0)
-    assert own.sum() == pytest.approx(limit.sum(), abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["drift_sd", "start", "fall_per_s"])

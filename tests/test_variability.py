@@ -219,7 +219,7 @@ def test_both_differ_between_conditions_and_are_free_by_name():
     by_cue = np.array(design.conditions["cue"])
     changed = found.density(vector) != found.density(found.freedom.start)
     assert set(by_cue[changed.any(axis=(1, 2))]) == {"a"}
-    with refused("must lie between 0 and 5"):
+    with refused("drift_sd must lie between 0 and 5"):
         bg.fit(some, "constant_gap", strength="coherence", fix={"drift_sd": -1.0})
 
 
