@@ -1,4 +1,4 @@
-"""Quantiles of errors beside those of correct responses, and the largest residuals."""
+"""Quantiles of error and correct responses, and the largest residuals."""
 
 import numpy as np
 import pandas as pd
@@ -42,7 +42,7 @@ def test_quantiles_are_those_of_each_response_in_data_and_model(cells):
     for name in NAMES:
         z = (cells[f"{name}_s"] - cells[f"model_{name}_s"]) / cells[f"{name}_se"]
         assert (z[~few].abs() < 4).all()
-    # No quantile of one response stands for the other, nor for all.
+    # Quantiles of one response differ from those of the other and of all.
     assert (cells["model_wrong_q90_s"] > cells["model_wrong_q70_s"] + 0.01).all()
 
 

@@ -1,6 +1,6 @@
 """Labels that are exchanged and a sensor that drifts while weights are learned.
 
-After the change the learner goes on, and the weights from before it are scored on the same
+Learning continues after the change, and the weights from before it are scored on the same
 readings as a control.
 """
 

@@ -30,7 +30,7 @@ def simulated(
     trials : int
         Number of trials of each of the three pairs, which take turns.
     seed : int
-        Each person has random numbers of their own.
+        Each person has a separate random stream.
 
     Raises
     ------

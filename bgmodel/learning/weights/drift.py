@@ -24,7 +24,7 @@ class DriftingSensor:
     Parameters
     ----------
     pool : PooledFeatures
-        The taps as they are read before the drift.
+        The taps, with their readings before the drift.
     scale : float
         Factor on readings after the drift; that of a difference of two angles, for which a shift
         cancels.
