@@ -14,6 +14,7 @@
     bg.Experiment.from_toml("lesion.toml").run().summary()
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
+    bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
 
 A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
 moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
     from bgmodel.conditions import Condition
     from bgmodel.experiments.experiment import Experiment
+    from bgmodel.fitting.hierarchy.people import fit_people
+    from bgmodel.fitting.model_comparison import compare_models
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.stimuli import Stimuli
@@ -67,7 +70,9 @@ LAZY = {
     "StopTask": "bgmodel.stopping.task",
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.compare",
+    "compare_models": "bgmodel.fitting.model_comparison",
     "fit": "bgmodel.fitting.settings",
+    "fit_people": "bgmodel.fitting.hierarchy.people",
     "load_circuit": "circuits.anatomy",
     "read_choices": "bgmodel.tables.choices",
     "read_evidence": "bgmodel.tables.evidence",
@@ -91,9 +96,11 @@ __all__ = [
     "Trace",
     "__version__",
     "compare",
+    "compare_models",
     "engines",
     "first_crossing",
     "fit",
+    "fit_people",
     "gaussian_evidence",
     "load_circuit",
     "msprt_threshold_from_gap",

@@ -11,6 +11,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
+from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.stop_fits import fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
@@ -34,6 +35,9 @@ class FitRun(FitSettings, Shows):
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
     bgmodel fit mine.csv --strength contrast --mechanism onset_stn --draws
 
+    With --hierarchical all participants are fitted together:
+    bgmodel fit cavanagh_2011 --hierarchical --models constant_gap --vary sensitivity=conflict
+
     With --task stop, DATA holds stop-signal trials: stop_signal_cnp, a table with participant_id,
     rt and ssd (s), or a folder of BIDS events. All participants are fitted together:
     bgmodel fit stop_signal_cnp --task stop --restore-delays
@@ -48,6 +52,14 @@ class FitRun(FitSettings, Shows):
     as a .toml file."""
     draws: bool = False
     """Sample from the posterior too: adds 90 % credible intervals."""
+    hierarchical: bool = False
+    """Fit all participants together: each has parameters from a distribution of the group, which
+    is fitted too (partial pooling). Writes the draws for ArviZ."""
+    compare: bool = False
+    """Compare the models by how well they predict trials that they were not fitted to: writes
+    comparison.csv and comparison.png."""
+    workers: int = 1
+    """Number of processes of a hierarchical fit; the results do not depend on it."""
     task: Literal["choices", "stop"] = "choices"
     """What DATA holds: choices between two alternatives, or stop-signal trials."""
     restore_delays: bool = False
@@ -57,10 +69,12 @@ class FitRun(FitSettings, Shows):
     def __call__(self) -> None:
         """Run the command."""
         need_fit()
-        check_whole(trials=self.trials)
+        check_whole(trials=self.trials, workers=self.workers)
         self.check()
         if not self.models:
             raise InputError("models must name at least one", "models")
+        if self.compare and len(self.models) < 2:
+            raise InputError.of("compare", "needs at least two models", ", ".join(self.models))
         if self.task == "stop":
             fit_stop_signals(self)
             return
@@ -74,32 +88,39 @@ class FitRun(FitSettings, Shows):
         models = {each: self.model(each, seconds=seconds, folder=stored) for each in self.models}
         for lacking in self.check_parameters(models):
             say(lacking)
+        if self.hierarchical:
+            made = {name: self.likelihoods(designs, each) for name, each in models.items()}
+            asked = {**self._asked(), "circuits": _circuits(models)}
+            fit_hierarchically(self, folder, asked, made, choices.checksum)
+            return
         kept = Kept(
             folder, self.seed, self._asked(), _circuits(models),
             self.draws, self.note,
         )  # fmt: skip
         kept.check(self.force)
         # Build all before any is fitted, so that errors are raised at once.
-        asked = {
+        likelihoods = {
             who: {name: self.likelihood(design, each) for name, each in models.items()}
             for who, design in designs.items()
         }
         self.note(choices.summary())
         try:
-            made = [kept.person(who, some, asked[who]) for who, some in people]
+            fitted = [kept.person(who, some, likelihoods[who]) for who, some in people]
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 "Finished fits and simulated trials are kept: the same command resumes there."
             ) from None
-        found = [each for person in made for each in person]
+        found = [each for person in fitted for each in person]
         parameters = kept.gather(found)
+        if self.compare:
+            self.note("\n" + kept.compare(fitted, likelihoods))
         self.show("\n" + parameters.round(4).to_string(index=False), parameters)
         self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
         own = ("data", "folder", "models", "participant", "draws", "task", "restore_delays",
-               *UNRECORDED)  # fmt: skip
+               "hierarchical", "compare", *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.model_comparison import ModelComparison
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.fitting.pieces import Piece
     from bgmodel.tables.choices import Choices
@@ -180,6 +181,30 @@ class Kept:
         if few:
             self.note(few)
 
+    def compare(
+        self, fitted: Sequence[Sequence[Piece]], likelihoods: Mapping[str, Mapping[str, Likelihood]]
+    ) -> str:
+        """Compare the models by cross-validation, write table and figure, and return the text.
+
+        Parameters
+        ----------
+        fitted : sequence of sequences of Piece
+            The fits of each participant, in the order of ``likelihoods``.
+        likelihoods : dict of str to dict of str to Likelihood
+            Likelihood of each participant's trials under each model.
+        """
+        from bgmodel.fitting.model_comparison import crossvalidated
+
+        optima: dict[str, dict[str, Any]] = {}
+        for (who, models), pieces in zip(likelihoods.items(), fitted, strict=True):
+            for (name, likelihood), piece in zip(models.items(), pieces, strict=True):
+                table = piece.parameters
+                vector = table.loc[~table["held"].astype(bool), "value"].to_numpy(dtype=float)
+                optima.setdefault(name, {})[who] = (likelihood, vector)
+        found = crossvalidated(optima, tell=say)
+        write_comparison(found, self.folder, self.seed, {**self.asked, "circuits": self.circuits})
+        return found.summary()
+
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
         """Write the tables of all fits, keeping earlier ones of others, and return the first.
 
@@ -207,6 +232,17 @@ class Kept:
             asked = {**self.asked, "circuits": circuits}
             files.write_table(table, self.folder / name, seed=self.seed, **asked)
         return tables[0][0]
+
+
+def write_comparison(
+    found: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
+) -> None:
+    """Write the table and the figure of a comparison of models."""
+    from circuits.plots import saved
+
+    files.write_table(found.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
+    with files.replacing(folder / "comparison.png") as partial:
+        saved(found.plot(), partial, format="png", metadata={"Software": None})
 
 
 def _warn(who: str, name: str, piece: Piece) -> None:

@@ -18,6 +18,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
 from bgmodel.support import files
+from bgmodel.support.processes import processes
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ class SweepRun:
         try:
             with (
                 stored.at_work(folder, alone=self.part is None),
-                stored.processes(self.workers) as pool,
+                processes(self.workers) as pool,
             ):
                 _remove_outdated(plan, points, folder)
                 done = stored.compute_all(missing, folder, pool)

@@ -166,3 +166,34 @@ def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
         return np.arange(len(cells), dtype=float), conditions, [""] * len(cells)
     place = np.array([strengths.index(each) for each in cells["strength"]], dtype=float)
     return place, [f"{each:g}" for each in strengths], conditions
+
+
+@styled
+def draw_comparison(table: pd.DataFrame, by_person: Mapping[str, Array], title: str) -> Figure:
+    """Draw the difference between each model's score and the best, in total and by person.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``ModelComparison.table``, the best model first.
+    by_person : dict of str to array (people,)
+        Difference of each person's score from that under the best model, nats, by model.
+    title : str
+        Title of the figure.
+    """
+    figure, grid = panels(1, 2, size=(7.2, 1.2 + 0.3 * len(table)))
+    total, each = grid.ravel()
+    place = np.arange(len(table))[::-1]
+    bars = 2 * table["standard_error"]
+    total.errorbar(table["difference"], place, xerr=bars, **DATA, marker="o", capsize=2)
+    for row, name in zip(place, table.index, strict=True):
+        own = by_person[str(name)]
+        each.plot(own, np.full(len(own), row), "|", color=PALETTE[0], ms=9)
+    titles = ("a  All trials, with 2 standard errors", "b  Each participant")
+    for ax, text in zip((total, each), titles, strict=True):
+        ax.axvline(0, color=GREY, lw=0.8)
+        ax.set(title=text, yticks=place, ylim=(-0.6, len(table) - 0.4))
+        ax.set_xlabel(f"Score minus that of {table.index[0]} (nats)")
+        ax.set_yticklabels(table.index if ax is total else [""] * len(table))
+    figure.suptitle(title, x=0.01, ha="left")
+    return figure

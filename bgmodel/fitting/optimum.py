@@ -71,17 +71,18 @@ def likelihood_of(
     free: list[str] | None = None,
     fixed: dict[str, float] | None = None,
     vary: dict[str, str] | None = None,
+    largest: float | None = None,
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
 
-    Bounds and start of sensitivity are divided by the largest strength, so that the drift has the
-    same range in every unit of strength. Warns of responses that are later than the end of a
-    model's simulated trials.
+    Bounds and start of sensitivity are divided by the largest strength, by default that of the
+    design, so that the drift has the same range in every unit of strength. Warns of responses that
+    are later than the end of a model's simulated trials.
     """
     _warn_of_later(model, design)
-    largest = design.strength.max()
+    unit = design.strength.max() if largest is None else largest
     names = ("low", "high", "start")
-    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / largest for name in names})
+    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
     known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
     cells = design.cells
     freed = freedom(known, design.conditions, cells, free=free, fixed=fixed, vary=vary)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bgmodel.support.checks import check_flag, check_positive, path_of, whole
 from circuits.errors import InputError
@@ -217,10 +217,11 @@ class FitSettings:
                 )
         return found
 
-    def likelihood(self, design: Design, model: Model) -> Likelihood:
+    def likelihood(self, design: Design, model: Model, largest: float | None = None) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
-        Options are ignored for parameters that only other models have.
+        Options are ignored for parameters that only other models have. ``largest`` is as for
+        ``optimum.likelihood_of``.
         """
         from bgmodel.fitting.optimum import likelihood_of
 
@@ -237,7 +238,13 @@ class FitSettings:
             free=self._freed(known, own),
             fixed={k: v for k, v in fixed.items() if k in known},
             vary={k: v for k, v in vary.items() if k in known},
+            largest=largest,
         )
+
+    def likelihoods(self, designs: Mapping[str, Design], model: Model) -> dict[str, Likelihood]:
+        """Return the likelihood of each person's trials, with the same ranges of parameters."""
+        largest = max(float(each.strength.max()) for each in designs.values())
+        return {who: self.likelihood(each, model, largest) for who, each in designs.items()}
 
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
@@ -329,16 +336,12 @@ def fit(
     from bgmodel.fitting.fit import fit_likelihood
 
     need_fit()
-    asked = FitSettings(
+    asked = settings_of(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
         rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
-        rt_window=rt_window, mechanism=mechanism, engine=engine,
-        free=_names(free),
-        fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
-        vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
+        rt_window=rt_window, mechanism=mechanism, engine=engine, free=free, fix=fix, vary=vary,
         noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
-    asked.check()
     check_flag("draws", draws)
     # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
@@ -348,13 +351,31 @@ def fit(
         names = ", ".join(who for who, _ in people)
         raise InputError(
             f"a fit is of one person, and these trials are of {names}: give participant=NAME, or "
-            "pooled=True to fit them as if they were one",
+            "pooled=True to fit them as if they were one; fit_people fits a group",
             "participant",
         )
     design = asked.design(people[0][1])
     kept = None if folder is None else path_of(folder, "folder")
     chosen = asked.model(model, seconds=seconds_of([design]), folder=kept)
     return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
+
+
+def settings_of(
+    *,
+    free: Sequence[str] | str = (),
+    fix: Mapping[str, float] | None = None,
+    vary: Mapping[str, str] | None = None,
+    **others: Any,
+) -> FitSettings:
+    """Return checked settings from the arguments of ``fit``."""
+    asked = FitSettings(
+        free=_names(free),
+        fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
+        vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
+        **others,
+    )
+    asked.check()
+    return asked
 
 
 def seconds_of(designs: Iterable[Design]) -> float:
@@ -372,10 +393,13 @@ def seconds_of(designs: Iterable[Design]) -> float:
 def need_fit() -> None:
     """Raise ImportError with installation advice if the libraries of fits are missing."""
     try:
+        import arviz_stats  # noqa: F401
         import cma  # noqa: F401
         import emcee  # noqa: F401
+        import h5netcdf  # noqa: F401
     except ImportError as error:
-        raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
+        needed = "cma, emcee, arviz-stats and h5netcdf"
+        raise ImportError(f'fits need {needed}: pip install ".[fit]"') from error
 
 
 def _names(free: str | Iterable[str]) -> tuple[str, ...]:

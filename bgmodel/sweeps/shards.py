@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +22,6 @@ from bgmodel.sweeps.plan import BLOCK, Point, Shard
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
 """Largest size of a stored trial, and of a shard without trials, bytes."""
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 OF_DECISION = ("choice", "time_ms", "forced", "premature")
 """Columns of a shard from which decisions are restored."""
 REMARK = "remark"
@@ -164,22 +161,6 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
         if alone:
             files.remove_partial_files(folder)
         yield
-
-
-@contextmanager
-def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of processes, one thread each; after an error their work is dropped."""
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        try:
-            yield pool
-        except BaseException:
-            # Unfinished work is dropped: a shard is stored completely or not at all.
-            for child in active_children():
-                child.terminate()
-            raise
-        finally:
-            pool.shutdown(cancel_futures=True)
 
 
 def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> Iterator[None]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from bgmodel.support.checks import path_of
+from bgmodel.support.processes import processes
 from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
@@ -94,7 +95,7 @@ class Sweep:
             stack.enter_context(stored.at_work(place, alone=True))
             missing = [each for each in self.shards if stored.state(each, place) != "done"]
             if workers > 1:
-                pool = stack.enter_context(stored.processes(workers))
+                pool = stack.enter_context(processes(workers))
                 for _ in stored.compute_all(missing, place, pool):
                     pass
             else:

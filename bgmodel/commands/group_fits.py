@@ -1,0 +1,115 @@
+"""Hierarchical fits at the terminal: `bgmodel fit --hierarchical`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bgmodel.commands.checks import recorded
+from bgmodel.support import files
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.fitting.hierarchy.fit import GroupFit
+    from bgmodel.fitting.optimum import Likelihood
+
+GROUP, PEOPLE = "group.csv", "people.csv"
+"""Tables of a hierarchical fit: parameters of the group, and of each participant."""
+
+
+def fit_hierarchically(
+    command: Any,
+    folder: Path,
+    asked: dict[str, Any],
+    models: Mapping[str, Mapping[str, Likelihood]],
+    checksum: str,
+) -> None:
+    """Fit each model to all participants, print the group's parameters and write tables and draws.
+
+    Parameters
+    ----------
+    command : FitRun
+        The command.
+    folder : path
+        Folder for results.
+    asked : dict
+        Options, for the provenance.
+    models : dict of str to dict of str to Likelihood
+        Likelihood of each participant's trials under each model.
+    checksum : str
+        Checksum of the trials.
+    """
+    import pandas as pd
+
+    if command.draws:
+        raise InputError("--draws has no effect with --hierarchical, which always draws", "draws")
+    for name in (GROUP, PEOPLE):
+        path = folder / name
+        files.check_new(path, force=command.force and files.is_result(path))
+    files.check_writable(folder)
+    found = {
+        name: _fit(command, folder, name, likelihoods, {**asked, "checksum": checksum})
+        for name, likelihoods in models.items()
+    }
+    group = _table({name: fit.summary().reset_index() for name, fit in found.items()})
+    people = _table({name: fit.to_dataframe() for name, fit in found.items()})
+    for table, name in ((group, GROUP), (people, PEOPLE)):
+        files.write_table(table, folder / name, seed=command.seed, **asked)
+    if command.compare:
+        from bgmodel.commands.fitted import write_comparison
+        from bgmodel.fitting.model_comparison import compare_models
+
+        comparison = compare_models(found)
+        write_comparison(comparison, folder, command.seed, asked)
+        command.note("\n" + comparison.summary())
+    with pd.option_context("display.width", 160):
+        command.show("\n" + group.round(4).to_string(index=False), group)
+    command.note(
+        f"-> {folder}: {GROUP}, {PEOPLE}; for each model a figure and the draws (.nc, for ArviZ)"
+    )
+
+
+def _fit(
+    command: Any,
+    folder: Path,
+    name: str,
+    likelihoods: Mapping[str, Likelihood],
+    asked: dict[str, Any],
+) -> GroupFit:
+    """Return one model's fit, after writing its draws and its figure."""
+    from tqdm import tqdm
+
+    from bgmodel.fitting.hierarchy.fit import fit_group
+    from circuits.plots import saved
+
+    first = next(iter(likelihoods.values()))
+    key = {
+        **asked,
+        "model": recorded(first.model.identity()),
+        "people": list(likelihoods),
+        "values": [each.start for each in first.freedom.parameters],
+        "free": first.freedom.names,
+    }
+    text = json.dumps(files.provenance(fit=key)["parameters"], sort_keys=True)
+    stem = Path(name).stem
+    kept = folder / "pieces" / f"{stem} {hashlib.sha256(text.encode()).hexdigest()[:10]}.npz"
+    with tqdm(desc=name, bar_format="{desc} {elapsed}{postfix}", disable=None) as bar:
+        fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=bar.set_postfix_str)
+    fit.to_netcdf(folder / f"{stem}.nc")
+    with files.replacing(folder / f"{stem}.png") as partial:
+        saved(fit.plot(), partial, format="png", metadata={"Software": None})
+    return fit
+
+
+def _table(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the tables of all models as one, with a column of their names."""
+    import pandas as pd
+
+    return pd.concat(
+        [part.assign(model=name) for name, part in parts.items()], ignore_index=True
+    ).pipe(lambda table: table[["model", *table.columns.drop("model")]])

@@ -1,0 +1,173 @@
+"""Gaussian approximations of each person's likelihood, from which proposals are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
+from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import Likelihood
+from bgmodel.support.arrays import Array
+
+ROUNDS = 3
+"""Number of rounds of the EM algorithm that finds the start."""
+STEP = 0.02
+"""Step of numerical gradients on the scale."""
+LOGISTIC = np.pi**2 / 3
+"""Variance of the logistic prior of means."""
+HEAVY = 8.0
+"""Degrees of freedom of proposals: their tails are heavier than those of a posterior."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """One person's likelihood on the scale.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Likelihood of the person's trials.
+    scale : Scale
+        The scale, the same for everyone.
+    """
+
+    likelihood: Likelihood
+    scale: Scale
+
+    def __call__(self, scaled: Array) -> float:
+        """Return the log likelihood, nats."""
+        return float(self.likelihood.each(self.scale.back(scaled)).sum())
+
+    def gradient(self, scaled: Array) -> Array:
+        """Return the gradient of the log likelihood, by central differences, (parameters,)."""
+        steps = STEP * np.eye(len(scaled))
+        return np.array([self(scaled + h) - self(scaled - h) for h in steps]) / (2 * STEP)
+
+    def peak(self, group: Group, start: Array) -> Array:
+        """Return the most probable parameters given the group's distribution, (parameters,)."""
+        from scipy.optimize import minimize
+
+        def loss(scaled: Array) -> float:
+            return -self(scaled) - float(group.log_prior(scaled))
+
+        found = minimize(loss, start, method="L-BFGS-B", options={"eps": STEP / 10, "ftol": 1e-7})
+        return np.asarray(found.x)
+
+    def expanded(self, scaled: Array) -> tuple[Array, Array]:
+        """Return gradient and expected information of the log likelihood at a point."""
+        slope = self.scale.slope(scaled)
+        information = directions(self.likelihood, self.scale.back(scaled)).information
+        # That of a circuit, estimated from two halves of its trials, may have negative eigenvalues.
+        values, vectors = np.linalg.eigh(information * np.outer(slope, slope))
+        return self.gradient(scaled), (vectors * np.maximum(values, 0)) @ vectors.T
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """Everyone's log likelihood to second order: ``g'(x - x0) - (x - x0)'H(x - x0) / 2``.
+
+    Parameters
+    ----------
+    point, slope : array (people, parameters)
+        x0 and g.
+    precision : array (people, parameters, parameters)
+        H, positive semi-definite.
+    """
+
+    point: Array
+    slope: Array
+    precision: Array
+
+    @property
+    def pull(self) -> Array:
+        """Coefficient of x, g + H x0, (people, parameters)."""
+        return np.asarray(np.einsum("pij,pj->pi", self.precision, self.point) + self.slope)
+
+    def times(self, group: Group) -> Proposal:
+        """Return the product with the group's distribution: a Gaussian for each person."""
+        precision = self.precision + np.diag(1 / group.variance)
+        return proposal_of(precision, self.pull + group.mean / group.variance)
+
+    def shared(self, scores: Array) -> Proposal:
+        """Return the proposal for a group's means and standard deviations, given standard scores.
+
+        With standard scores z of its people, parameters are linear in the group's mean m and
+        standard deviations s, ``x = m + s z``, so that an expansion in x is one in (m, s).
+
+        Parameters
+        ----------
+        scores : array (people, parameters)
+            Standard scores z.
+        """
+        both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
+        size = 2 * scores.shape[1]
+        precision = np.einsum("pai,pij,pbj->aibj", both, self.precision, both).reshape(size, size)
+        prior = np.repeat([1 / LOGISTIC, 1 / SPREAD**2], scores.shape[1])
+        pull = np.einsum("pai,pi->ai", both, self.pull).ravel()
+        return proposal_of(precision + np.diag(prior), pull)
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Multivariate t distributions, with any number of leading axes.
+
+    Parameters
+    ----------
+    mean : array (..., parameters)
+        Their centres.
+    root : array (..., parameters, parameters)
+        Lower Cholesky factors of the inverses of their scale matrices.
+    """
+
+    mean: Array
+    root: Array
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """Return a draw from each, (..., parameters)."""
+        widened = np.sqrt(HEAVY / rng.chisquare(HEAVY, size=self.mean.shape[:-1]))
+        normal = rng.normal(size=self.mean.shape)
+        away = np.linalg.solve(np.swapaxes(self.root, -1, -2), normal[..., None])[..., 0]
+        return np.asarray(self.mean + widened[..., None] * away)
+
+    def log_density(self, scaled: Array) -> Array:
+        """Return the log density of each, up to a constant."""
+        size = self.mean.shape[-1]
+        away = np.einsum("...ij,...i->...j", self.root, scaled - self.mean)
+        determinant = np.log(np.diagonal(self.root, axis1=-2, axis2=-1)).sum(axis=-1)
+        distance = (away**2).sum(axis=-1)
+        return np.asarray(determinant - (HEAVY + size) / 2 * np.log1p(distance / HEAVY))
+
+    @property
+    def variances(self) -> Array:
+        """Diagonals of the scale matrices, (..., parameters)."""
+        return np.asarray((np.linalg.inv(self.root) ** 2).sum(axis=-2))
+
+
+def proposal_of(precision: Array, pull: Array) -> Proposal:
+    """Return the proposal for log densities ``pull'x - x' precision x / 2``."""
+    mean = np.linalg.solve(precision, pull[..., None])[..., 0]
+    return Proposal(np.asarray(mean, float), np.asarray(np.linalg.cholesky(precision), float))
+
+
+def started(people: list[Person], start: Array) -> tuple[Group, Expansion]:
+    """Return the distribution of the group and the expansion around everyone's peak, by EM.
+
+    Parameters
+    ----------
+    people : list of Person
+        The people.
+    start : array (people, parameters)
+        First estimates on the scale.
+    """
+    points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], 1.0))
+    for _ in range(ROUNDS):
+        points = np.array([p.peak(group, x) for p, x in zip(people, points, strict=True)])
+        slopes, precisions = zip(
+            *(p.expanded(x) for p, x in zip(people, points, strict=True)), strict=True
+        )
+        expansion = Expansion(points, np.array(slopes), np.array(precisions))
+        group = group_of(points, expansion.times(group).variances)
+    return group, expansion

@@ -1,0 +1,309 @@
+"""A model fitted to many people: a distribution of the group, and each person's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.fitting.hierarchy.approximation import Person, started
+from bgmodel.fitting.hierarchy.chains import (
+    CHAINS,
+    FEWEST_EFFECTIVE,
+    LARGEST_RHAT,
+    MOST,
+    Agreement,
+    agreement,
+    sampled,
+)
+from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
+from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.optimum import Likelihood, starts_of
+from bgmodel.support.arrays import Array
+from bgmodel.support.reprs import Facts
+from circuits.errors import FitWarning, InputError
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+HIERARCHY_SEED = 24_301
+"""Seed of the chains."""
+FEWEST_PEOPLE, FEWEST_TRIALS = 3, 20
+"""Smallest number of people, and of each person's responses."""
+SHARE = 0.9
+"""Share of the posterior within an interval."""
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, repr=False)
+class GroupFit(Facts):
+    """A model fitted to a group of people, whose parameters differ by a fitted amount.
+
+    Parameters
+    ----------
+    likelihoods : dict of str to Likelihood
+        Likelihood of each person's trials.
+    chains : list of Draws
+        Draws from the posterior, on the scale on which people are Gaussian.
+    """
+
+    likelihoods: dict[str, Likelihood]
+    chains: list[Draws]
+
+    @property
+    def people(self) -> list[str]:
+        """Names of the people."""
+        return list(self.likelihoods)
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters."""
+        return next(iter(self.likelihoods.values())).freedom.names
+
+    @cached_property
+    def scale(self) -> Scale:
+        """The scale on which people are Gaussian."""
+        return _scale(self.likelihoods)
+
+    @cached_property
+    def agreement(self) -> Agreement:
+        """Diagnostics of the chains."""
+        return agreement(self.chains)
+
+    @cached_property
+    def group(self) -> Array:
+        """The median person's parameters, (chains, draws, parameters), in their own units."""
+        return self.scale.back(np.stack([each.mean for each in self.chains]))
+
+    @cached_property
+    def between(self) -> Array:
+        """Standard deviation between people, (chains, draws, parameters), in their own units.
+
+        From the standard deviation on the scale by the slope at the median person.
+        """
+        mean = np.stack([each.mean for each in self.chains])
+        sd = np.stack([each.sd for each in self.chains])
+        return np.asarray(sd * self.scale.slope(mean))
+
+    @cached_property
+    def individual(self) -> Array:
+        """Each person's parameters, (chains, draws, people, parameters)."""
+        return self.scale.back(np.stack([each.scaled for each in self.chains]))
+
+    @property
+    def log_likelihood(self) -> Array:
+        """Log likelihood of each person's trials, (chains, draws, people), nats."""
+        return np.stack([each.log_likelihood for each in self.chains])
+
+    def facts(self) -> dict[str, str]:
+        """Return the numbers of people, trials and draws, and the group's parameters."""
+        trials = sum(each.design.trials.sum() for each in self.likelihoods.values())
+        found = {"people": f"{len(self.people)}", "trials": f"{trials}"}
+        for row in self.summary().itertuples():
+            found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
+        return found | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
+
+    def summary(self) -> pd.DataFrame:
+        """Return the group's parameters, one row per parameter.
+
+        Columns median (of the median person's parameter), low and high (central interval of 0.9),
+        between_people (standard deviation), its between_low and between_high, rhat and
+        effective_sample_size (the worse of the two).
+        """
+        rhat, effective = (
+            np.asarray(each)[: 2 * len(self.parameters)].reshape(2, -1)
+            for each in (self.agreement.rhat, self.agreement.effective)
+        )
+        columns = {
+            **_middle(self.group, ("median", "low", "high")),
+            **_middle(self.between, ("between_people", "between_low", "between_high")),
+            "rhat": rhat.max(axis=0),
+            "effective_sample_size": effective.min(axis=0),
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return each person's parameters: participant, parameter, median, low, high."""
+        index = pd.MultiIndex.from_product(
+            [self.people, self.parameters], names=["participant", "parameter"]
+        )
+        flat = self.individual.reshape(*self.individual.shape[:2], -1)
+        return pd.DataFrame(_middle(flat, ("median", "low", "high")), index=index).reset_index()
+
+    def difference(self, first: str, second: str) -> dict[str, float]:
+        """Return the posterior of a difference between two parameters of the median person.
+
+        Parameters
+        ----------
+        first, second : str
+            Names of parameters, such as ``bound[instruction=accuracy]``; first minus second.
+
+        Returns
+        -------
+        dict of str to float
+            ``median``, ``low`` and ``high`` (central interval of 0.9), and ``above_zero``, the
+            probability that the difference is positive.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name.
+        """
+        for field, name in (("first", first), ("second", second)):
+            if name not in self.parameters:
+                raise InputError.of(field, f"must be one of {', '.join(self.parameters)}", name)
+        draws = self.group[..., self.parameters.index(first)]
+        draws = draws - self.group[..., self.parameters.index(second)]
+        found = {name: float(each[0]) for name, each in _middle(draws[..., None], MIDDLE).items()}
+        return found | {"above_zero": float((draws > 0).mean())}
+
+    def cautions(self) -> list[str]:
+        """Return a warning if chains do not agree or are short, naming the worst numbers."""
+        if self.agreement.reached:
+            return []
+        names = [f"mean of {each}" for each in self.parameters]
+        names += [f"spread of {each}" for each in self.parameters]
+        names += [f"{each} of {who}" for who in self.people for each in self.parameters]
+        worst = np.argsort(self.agreement.effective)[:3]
+        told = ", ".join(f"{names[k]} ({self.agreement.effective[k]:.0f})" for k in worst)
+        return [
+            f"chains of {len(self.chains[0])} draws have not converged: R-hat is up to "
+            f"{self.agreement.rhat.max():.3f} (at most {LARGEST_RHAT} is required), and the "
+            f"effective sample sizes are as small as {told}, not {FEWEST_EFFECTIVE:.0f}. "
+            "Intervals are rough: draw more (most_draws), or fix a parameter that the data do not "
+            "determine"
+        ]
+
+    def to_datatree(self) -> xarray.DataTree:
+        """Return posterior, log likelihood per trial and data for ArviZ; see ``labels``.
+
+        Numbers of the group are the median person's parameters and the standard deviations between
+        people, ``..._between_people``.
+        """
+        from bgmodel.fitting.hierarchy.labels import labelled
+
+        names = self.parameters
+        group = {name: self.group[..., k] for k, name in enumerate(names)}
+        group |= {f"{name}_between_people": self.between[..., k] for k, name in enumerate(names)}
+        own = {name: self.individual[..., k] for k, name in enumerate(names)}
+        return labelled(group, own, self.log_likelihood, self.likelihoods)
+
+    def to_netcdf(self, path: str | Path) -> Path:
+        """Write ``to_datatree()`` atomically as a netCDF file that ArviZ opens; return its path."""
+        from bgmodel.fitting.hierarchy.labels import write
+
+        return write(self.to_datatree(), Path(path))
+
+    def plot(self) -> Figure:
+        """Draw each person's parameters with intervals, and the distribution of the group."""
+        from bgmodel.fitting.hierarchy.drawing import draw_group
+
+        trials = sum(int(each.design.trials.sum()) for each in self.likelihoods.values())
+        return draw_group(self.to_dataframe(), self.summary(), trials)
+
+
+MIDDLE = ("median", "low", "high")
+
+
+def _middle(draws: Array, names: tuple[str, ...]) -> dict[str, Array]:
+    """Return median, low and high end of the central interval of draws (chains, draws, numbers)."""
+    at = np.quantile(draws, [0.5, (1 - SHARE) / 2, (1 + SHARE) / 2], axis=(0, 1))
+    return dict(zip(names, at, strict=True))
+
+
+def _scale(likelihoods: Mapping[str, Likelihood]) -> Scale:
+    first = next(iter(likelihoods.values())).freedom
+    return Scale(first.low, first.high)
+
+
+def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
+    """Raise ValueError unless a group can be fitted: enough people and trials, same parameters."""
+    if len(likelihoods) < FEWEST_PEOPLE:
+        raise InputError.of(
+            "participant", f"must be at least {FEWEST_PEOPLE} for a hierarchical fit",
+            ", ".join(likelihoods) or "none",
+        )  # fmt: skip
+    few = {
+        who: int((each.design.observed.response >= 0).sum()) for who, each in likelihoods.items()
+    }
+    few = {who: count for who, count in few.items() if count < FEWEST_TRIALS}
+    if few:
+        told = ", ".join(f"{who} ({count})" for who, count in few.items())
+        raise InputError(
+            f"each person must have at least {FEWEST_TRIALS} responses, and these have fewer: "
+            f"{told}. Leave them out",
+            "data",
+        )
+    first = next(iter(likelihoods.values())).freedom
+    for who, each in likelihoods.items():
+        lacking = set(first.names) ^ set(each.freedom.names)
+        if lacking:
+            raise InputError(
+                f"{who} and {next(iter(likelihoods))} must have the same levels of each condition; "
+                f"only one of them has {', '.join(sorted(lacking))}",
+                "vary",
+            )
+
+
+def fit_group(
+    likelihoods: Mapping[str, Likelihood],
+    *,
+    seed: int = HIERARCHY_SEED,
+    workers: int = 1,
+    most_draws: int = MOST,
+    path: Path | None = None,
+    tell: Tell = lambda _: None,
+) -> GroupFit:
+    """Fit a model to a group of people, with partial pooling of every parameter.
+
+    Parameters of people are Gaussian on the scale of ``scale.Scale``, with a mean and a standard
+    deviation for each parameter; see ``group.Group`` for the priors. Chains run until they agree
+    (R-hat below 1.01, effective sample sizes of at least 400).
+
+    Parameters
+    ----------
+    likelihoods : dict of str to Likelihood
+        Likelihood of each person's trials, with the same free parameters and ranges.
+    seed : int
+        Seed of the chains.
+    workers : int
+        Number of processes; the result does not depend on it. With more than one, a script needs
+        the guard ``if __name__ == "__main__":``.
+    most_draws : int
+        Largest number of draws of each of four chains.
+    path : path, optional
+        File (.npz) that keeps the chains; a run that was interrupted continues from it.
+    tell : function
+        Called with a text on the progress.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 3 people, people with fewer than 20 responses (named), or with other levels
+        of a condition.
+
+    Warns
+    -----
+    FitWarning
+        If the chains do not agree.
+    """
+    check_people(likelihoods)
+    scale = _scale(likelihoods)
+    people = [Person(each, scale) for each in likelihoods.values()]
+    tell(f"start of {len(people)} people")
+    first = np.array([scale.to(starts_of(each)[-1]) for each in likelihoods.values()])
+    group, expansion = started(people, first)
+    chains = sampled(
+        Sampler(people, expansion), group,
+        seed=seed, workers=min(workers, CHAINS), most=most_draws, path=path, tell=tell,
+    )  # fmt: skip
+    found = GroupFit(dict(likelihoods), chains)
+    for caution in found.cautions():
+        FitWarning.warn(caution)
+    return found

@@ -1,0 +1,105 @@
+"""A group's fit as one labelled tree, in the groups and names that ArviZ reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bgmodel.support import files
+from bgmodel.support.arrays import Array
+from bgmodel.version import __version__
+
+if TYPE_CHECKING:
+    import xarray
+
+    from bgmodel.fitting.optimum import Likelihood
+
+MOST_DRAWS = 100
+"""Largest number of draws of each chain for which the log likelihood of each trial is given."""
+
+
+def labelled(
+    group: Mapping[str, Array],
+    individual: Mapping[str, Array],
+    log_likelihood: Array,
+    likelihoods: Mapping[str, Likelihood],
+) -> xarray.DataTree:
+    """Return the draws of a fit as a tree.
+
+    Parameters
+    ----------
+    group : dict of str to array (chains, draws)
+        Numbers of the group by name.
+    individual : dict of str to array (chains, draws, people)
+        Each person's parameters by name, in the order of the parameters of a fit.
+    log_likelihood : array (chains, draws, people), nats
+        Log likelihood of each person's trials.
+    likelihoods : dict of str to Likelihood
+        Likelihood of each person's trials.
+
+    Returns
+    -------
+    DataTree
+        Groups ``posterior`` (numbers of the group; each participant's parameter as ``..._of``),
+        ``sample_stats`` (lp, log likelihood of all trials), ``log_likelihood`` (rt, of each trial,
+        nats, for at most ``MOST_DRAWS`` evenly spaced draws of each chain) and ``observed_data``
+        (rt, s, and response).
+    """
+    import xarray
+
+    people = list(likelihoods)
+    chains, draws, _ = log_likelihood.shape
+    axes = {"chain": np.arange(chains), "draw": np.arange(draws)}
+    posterior = {name: (("chain", "draw"), values) for name, values in group.items()}
+    posterior |= {
+        f"{name}_of": (("chain", "draw", "participant"), values)
+        for name, values in individual.items()
+    }
+    total = (("chain", "draw"), log_likelihood.sum(axis=2))
+    places = np.unique(np.linspace(0, draws - 1, min(draws, MOST_DRAWS)).astype(int))
+    vectors = np.stack(list(individual.values()), axis=3)
+    each = (("chain", "draw", "trial"), each_trial(likelihoods, vectors[:, places]))
+    seen = [one.design.observed for one in likelihoods.values()]
+    who = ("trial", np.repeat(people, [len(one.response) for one in seen]))
+    data = {
+        "rt": ("trial", np.concatenate([one.rt_s for one in seen])),
+        "response": ("trial", np.concatenate([one.response for one in seen])),
+    }
+    own = {"chain": axes["chain"], "draw": places, "participant_of": who}
+    tree = xarray.DataTree.from_dict(
+        {
+            "posterior": xarray.Dataset(posterior, {**axes, "participant": people}),
+            "sample_stats": xarray.Dataset({"lp": total}, axes),
+            "log_likelihood": xarray.Dataset({"rt": each}, own),
+            "observed_data": xarray.Dataset(data, {"participant_of": who}),
+        }
+    )
+    tree.attrs = {"inference_library": "bgmodel", "inference_library_version": __version__}
+    return tree
+
+
+def each_trial(likelihoods: Mapping[str, Likelihood], vectors: Array) -> Array:
+    """Return the log likelihood of each trial, (chains, draws, trials), nats.
+
+    Parameters
+    ----------
+    likelihoods : dict of str to Likelihood
+        Likelihood of each person's trials.
+    vectors : array (chains, draws, people, parameters)
+        Parameters of each person.
+    """
+    parts = [
+        np.array([[likelihood.each(vector) for vector in chain[:, k]] for chain in vectors])
+        for k, likelihood in enumerate(likelihoods.values())
+    ]
+    return np.concatenate(parts, axis=2)
+
+
+def write(tree: xarray.DataTree, path: Path) -> Path:
+    """Write a tree atomically as netCDF; return its path."""
+    with files.replacing(path) as partial:
+        tree.to_netcdf(partial, engine="h5netcdf")
+    return path

@@ -1,0 +1,347 @@
+"""Comparison of models by how well they predict trials that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.fitting.fit import Fit
+from bgmodel.fitting.hierarchy.approximation import Person
+from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.labels import each_trial
+from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.simulation import jackknifed
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.reprs import Facts
+from circuits.errors import FitWarning, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FOLDS = 5
+"""Number of parts into which trials are divided, each predicted from a fit to the others."""
+DRAWS = 250
+"""Number of draws of each chain for the scores of hierarchical fits."""
+UNCERTAIN = 2.0
+"""Difference, in standard errors, up to which two models cannot be told apart."""
+SMOOTH = 0.7
+"""Largest Pareto k at which importance sampling is reliable (Vehtari, Gelman & Gabry 2017)."""
+WIDE = 1e4
+"""Variance of the nearly flat prior on the scale under which folds are fitted."""
+Tell = Callable[[str], None]
+Peak = tuple[Likelihood, Array]
+"""A likelihood and the parameters at which it is largest."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well a model predicts each trial.
+
+    Parameters
+    ----------
+    trials : array (trials,), nats
+        Log density of each trial under the model fitted without it.
+    person : int array (trials,)
+        Index of the person of each trial.
+    log_likelihood : float, nats
+        Largest log likelihood of all trials, or that of a hierarchy at everyone's medians.
+    numbers : int
+        Number of fitted parameters.
+    parts : array (parts,), nats
+        Log likelihood without each part of a circuit's simulated trials; empty if exact.
+    unreliable : int
+        Number of trials whose score is unreliable, from importance sampling.
+    """
+
+    trials: Array
+    person: Integers
+    log_likelihood: float
+    numbers: int
+    parts: Array
+    unreliable: int = 0
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion, nats: smaller is better (Schwarz 1978)."""
+        return float(self.numbers * np.log(len(self.trials)) - 2 * self.log_likelihood)
+
+
+@dataclass(frozen=True, repr=False)
+class ModelComparison(Facts):
+    """Models compared on the same trials.
+
+    Parameters
+    ----------
+    scores : dict of str to Score
+        The score of each model.
+    people : list of str
+        Names of the people.
+    method : str
+        ``cross-validation`` or ``PSIS-LOO``.
+    """
+
+    scores: dict[str, Score]
+    people: list[str]
+    method: str
+
+    @property
+    def best(self) -> str:
+        """Name of the model with the highest score."""
+        return max(self.scores, key=lambda name: self.scores[name].trials.sum())
+
+    def facts(self) -> dict[str, str]:
+        """Return the method, the number of trials and the verdict on each model."""
+        table = self.table
+        found = {"method": self.method, "trials": f"{len(self.scores[self.best].trials)}"}
+        return found | {str(name): str(said) for name, said in table["verdict"].items()}
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row per model, the best first.
+
+        Columns log_likelihood, parameters, bic, score (sum over trials of the log density of
+        each, predicted without it, nats), difference (from the best), standard_error (of the
+        difference: from the trials, or from people if there are several, and from a circuit's
+        simulated trials), simulation_error (the part that is due to these), people_better (number
+        of people whom the model predicts better than the best), and verdict.
+        """
+        best = self.scores[self.best]
+        rows = {
+            name: {
+                "log_likelihood": score.log_likelihood,
+                "parameters": score.numbers,
+                "bic": score.bic,
+                "score": score.trials.sum(),
+                **_apart(score, best, len(self.people)),
+            }
+            for name, score in self.scores.items()
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("model")
+        table = table.sort_values("score", ascending=False)
+        table["verdict"] = [self._verdict(row) for _, row in table.iterrows()]
+        return table
+
+    def _verdict(self, row: pd.Series) -> str:
+        if row.name == self.best:
+            return "best score"
+        if -row["difference"] > UNCERTAIN * row["standard_error"]:
+            return f"{self.best} predicts better"
+        return f"cannot tell from {self.best}"
+
+    def summary(self) -> str:
+        """Return the table and how to read it, as text."""
+        trials = len(self.scores[self.best].trials)
+        head = (
+            f"{trials} trials of {len(self.people)} participants, predicted by {self.method}. "
+            f"Differences of less than {UNCERTAIN:g} standard errors decide nothing."
+        )
+        return f"{head}\n{self.table.round(2).to_string()}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the table with the names of models as a column."""
+        return self.table.reset_index()
+
+    def plot(self) -> Figure:
+        """Draw each model's difference from the best, in total and for each person."""
+        from bgmodel.fitting.drawing import draw_comparison
+
+        best, people = self.scores[self.best], len(self.people)
+        by_person = {
+            name: summed(score.trials - best.trials, score.person, people)
+            for name, score in self.scores.items()
+        }
+        title = f"{len(best.trials)} trials of {people} participants, {self.method}"
+        return draw_comparison(self.table, by_person, title)
+
+
+def _apart(score: Score, best: Score, people: int) -> dict[str, float]:
+    """Return the difference between a score and the best one, and its errors."""
+    each = score.trials - best.trials
+    by_person = summed(each, score.person, people)
+    # Trials of one person are alike; with several people, these are the sample.
+    sample = by_person if people > 1 else each
+    sampling = np.sqrt(len(sample)) * sample.std(ddof=1)
+    simulated = 0.0
+    if score is not best:
+        simulated = float(np.hypot(jackknifed(score.parts), jackknifed(best.parts)))
+    return {
+        "difference": float(each.sum()),
+        "standard_error": float(np.hypot(sampling, simulated)),
+        "simulation_error": simulated,
+        "people_better": float((by_person > 0).sum()),
+    }
+
+
+def summed(trials: Array, person: Integers, people: int) -> Array:
+    """Return the sum of a quantity over the trials of each person, (people,)."""
+    return np.asarray(np.bincount(person, trials, minlength=people), dtype=np.float64)
+
+
+def compare_models(
+    fits: Mapping[str, Fit] | Mapping[str, Mapping[str, Fit]] | Mapping[str, GroupFit],
+    *,
+    tell: Tell = lambda _: None,
+) -> ModelComparison:
+    """Compare models fitted to the same trials by how well they predict trials left out.
+
+    Fits to one person, or to several separately, are repeated without each of ``FOLDS`` parts of
+    the trials (cross-validation). For hierarchical fits, importance sampling from the draws does
+    without that (PSIS-LOO; Vehtari, Gelman & Gabry 2017).
+
+    Parameters
+    ----------
+    fits : dict of str to Fit, to dict of str to Fit, or to GroupFit
+        Each model's fit, its fit to each person, or its hierarchical fit, by name of the model.
+    tell : function
+        Called with a text on the progress.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two models, for fits to different trials, and for fits of different kinds.
+
+    Warns
+    -----
+    FitWarning
+        If importance sampling is unreliable for some trials.
+    """
+    if len(fits) < 2:
+        raise InputError.of("fits", "must hold at least two models", ", ".join(fits) or "none")
+    if all(isinstance(each, GroupFit) for each in fits.values()):
+        groups = {name: each for name, each in fits.items() if isinstance(each, GroupFit)}
+        _check_same({name: each.likelihoods for name, each in groups.items()})
+        scores = {name: _left_out(each) for name, each in groups.items()}
+        _warn_of_unreliable(scores)
+        return ModelComparison(scores, next(iter(groups.values())).people, "PSIS-LOO")
+    optima = {
+        name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in people.items()}
+        for name, people in ((name, _people(each)) for name, each in fits.items())
+    }
+    return crossvalidated(optima, tell=tell)
+
+
+def crossvalidated(
+    optima: Mapping[str, Mapping[str, Peak]], *, tell: Tell = lambda _: None
+) -> ModelComparison:
+    """Compare models by cross-validation; see ``compare_models``.
+
+    Parameters
+    ----------
+    optima : dict of str to dict of str to (Likelihood, array)
+        Likelihood of each person's trials under each model, and where it is largest.
+    tell : function
+        Called with a text on the progress.
+    """
+    _check_same({m: {who: one[0] for who, one in each.items()} for m, each in optima.items()})
+    scores = {}
+    for name, people in optima.items():
+        tell(f"cross-validation of {name}")
+        scores[name] = _crossvalidated(list(people.values()))
+    return ModelComparison(scores, list(next(iter(optima.values()))), "cross-validation")
+
+
+def _people(fit: object) -> dict[str, Fit]:
+    """Return the fit to each person."""
+    if isinstance(fit, Fit):
+        return {fit.optimum.likelihood.design.who: fit}
+    if isinstance(fit, Mapping) and fit and all(isinstance(each, Fit) for each in fit.values()):
+        return dict(fit)
+    raise InputError.of(
+        "fits", "must be Fit records, mappings of people to them, or GroupFit records, all alike",
+        type(fit).__name__,
+    )  # fmt: skip
+
+
+def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
+    """Raise ValueError unless all models were fitted to the same trials."""
+    first_name, first = next(iter(likelihoods.items()))
+    for name, each in likelihoods.items():
+        if list(each) != list(first):
+            raise InputError(f"{name} and {first_name} are fits to different people", "fits")
+        for who, likelihood in each.items():
+            mine, others = (some.design.observed for some in (likelihood, first[who]))
+            if not np.array_equal(mine.rt_s, others.rt_s, equal_nan=True):
+                raise InputError(f"{name} and {first_name} are fits to different trials", "fits")
+
+
+def _crossvalidated(people: list[Peak]) -> Score:
+    """Return the score of fits to single people."""
+    each = [_folded(*peak) for peak in people]
+    return Score(
+        np.concatenate(each),
+        np.repeat(np.arange(len(each)), [len(one) for one in each]),
+        sum(likelihood(vector) for likelihood, vector in people),
+        sum(len(vector) for _, vector in people),
+        _parts(people),
+    )
+
+
+def _folded(likelihood: Likelihood, vector: Array) -> Array:
+    """Return the log density of each trial under the fit without its part of the trials, nats."""
+    freedom = likelihood.freedom
+    scale = Scale(freedom.low, freedom.high)
+    design, fold = likelihood.design, folds(likelihood.design.observed.cell)
+    start = scale.to(vector)
+    flat = Group(np.zeros(len(start)), np.full(len(start), WIDE))
+    found = np.zeros(len(fold))
+    for number in range(FOLDS):
+        rest = replace(likelihood, design=design.part(np.flatnonzero(fold != number)))
+        best = scale.back(Person(rest, scale).peak(flat, start))
+        there = np.flatnonzero(fold == number)
+        found[there] = replace(likelihood, design=design.part(there)).each(best)
+    return found
+
+
+def folds(cell: Integers) -> Integers:
+    """Return the fold of each trial: those of a cell are dealt out in turn, (trials,)."""
+    found = np.zeros(len(cell), dtype=np.int64)
+    for each in np.unique(cell):
+        there = np.flatnonzero(cell == each)
+        found[there] = np.arange(len(there)) % FOLDS
+    return found
+
+
+def _left_out(fit: GroupFit) -> Score:
+    """Return the score of a hierarchical fit."""
+    from arviz_stats.base import array_stats
+
+    draws = len(fit.chains[0])
+    places = np.unique(np.linspace(0, draws - 1, min(draws, DRAWS)).astype(int))
+    log = each_trial(fit.likelihoods, fit.individual[:, places])
+    trials, khat, *_ = array_stats.loo(np.moveaxis(log, 2, 0), chain_axis=1, draw_axis=2)
+    counts = [len(each.design.observed.response) for each in fit.likelihoods.values()]
+    medians = np.median(fit.individual, axis=(0, 1))
+    vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
+    return Score(
+        np.asarray(trials),
+        np.repeat(np.arange(len(counts)), counts),
+        sum(likelihood(vector) for likelihood, vector in vectors),
+        medians.size,
+        _parts(vectors),
+        int((khat > SMOOTH).sum()),
+    )
+
+
+def _parts(vectors: list[Peak]) -> Array:
+    """Return everyone's log likelihood without each part of a circuit's simulated trials."""
+    models = vectors[0][0].model.left_out()
+    return np.array(
+        [sum(replace(each, model=model)(vector) for each, vector in vectors) for model in models]
+    )
+
+
+def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:
+    for name, score in scores.items():
+        if score.unreliable:
+            FitWarning.warn(
+                f"{name}: the scores of {score.unreliable} of {len(score.trials)} trials are "
+                f"unreliable (Pareto k above {SMOOTH:g}): single trials determine the fit. "
+                "Compare the fits to single people by cross-validation instead"
+            )

@@ -1,0 +1,57 @@
+"""The command `fit --hierarchical`."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from bgmodel.commands.group_fits import GROUP, PEOPLE
+from bgmodel.fitting.hierarchy import chains
+from bgmodel.support.files import read_provenance
+from tests.fitting.conftest import table
+from tests.helpers import run
+
+ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap", "--hierarchical",
+         "--fix", "t0_sd_s=0.05", "lapse=0.01", "t0_s=0.3"]  # fmt: skip
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    # Few draws: their agreement is tested elsewhere.
+    monkeypatch.setattr(chains, "BLOCK", 40)
+    monkeypatch.setattr(chains, "WARM_UP", 10)
+    monkeypatch.setattr(chains, "LARGEST_RHAT", 10.0)
+    monkeypatch.setattr(chains, "FEWEST_EFFECTIVE", 5.0)
+    table(trials=20).to_csv("mine.csv", index=False)
+    return tmp_path
+
+
+def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys):
+    assert run("fit", *ASKED) == 0
+    assert "bound" in capsys.readouterr().out
+    group, people = (pd.read_csv(mine / "out" / name) for name in (GROUP, PEOPLE))
+    assert group["parameter"].tolist() == ["sensitivity", "bound"]
+    assert len(people) == 8
+    assert {path.suffix for path in (mine / "out").iterdir()} > {".nc", ".png", ".csv"}
+    assert read_provenance(mine / "out" / GROUP)["parameters"]["trials"]
+    assert run("fit", *ASKED) == 2
+    capsys.readouterr()
+    assert run("fit", *ASKED, "--force", "--json") == 0
+    records = json.loads(capsys.readouterr().out)["records"]
+    assert records[0]["median"] == pytest.approx(group["median"][0])
+
+
+def test_models_are_compared_by_the_draws(mine, capsys):
+    both = [*ASKED, "--models", "constant_gap", "falling_gap", "--compare"]
+    assert run("fit", *both) == 0
+    assert "PSIS-LOO" in capsys.readouterr().out
+    table = pd.read_csv(mine / "out" / "comparison.csv")
+    assert set(table["model"]) == {"constant_gap", "falling_gap"}
+    assert (mine / "out" / "comparison.png").is_file()
+
+
+def test_options_without_effect_are_refused(mine, capsys):
+    assert run("fit", *ASKED, "--draws") == 2
+    assert "--draws" in capsys.readouterr().err
+    assert not (mine / "out").exists()

@@ -1,0 +1,57 @@
+"""A small group of people, drawn from the sequential test, and its fit."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.hierarchy import chains
+from bgmodel.fitting.hierarchy.people import fit_people
+from circuits.errors import FitWarning
+from tests.drawn import drawn
+
+PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0}
+"""Sensitivity of each person."""
+FIXED = {"t0_sd_s": 0.05, "lapse": 0.01}
+MOST, WARM_UP = 60, 20
+SEED = 24_321
+
+
+def table(people=PEOPLE, trials=60, **columns):
+    """Return the trials of people who differ in sensitivity."""
+    parts = []
+    for number, (who, sensitivity) in enumerate(people.items()):
+        some = drawn(
+            GapModel(), [0.2], trials, SEED + number, seconds=1.5,
+            sensitivity=sensitivity, bound=0.5,
+        )  # fmt: skip
+        parts.append(
+            pd.DataFrame(
+                {
+                    "participant_id": who,
+                    "rt": some.rt_s,
+                    "response": some.response.astype(int),
+                    "strength": some.strength,
+                    "block": np.where(np.arange(some.trials) % 4 < 2, "early", "late"),
+                }
+            ).assign(**columns)
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+@contextmanager
+def short_chains():
+    """Make chains short: that long ones agree is tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chains, "BLOCK", MOST)
+        patch.setattr(chains, "WARM_UP", WARM_UP)
+        yield
+
+
+@pytest.fixture(scope="session")
+def group():
+    """Return the fit of the group, whose chains are too short to agree."""
+    with short_chains(), pytest.warns(FitWarning, match="have not converged"):
+        return fit_people(table(), "constant_gap", strength="strength", fix=FIXED, most_draws=MOST)

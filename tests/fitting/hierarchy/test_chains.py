@@ -1,0 +1,72 @@
+"""Chains: their diagnostics, and how they go on from a file."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.hierarchy.approximation import Expansion, Person
+from bgmodel.fitting.hierarchy.chains import BLOCK, CHAINS, agreement, sampled
+from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
+from bgmodel.support.seeds import stream
+
+SEED = 24_314
+
+
+class Gaussian(Person):
+    """A person with one parameter and a Gaussian likelihood."""
+
+    def __init__(self, middle):
+        object.__setattr__(self, "middle", middle)
+
+    def __call__(self, scaled):
+        return float(-2 * ((scaled - self.middle) ** 2).sum())
+
+
+MIDDLES = np.array([-0.5, 0.0, 0.2, 0.7])
+SAMPLER = Sampler(
+    [Gaussian(each) for each in MIDDLES],
+    Expansion(MIDDLES[:, None], np.zeros((4, 1)), np.full((4, 1, 1), 4.0)),
+)
+START = Group(np.zeros(1), np.ones(1))
+
+
+def chain(values):
+    """Return draws whose group has given means, and the rest independent."""
+    rest = stream(SEED, len(values), float(values.sum())).normal(size=(len(values), 2, 1))
+    return Draws(values[:, None], rest[:, 0] ** 2, rest, rest[..., 0])
+
+
+def test_independent_draws_agree_and_shifted_chains_do_not():
+    rng = stream(SEED, "chains")
+    same = [chain(rng.normal(size=500)) for _ in range(CHAINS)]
+    assert agreement(same).reached
+    apart = [chain(rng.normal(k, 1, size=500)) for k in range(CHAINS)]
+    assert agreement(apart).rhat[0] > 1.1
+    assert not agreement(apart).reached
+
+
+def test_effective_size_counts_draws_that_repeat_only_once():
+    rng = stream(SEED, "repeats")
+    sticky = [chain(np.repeat(rng.normal(size=50), 10)) for _ in range(CHAINS)]
+    assert agreement(sticky).effective[0] < 400
+
+
+def test_an_interrupted_run_goes_on_with_the_same_bytes(tmp_path):
+    path = tmp_path / "pieces" / "chains.npz"
+    whole = sampled(SAMPLER, START, seed=SEED, most=3 * BLOCK)
+    sampled(SAMPLER, START, seed=SEED, most=2 * BLOCK, path=path)
+    assert path.is_file()
+    told = []
+    rest = sampled(SAMPLER, START, seed=SEED, most=3 * BLOCK, path=path, tell=told.append)
+    assert not any("warm-up" in each for each in told)
+    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK damaged", None], ids=["empty", "damaged", "absent"])
+def test_a_file_that_cannot_be_read_is_made_anew(tmp_path, content):
+    path = tmp_path / "chains.npz"
+    if content is not None:
+        path.write_bytes(content)
+    found = sampled(SAMPLER, START, seed=SEED, most=BLOCK, path=path)
+    assert len(found) == CHAINS
+    assert not list(tmp_path.glob(".*partial*"))

@@ -1,0 +1,93 @@
+"""The record of a hierarchical fit, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
+from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.hierarchy.people import fit_people
+from circuits.errors import FitWarning, InputError
+from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
+
+GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
+
+
+def test_there_is_one_row_per_parameter_of_the_group(group):
+    found = group.summary()
+    assert found.index.tolist() == ["sensitivity", "bound", "t0_s"]
+    assert (found["low"] < found["median"]).all()
+    assert (found["median"] < found["high"]).all()
+    assert (found["between_people"] > 0).all()
+    assert group.group.shape == (CHAINS, MOST, 3)
+
+
+def test_true_parameters_are_within_wide_intervals(group):
+    draws = group.group.reshape(-1, 3)
+    middle, spread = np.median(draws, axis=0), draws.std(axis=0)
+    assert (np.abs(middle - [9.5, 0.5, 0.3]) < 3.5 * spread).all()
+
+
+def test_there_is_one_row_per_person_and_parameter(group):
+    found = group.to_dataframe()
+    assert found["participant"].unique().tolist() == list(PEOPLE)
+    assert len(found) == 12
+    assert (found["low"] < found["high"]).all()
+
+
+def test_a_difference_of_a_parameter_with_itself_is_zero(group):
+    found = group.difference("bound", "bound")
+    assert found == {"median": 0.0, "low": 0.0, "high": 0.0, "above_zero": 0.0}
+    assert group.difference("sensitivity", "bound")["above_zero"] == 1.0
+    with pytest.raises(InputError) as error:
+        group.difference("bound", "drift")
+    assert error.value.field == "second"
+
+
+def test_short_chains_are_named_as_such(group):
+    assert not group.agreement.reached
+    (said,) = group.cautions()
+    assert f"{group.agreement.rhat.max():.3f}" in said
+    assert LARGEST_RHAT == 1.01
+
+
+def test_log_likelihood_of_a_draw_is_that_of_its_parameters(group):
+    likelihood = group.likelihoods["cleo"]
+    vector = group.individual[1, 7, 2]
+    assert group.log_likelihood[1, 7, 2] == pytest.approx(likelihood(vector))
+
+
+def test_same_seed_same_bytes(group):
+    likelihoods = group.likelihoods
+    with short_chains(), pytest.warns(FitWarning, match="converged"):
+        again = fit_group(likelihoods, most_draws=MOST)
+    assert again.group.tobytes() == group.group.tobytes()
+    assert again.individual.tobytes() == group.individual.tobytes()
+
+
+def test_too_few_people_are_refused():
+    few = table({"anna": 8.0, "ben": 9.0}, trials=20)
+    with pytest.raises(InputError) as error:
+        fit_people(few, **GAP)
+    assert error.value.field == "participant"
+
+
+def test_people_with_too_few_trials_are_named():
+    some = table(trials=60)
+    number = some.groupby("participant_id").cumcount()
+    few = some["participant_id"].map({"ben": 12, "cleo": 16}).fillna(60)
+    with pytest.raises(InputError, match=r"ben \(12\), cleo \(16\)"):
+        fit_people(some[number < few], **GAP)
+
+
+def test_people_who_lack_a_level_are_named():
+    some = table(trials=40)
+    some = some[(some["participant_id"] != "dora") | (some["block"] == "early")]
+    with pytest.raises(InputError, match="dora") as error:
+        fit_people(some, **GAP, vary={"bound": "block"})
+    assert error.value.field == "vary"
+
+
+def test_pooling_makes_no_sense_here():
+    with pytest.raises(InputError) as error:
+        fit_people(table(trials=20), **GAP, pooled=True)
+    assert error.value.field == "pooled"

@@ -1,0 +1,37 @@
+"""The conditional distribution of a group given its people."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.hierarchy.group import Group, group_of
+from bgmodel.support.seeds import stream
+
+SEED = 24_312
+
+
+def test_draws_given_many_people_are_near_their_mean_and_spread():
+    rng = stream(SEED, "people")
+    scaled = rng.normal([0.5, -2.0], [0.3, 1.2], size=(4000, 2))
+    group = Group(np.zeros(2), np.ones(2))
+    for _ in range(20):
+        group = group.drawn(scaled, rng)
+    assert group.mean == pytest.approx(scaled.mean(axis=0), abs=0.1)
+    assert np.sqrt(group.variance) == pytest.approx(scaled.std(axis=0), rel=0.06)
+
+
+def test_without_differences_between_people_the_spread_is_small_but_not_zero():
+    rng, scaled = stream(SEED, "same"), np.full((20, 1), 0.7)
+    group, seen = Group(np.zeros(1), np.ones(1)), []
+    for _ in range(400):
+        group = group.drawn(scaled, rng)
+        seen.append(float(np.sqrt(group.variance[0])))
+    assert min(seen) > 0
+    assert np.median(seen[100:]) < 0.05
+
+
+def test_start_includes_the_errors_of_estimates():
+    means = np.array([[0.0], [2.0]])
+    alone = group_of(means)
+    wide = group_of(means, np.full((2, 1), 3.0))
+    assert alone.mean == wide.mean == 1.0
+    assert wide.variance > alone.variance

@@ -1,0 +1,44 @@
+"""The labelled tree, and that ArviZ's libraries read it."""
+
+import numpy as np
+import pytest
+import xarray
+
+from bgmodel.fitting.hierarchy.labels import MOST_DRAWS
+from tests.fitting.conftest import MOST, PEOPLE
+
+
+@pytest.fixture(scope="module")
+def tree(group, tmp_path_factory):
+    path = group.to_netcdf(tmp_path_factory.mktemp("netcdf") / "group.nc")
+    with xarray.open_datatree(path, engine="h5netcdf") as opened:
+        return opened.load()
+
+
+def test_a_file_holds_all_groups(tree, group):
+    assert set(tree.children) == {"posterior", "sample_stats", "log_likelihood", "observed_data"}
+    assert tree["posterior/bound"].dims == ("chain", "draw")
+    assert tree["posterior/bound_of"].sel(participant="ben").shape == (4, MOST)
+    assert np.array_equal(tree["posterior/bound"], group.group[..., 1])
+    assert np.array_equal(tree["sample_stats/lp"], group.log_likelihood.sum(axis=2))
+
+
+def test_log_likelihood_of_trials_sums_to_that_of_people(tree, group):
+    each = tree["log_likelihood/rt"]
+    assert each.sizes["draw"] == min(MOST, MOST_DRAWS)
+    last = each.isel(draw=-1).groupby("participant_of").sum().sel(participant_of="dora")
+    assert last.to_numpy() == pytest.approx(group.log_likelihood[:, -1, 3])
+
+
+def test_data_are_those_of_every_trial(tree):
+    seen = tree["observed_data"]
+    assert seen["rt"].size == 60 * len(PEOPLE)
+    assert seen["participant_of"].to_numpy()[0] == "anna"
+    assert set(np.unique(seen["response"])) == {0, 1}
+
+
+def test_libraries_of_arviz_summarise_the_file(tree):
+    from arviz_stats.base import array_stats
+
+    ess = array_stats.ess(tree["posterior/bound"].to_numpy(), chain_axis=0, draw_axis=1)
+    assert 1 < ess < 4 * MOST * 1.5

@@ -1,0 +1,106 @@
+"""The sampler on a hierarchy of Gaussians, whose posterior is known from a quadrature."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.hierarchy.approximation import Expansion
+from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
+from bgmodel.fitting.hierarchy.sampler import Sampler, joined
+from bgmodel.fitting.hierarchy.scale import log_logistic
+from bgmodel.support.seeds import stream
+
+SEED = 24_311
+ESTIMATES = np.array([-0.4, 0.1, 0.3, 0.9, 1.6, -1.1])
+ERRORS = np.array([0.2, 0.5, 0.3, 0.4, 0.8, 0.3])
+
+
+class Gaussian:
+    """A person whose log likelihood is Gaussian, with independent parameters."""
+
+    def __init__(self, middle, error):
+        self.middle, self.error = middle, error
+
+    def __call__(self, scaled):
+        return float(-0.5 * (((scaled - self.middle) / self.error) ** 2).sum())
+
+
+def quadrature(estimates, errors):
+    """Return mean and sd of the group's mean and of its standard deviation."""
+    mean, sd = np.linspace(-4, 4, 401)[:, None], np.exp(np.linspace(-6, 2.5, 400))
+    log = log_logistic(mean) - (FREEDOM + 1) / 2 * np.log1p(sd**2 / (FREEDOM * SPREAD**2))
+    log = log + np.log(sd)  # the grid is even in its logarithm
+    for estimate, error in zip(estimates, errors, strict=True):
+        variance = sd**2 + error**2
+        log = log - 0.5 * (estimate - mean) ** 2 / variance - 0.5 * np.log(variance)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    found = []
+    for each in (mean, sd):
+        middle = (weight * each).sum()
+        found += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
+    return found
+
+
+def expansion(people, shift=0.0, narrower=1.0):
+    """Return the exact expansion, or one that is shifted and too wide."""
+    points = np.array([p.middle + shift * p.error for p in people])
+    precisions = np.array([narrower * np.diag(1 / p.error**2) for p in people])
+    return Expansion(points, np.zeros(points.shape), precisions)
+
+
+def draws(approximation, people, sweeps, parameters=2):
+    sampler = Sampler(people, approximation)
+    group = Group(np.zeros(parameters), np.ones(parameters))
+    state, _ = sampler.run(sampler.first(group, stream(SEED)), 200)
+    return sampler.run(state, sweeps)[1]
+
+
+@pytest.fixture(scope="module")
+def people():
+    # The second parameter is hardly determined by one person's trials.
+    return [
+        Gaussian(np.array([x, 0.5 * x]), np.array([e, 3 * e]))
+        for x, e in zip(ESTIMATES, ERRORS, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("right", [True, False], ids=["exact", "misplaced"])
+def test_group_has_the_posterior_of_a_quadrature_even_if_the_approximation_is_wrong(people, right):
+    shift, narrower = (0.0, 1.0) if right else (0.3, 0.7)
+    found = draws(expansion(people, shift, narrower), people, 6000)
+    for k, factor in enumerate((1.0, 3.0)):
+        estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
+        mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
+        # A tenth of a standard deviation is what an effective sample size of 900 allows at most.
+        assert found.mean[:, k].mean() == pytest.approx(mean, abs=0.13 * mean_sd)
+        assert found.mean[:, k].std() == pytest.approx(mean_sd, rel=0.1)
+        assert found.sd[:, k].mean() == pytest.approx(sd, abs=0.15 * sd_sd)
+        assert found.sd[:, k].std() == pytest.approx(sd_sd, rel=0.2)
+
+
+def test_people_shrink_towards_the_group_by_their_errors(people):
+    found = draws(expansion(people), people, 2000)
+    middle = found.scaled[:, :, 0].mean(axis=0)
+    group = found.mean[:, 0].mean()
+    assert (np.abs(middle - group) < np.abs(ESTIMATES - group) + 0.05).all()
+    moved = np.abs(middle - ESTIMATES) / np.abs(ESTIMATES - group)
+    assert moved[ERRORS.argmax()] > 2 * moved[ERRORS.argmin()]
+
+
+def test_log_likelihood_is_that_of_the_kept_parameters(people):
+    found = draws(expansion(people), people, 20)
+    for scaled, log in zip(found.scaled, found.log_likelihood, strict=True):
+        assert log.tolist() == [p(x) for p, x in zip(people, scaled, strict=True)]
+
+
+def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
+    sampler = Sampler(people, expansion(people))
+
+    def first():
+        return sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED))
+
+    _, whole = sampler.run(first(), 30)
+    state, begun = sampler.run(first(), 13)
+    _, rest = sampler.run(state, 17)
+    assert joined([begun, rest]).scaled.tobytes() == whole.scaled.tobytes()
+    assert len(whole) == 30

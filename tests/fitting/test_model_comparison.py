@@ -1,0 +1,121 @@
+"""Models compared on trials that they were not fitted to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.model_comparison import (
+    FOLDS,
+    ModelComparison,
+    Score,
+    compare_models,
+    folds,
+)
+from bgmodel.fitting.optimum import likelihood_of
+from circuits.errors import InputError
+from tests.drawn import TRUTH, drawn
+
+MODEL = GapModel()
+SEED = 24_331
+HELD = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
+
+
+def fitted(some, **fixed):
+    likelihood = likelihood_of(MODEL, design_of(some, pooled=True), fixed={**HELD, **fixed})
+    return fit_likelihood(likelihood)
+
+
+@pytest.fixture(scope="module")
+def some():
+    return drawn(MODEL, [0.05, 0.3], 100, SEED, seconds=1.5, sensitivity=10.0, bound=0.5)
+
+
+@pytest.fixture(scope="module")
+def right(some):
+    return fitted(some)
+
+
+def test_folds_share_out_the_trials_of_every_cell():
+    cell = np.repeat([0, 1, 2], [7, 10, 3])
+    found = folds(cell)
+    counts = [np.bincount(found[cell == each], minlength=FOLDS) for each in range(3)]
+    assert all(np.ptp(each) <= 1 for each in counts)
+
+
+def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
+    found = compare_models({"right": right, "blind": fitted(some, sensitivity=0.1)})
+    assert found.best == "right"
+    assert found.table.loc["blind", "verdict"] == "right predicts better"
+    assert found.table.loc["right", "difference"] == 0
+    assert found.table.loc["blind", "difference"] < -10
+    # A larger BIC is worse, and it includes the number of parameters.
+    assert found.table.loc["blind", "bic"] > found.table.loc["right", "bic"]
+
+
+def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(right):
+    score = compare_models({"one": right, "two": right}).scores["one"]
+    lost = score.log_likelihood - score.trials.sum()
+    # In expectation k parameters lose k (F / (F - 1) + 1) / 2 nats or so (Stone 1977).
+    assert 0 < lost < 12
+
+
+def test_the_same_model_twice_cannot_be_told_apart(right):
+    found = compare_models({"one": right, "two": right})
+    assert found.table["difference"].tolist() == [0, 0]
+    assert found.table["verdict"].tolist()[1].startswith("cannot tell")
+
+
+def test_error_is_over_people_if_there_are_several():
+    rng = np.random.default_rng(SEED)
+    person = np.repeat(np.arange(10), 50)
+    shift = rng.normal(0, 1, 10)[person]
+    base = Score(np.zeros(500), person, 0.0, 1, np.zeros(0))
+    moved = replace(base, trials=-np.abs(shift))
+    table = ModelComparison({"a": base, "b": moved}, list("abcdefghij"), "test").table
+    by_person = np.bincount(person, moved.trials)
+    expected = np.sqrt(10) * by_person.std(ddof=1)
+    assert table.loc["b", "standard_error"] == pytest.approx(expected)
+
+
+def test_simulated_trials_are_part_of_the_error():
+    base = Score(np.zeros(50), np.zeros(50, int), 0.0, 1, np.zeros(0))
+    parts = np.array([1.0, -1.0] * 8)
+    rough = replace(base, trials=np.full(50, -0.1), parts=parts)
+    table = ModelComparison({"a": base, "b": rough}, ["all"], "test").table
+    assert table.loc["b", "simulation_error"] == pytest.approx(np.sqrt(15 / 16 * 16))
+    assert table.loc["b", "verdict"].startswith("cannot tell")
+
+
+def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
+    found = compare_models({"one": group, "two": group})
+    assert found.method == "PSIS-LOO"
+    score = found.scores["one"]
+    per_person = np.bincount(score.person, score.trials)
+    highest = group.log_likelihood.max(axis=(0, 1))
+    assert (per_person < highest).all()
+    assert (per_person > highest - 8).all()
+
+
+@pytest.mark.parametrize("wrong", [{}, {"one": 1, "two": 2}], ids=["none", "numbers"])
+def test_what_is_no_fit_is_refused(wrong):
+    with pytest.raises(InputError) as error:
+        compare_models(wrong)
+    assert error.value.field == "fits"
+
+
+def test_fits_to_other_trials_are_refused(some, right):
+    other = fitted(some.where(np.arange(some.trials) < 180))
+    with pytest.raises(InputError) as error:
+        compare_models({"one": right, "two": other})
+    assert error.value.field == "fits"
+
+
+def test_the_figure_has_a_row_for_each_model(right):
+    figure = compare_models({"one": right, "two": right}).plot()
+    total, each = figure.axes
+    assert [label.get_text() for label in total.get_yticklabels()] == ["one", "two"]
+    assert len(each.lines) >= 2
