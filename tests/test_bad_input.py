@@ -8,6 +8,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.fitting import fit as fitting
+from bgmodel.fitting.hierarchy import people as fitting_people
 
 EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
 EVIDENCE_OF_STOP = bg.gaussian_evidence(40, d_prime=0.7, t_max=60, step_ms=10, seed=1)
@@ -68,6 +69,8 @@ CALLS = {
     bg.Experiment.from_toml: {"file": "stn_conflict"},
     bg.Sweep.from_toml: {"file": "grid.toml"},
     bg.fit: {"data": TRIALS, "model": "constant_gap"},
+    bg.fit_people: {"data": TRIALS, "model": "constant_gap"},
+    bg.compare_models: {},
 }
 ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
@@ -99,6 +102,8 @@ LEGAL = {
     "delta": ["huge", "array"],
     "first_crossing thresholds": ["array"],
     "fit folder": ["text"],
+    "fit_people folder": ["text"],
+    **{name: ["huge"] for name in ("most_draws", "chains_seed", "workers")},
     "names": ODD,
 }
 """Odd values that make sense, by argument; None does so where it is the default."""
@@ -138,6 +143,7 @@ def given(call, argument, odd):
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(fitting, "fit_likelihood", lambda *_, **__: None)
+    monkeypatch.setattr(fitting_people, "fit_group", lambda *_, **__: None)
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")
     for argument in inspect.signature(call).parameters.values():
         name = argument.name

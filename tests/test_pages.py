@@ -44,6 +44,7 @@ PARSED = {
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
+    "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",
     "bgmodel experiment mine.toml --engine ensemble": "spikes take minutes; the next line runs it",
     "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",

@@ -186,8 +186,6 @@ def summed(trials: Array, person: Integers, people: int) -> Array:
 
 def compare_models(
     fits: Mapping[str, Fit] | Mapping[str, Mapping[str, Fit]] | Mapping[str, GroupFit],
-    *,
-    tell: Tell = lambda _: None,
 ) -> ModelComparison:
     """Compare models fitted to the same trials by how well they predict trials left out.
 
@@ -199,8 +197,6 @@ def compare_models(
     ----------
     fits : dict of str to Fit, to dict of str to Fit, or to GroupFit
         Each model's fit, its fit to each person, or its hierarchical fit, by name of the model.
-    tell : function
-        Called with a text on the progress.
 
     Raises
     ------
@@ -212,8 +208,8 @@ def compare_models(
     FitWarning
         If importance sampling is unreliable for some trials.
     """
-    if len(fits) < 2:
-        raise InputError.of("fits", "must hold at least two models", ", ".join(fits) or "none")
+    if not isinstance(fits, Mapping) or len(fits) < 2:
+        raise InputError.of("fits", "must map the names of at least two models to fits", fits)
     if all(isinstance(each, GroupFit) for each in fits.values()):
         groups = {name: each for name, each in fits.items() if isinstance(each, GroupFit)}
         _check_same({name: each.likelihoods for name, each in groups.items()})
@@ -224,7 +220,7 @@ def compare_models(
         name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in people.items()}
         for name, people in ((name, _people(each)) for name, each in fits.items())
     }
-    return crossvalidated(optima, tell=tell)
+    return crossvalidated(optima)
 
 
 def crossvalidated(

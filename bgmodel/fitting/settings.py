@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -367,7 +367,11 @@ def settings_of(
     vary: Mapping[str, str] | None = None,
     **others: Any,
 ) -> FitSettings:
-    """Return checked settings from the arguments of ``fit``."""
+    """Return checked settings from the arguments of ``fit``; ValueError for an unknown name."""
+    known = {each.name for each in fields(FitSettings)}
+    for name in others:
+        if name not in known:
+            raise InputError(f"no option is called {name!r}; they are {', '.join(known)}", name)
     asked = FitSettings(
         free=_names(free),
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),

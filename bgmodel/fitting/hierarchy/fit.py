@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-HIERARCHY_SEED = 24_301
+HIERARCHY_SEED = 24_401
 """Seed of the chains."""
 FEWEST_PEOPLE, FEWEST_TRIALS = 3, 20
 """Smallest number of people, and of each person's responses."""

@@ -60,6 +60,7 @@ def fit_people(
     need_fit()
     whole("most_draws", most_draws, 1)
     whole("workers", workers, 1)
+    whole("chains_seed", chains_seed, 0)
     asked = settings_of(**options)
     if asked.pooled:
         raise InputError.of("pooled", "must be left out of a hierarchical fit", asked.pooled)
