@@ -282,7 +282,7 @@ def _crossvalidated(people: list[Peak]) -> Score:
 def _folded(likelihood: Likelihood, vector: Array) -> Array:
     """Return the log density of each trial under the fit without its part of the trials, nats."""
     freedom = likelihood.freedom
-    scale = Scale(freedom.low, freedom.high)
+    scale = Scale.of(freedom)
     design, fold = likelihood.design, folds(likelihood.design.observed.cell)
     start = scale.to(vector)
     flat = Group(np.zeros(len(start)), np.full(len(start), WIDE))

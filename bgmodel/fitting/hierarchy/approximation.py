@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,15 +10,15 @@ import numpy as np
 from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.optimum import Likelihood, starts_of
 from bgmodel.support.arrays import Array
 
-ROUNDS = 3
+ROUNDS = 2
 """Number of rounds of the EM algorithm that finds the start."""
 STEP = 0.02
 """Step of numerical gradients on the scale."""
-LOGISTIC = np.pi**2 / 3
-"""Variance of the logistic prior of means."""
+FLAT = 100.0
+"""Variance of the Gaussian that stands for the prior of means in proposals."""
 HEAVY = 8.0
 """Degrees of freedom of proposals: their tails are heavier than those of a posterior."""
 
@@ -105,7 +106,7 @@ class Expansion:
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
         precision = np.einsum("pai,pij,pbj->aibj", both, self.precision, both).reshape(size, size)
-        prior = np.repeat([1 / LOGISTIC, 1 / SPREAD**2], scores.shape[1])
+        prior = np.repeat([1 / FLAT, 1 / SPREAD**2], scores.shape[1])
         pull = np.einsum("pai,pi->ai", both, self.pull).ravel()
         return proposal_of(precision + np.diag(prior), pull)
 
@@ -133,12 +134,16 @@ class Proposal:
         return np.asarray(self.mean + widened[..., None] * away)
 
     def log_density(self, scaled: Array) -> Array:
-        """Return the log density of each, up to a constant."""
+        """Return the log density of each."""
+        from scipy.special import gammaln
+
         size = self.mean.shape[-1]
+        constant = gammaln((HEAVY + size) / 2) - gammaln(HEAVY / 2)
+        constant -= size / 2 * np.log(HEAVY * np.pi)
         away = np.einsum("...ij,...i->...j", self.root, scaled - self.mean)
         determinant = np.log(np.diagonal(self.root, axis1=-2, axis2=-1)).sum(axis=-1)
         distance = (away**2).sum(axis=-1)
-        return np.asarray(determinant - (HEAVY + size) / 2 * np.log1p(distance / HEAVY))
+        return np.asarray(constant + determinant - (HEAVY + size) / 2 * np.log1p(distance / HEAVY))
 
     @property
     def variances(self) -> Array:
@@ -152,6 +157,15 @@ def proposal_of(precision: Array, pull: Array) -> Proposal:
     return Proposal(np.asarray(mean, float), np.asarray(np.linalg.cholesky(precision), float))
 
 
+def estimates(likelihoods: Sequence[Likelihood]) -> Array:
+    """Return each person's parameters under a wide prior, (people, parameters), in their units."""
+    scale = Scale.of(likelihoods[0].freedom)
+    start = scale.to(np.array([starts_of(each)[-1] for each in likelihoods]))
+    wide = Group(start.mean(axis=0), np.full(start.shape[1], (2 * SPREAD) ** 2))
+    peaks = [Person(each, scale).peak(wide, x) for each, x in zip(likelihoods, start, strict=True)]
+    return scale.back(np.array(peaks))
+
+
 def started(people: list[Person], start: Array) -> tuple[Group, Expansion]:
     """Return the distribution of the group and the expansion around everyone's peak, by EM.
 
@@ -162,7 +176,7 @@ def started(people: list[Person], start: Array) -> tuple[Group, Expansion]:
     start : array (people, parameters)
         First estimates on the scale.
     """
-    points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], 1.0))
+    points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
         points = np.array([p.peak(group, x) for p, x in zip(people, points, strict=True)])
         slopes, precisions = zip(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
+from bgmodel.fitting.hierarchy.archive import Archive
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, joined
 from bgmodel.support import files
@@ -19,7 +20,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.processes import processes
 from bgmodel.support.seeds import stream
 
-CHAINS, WARM_UP, BLOCK, MOST = 4, 100, 200, 2000
+CHAINS, WARM_UP, BLOCK, MOST = 4, 200, 200, 2000
 """Number of chains, sweeps of each that are discarded, sweeps between two checks, and largest
 number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
@@ -27,6 +28,8 @@ FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 ARRAYS = ("mean", "sd", "scaled", "log_likelihood")
 
 Run = Callable[[list[State], int], list[tuple[State, Draws]]]
+Kept = tuple[Archive, list[State], list[Draws]]
+"""Archive of the warm-up, and state and draws of each chain."""
 
 _here: list[Sampler] = []
 
@@ -95,18 +98,25 @@ def sampled(
     tell : function
         Called with a text on the progress.
     """
-    with _runner(sampler, workers) as run:
-        kept = _kept(path)
-        if kept is None:
-            tell("warm-up")
-            firsts = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
-            states = [state for state, _ in run(firsts, WARM_UP)]
-            kept = _longer(states, [], run)
-        states, draws = kept
-        while not _ended(draws, most, tell):
+    kept = _kept(path)
+    if kept is None:
+        tell("warm-up")
+        firsts = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
+        with _runner(sampler, workers) as run:
+            kept = _warmed(run(firsts, WARM_UP))
+    archive, states, draws = kept
+    with _runner(replace(sampler, archive=archive), workers) as run:
+        while not draws or not _ended(draws, most, tell):
             states, draws = _longer(states, draws, run)
-            _keep(path, states, draws)
+            _keep(path, archive, states, draws)
     return draws
+
+
+def _warmed(found: list[tuple[State, Draws]]) -> Kept:
+    """Return the archive of a warm-up, without its first quarter, and the states at its end."""
+    late = [draws.scaled[len(draws) // 4 :] for _, draws in found]
+    archive = Archive(np.concatenate(late).swapaxes(0, 1))
+    return archive, [state for state, _ in found], []
 
 
 def _longer(states: list[State], draws: list[Draws], run: Run) -> tuple[list[State], list[Draws]]:
@@ -145,8 +155,8 @@ def _run(state: State, sweeps: int) -> tuple[State, Draws]:
     return _here[0].run(state, sweeps)
 
 
-def _keep(path: Path | None, states: list[State], draws: list[Draws]) -> None:
-    """Write the draws of all chains and their random numbers atomically."""
+def _keep(path: Path | None, archive: Archive, states: list[State], draws: list[Draws]) -> None:
+    """Write the archive, the draws of all chains and their random numbers atomically."""
     if path is None:
         return
     numbers = json.dumps([each.rng.bit_generator.state for each in states])
@@ -154,21 +164,21 @@ def _keep(path: Path | None, states: list[State], draws: list[Draws]) -> None:
         name: np.stack([getattr(each, name) for each in draws]) for name in ARRAYS
     }
     with files.replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, rng=np.array(numbers), **arrays)
+        np.savez(file, rng=np.array(numbers), archive=archive.draws, **arrays)
 
 
-def _kept(path: Path | None) -> tuple[list[State], list[Draws]] | None:
+def _kept(path: Path | None) -> Kept | None:
     """Return kept chains; None without a complete file."""
     if path is None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
             parts = [file[name] for name in ARRAYS]
-            numbers = json.loads(str(file["rng"]))
+            numbers, archive = json.loads(str(file["rng"])), Archive(file["archive"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
-    return [_restored(*each) for each in zip(draws, numbers, strict=True)], draws
+    return archive, [_restored(*each) for each in zip(draws, numbers, strict=True)], draws
 
 
 def _restored(draws: Draws, numbers: dict[str, Any]) -> State:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.hierarchy.approximation import Person, started
+from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
     FEWEST_EFFECTIVE,
@@ -23,7 +23,7 @@ from bgmodel.fitting.hierarchy.chains import (
 )
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
-from bgmodel.fitting.optimum import Likelihood, starts_of
+from bgmodel.fitting.optimum import Likelihood
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning, InputError
@@ -49,11 +49,14 @@ class GroupFit(Facts):
     ----------
     likelihoods : dict of str to Likelihood
         Likelihood of each person's trials.
+    scale : Scale
+        The scale on which people are Gaussian.
     chains : list of Draws
-        Draws from the posterior, on the scale on which people are Gaussian.
+        Draws from the posterior, on the scale.
     """
 
     likelihoods: dict[str, Likelihood]
+    scale: Scale
     chains: list[Draws]
 
     @property
@@ -65,11 +68,6 @@ class GroupFit(Facts):
     def parameters(self) -> list[str]:
         """Names of the parameters."""
         return next(iter(self.likelihoods.values())).freedom.names
-
-    @cached_property
-    def scale(self) -> Scale:
-        """The scale on which people are Gaussian."""
-        return _scale(self.likelihoods)
 
     @cached_property
     def agreement(self) -> Agreement:
@@ -217,11 +215,6 @@ def _middle(draws: Array, names: tuple[str, ...]) -> dict[str, Array]:
     return dict(zip(names, at, strict=True))
 
 
-def _scale(likelihoods: Mapping[str, Likelihood]) -> Scale:
-    first = next(iter(likelihoods.values())).freedom
-    return Scale(first.low, first.high)
-
-
 def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
     """Raise ValueError unless a group can be fitted: enough people and trials, same parameters."""
     if len(likelihoods) < FEWEST_PEOPLE:
@@ -263,8 +256,9 @@ def fit_group(
     """Fit a model to a group of people, with partial pooling of every parameter.
 
     Parameters of people are Gaussian on the scale of ``scale.Scale``, with a mean and a standard
-    deviation for each parameter; see ``group.Group`` for the priors. Chains run until they agree
-    (R-hat below 1.01, effective sample sizes of at least 400).
+    deviation for each parameter; see ``group.Group`` for the priors. The unit of the scale is set
+    by the median of separate estimates. Chains run until they agree (R-hat below 1.01, effective
+    sample sizes of at least 400).
 
     Parameters
     ----------
@@ -294,16 +288,17 @@ def fit_group(
         If the chains do not agree.
     """
     check_people(likelihoods)
-    scale = _scale(likelihoods)
-    people = [Person(each, scale) for each in likelihoods.values()]
-    tell(f"start of {len(people)} people")
-    first = np.array([scale.to(starts_of(each)[-1]) for each in likelihoods.values()])
-    group, expansion = started(people, first)
+    every = list(likelihoods.values())
+    tell(f"start of {len(every)} people")
+    first = estimates(every)
+    scale = Scale.of(every[0].freedom, np.median(first, axis=0))
+    people = [Person(each, scale) for each in every]
+    group, expansion = started(people, scale.to(first))
     chains = sampled(
         Sampler(people, expansion), group,
         seed=seed, workers=min(workers, CHAINS), most=most_draws, path=path, tell=tell,
     )  # fmt: skip
-    found = GroupFit(dict(likelihoods), chains)
+    found = GroupFit(dict(likelihoods), scale, chains)
     for caution in found.cautions():
         FitWarning.warn(caution)
     return found

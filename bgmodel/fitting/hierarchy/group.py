@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.scale import log_logistic
+from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.arrays import Array
 
-SPREAD, FREEDOM = 1.0, 3.0
-"""Scale and degrees of freedom of the half-t prior of standard deviations between people."""
+SPREAD, FREEDOM = 2.0, 3.0
+"""Scale and degrees of freedom of the half-t prior of standard deviations between people: on the
+scale, where the default value of a parameter is 4 above its lower bound."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +43,14 @@ class Group:
 
         Notes
         -----
-        The prior of each mean is logistic on the scale, that is, uniform over the range of the
-        parameter; that of each standard deviation is half-t with ``FREEDOM`` degrees of freedom
-        and scale ``SPREAD`` (Gelman 2006), a mixture of inverse gammas (Wand et al. 2011). The
-        logistic prior is reached by accepting or rejecting the draw under a flat one.
+        The prior of each mean is uniform over the range of the parameter; that of each standard
+        deviation is half-t with ``FREEDOM`` degrees of freedom and scale ``SPREAD`` (Gelman 2006),
+        a mixture of inverse gammas (Wand et al. 2011). The prior of the mean, which is not uniform
+        on the scale, accepts or rejects a draw under one that is.
         """
         people, size = scaled.shape
         asked = scaled.mean(axis=0) + np.sqrt(self.variance / people) * rng.normal(size=size)
-        ratio = log_logistic(asked) - log_logistic(self.mean)
+        ratio = log_uniform(asked) - log_uniform(self.mean)
         mean = np.where(np.log(rng.uniform(size=size)) < ratio, asked, self.mean)
         rate = FREEDOM / self.variance + 1 / SPREAD**2
         mixing = rate / rng.gamma((FREEDOM + 1) / 2, size=size)
@@ -61,7 +62,7 @@ class Group:
     def log_own_prior(self) -> float:
         """Return the log prior density of means and standard deviations, up to a constant."""
         tails = (FREEDOM + 1) / 2 * np.log1p(self.variance / (FREEDOM * SPREAD**2))
-        return float((log_logistic(self.mean) - tails).sum())
+        return float((log_uniform(self.mean) - tails).sum())
 
 
 def group_of(means: Array, variances: Array | None = None) -> Group:
@@ -78,5 +79,5 @@ def group_of(means: Array, variances: Array | None = None) -> Group:
     if variances is not None:
         spread = spread + variances.mean(axis=0)
     people = len(means)
-    pulled = (people * spread + FREEDOM * SPREAD**2 / 10) / (people + FREEDOM)
+    pulled = (people * spread + FREEDOM * SPREAD**2 / 20) / (people + FREEDOM)
     return Group(means.mean(axis=0), np.asarray(pulled))

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.approximation import Expansion, Person
+from bgmodel.fitting.hierarchy.approximation import Expansion, Person, Proposal
+from bgmodel.fitting.hierarchy.archive import Archive
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.support.arrays import Array
+
+SINGLE, EARLIER = 0.25, 0.5
+"""Share of proposals that change one parameter of a person, and of the others that are near earlier
+draws."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +80,16 @@ class Sampler:
         Exact likelihood of each person's trials.
     expansion : Expansion
         Its approximation.
+    archive : Archive, optional
+        Draws of the warm-up.
 
     Notes
     -----
     A sweep has three steps. It draws each person's parameters given the group: the proposal is the
-    approximate likelihood times the distribution of the group, with heavier tails, which the exact
-    likelihood accepts or rejects. It draws the group given its people. And it draws the group's
+    approximate likelihood times the distribution of the group, with heavier tails, or, in a share
+    ``SINGLE`` of proposals, one parameter from the distribution of the group, which reaches the
+    long tails of parameters that the trials hardly determine. The exact likelihood accepts or
+    rejects it. It draws the group given its people. And it draws the group's
     means and standard deviations once more with everyone's standard scores fixed, so that everyone
     moves with them (interweaving, Yu & Meng 2011): parameters that one person's trials hardly
     determine would mix slowly without it.
@@ -87,6 +97,14 @@ class Sampler:
 
     people: list[Person]
     expansion: Expansion
+    archive: Archive | None = None
+
+    @cached_property
+    def vague(self) -> Array:
+        """How little one person's trials determine each parameter, (parameters,), sums to 1."""
+        apart = np.diagonal(self.expansion.precision, axis1=1, axis2=2).mean(axis=0)
+        share = 1 / (1 + apart * self.expansion.point.var(axis=0))
+        return np.asarray(share / share.sum())
 
     def first(self, group: Group, rng: np.random.Generator) -> State:
         """Return a first state, drawn from the approximation."""
@@ -114,12 +132,36 @@ class Sampler:
         group, now, rng = state.group, state.scaled, state.rng
         proposal = self.expansion.times(group)
         asked = proposal.draw(rng)
+        if self.archive is not None:
+            earlier = rng.random(len(now)) < EARLIER
+            asked = np.where(earlier[:, None], self.archive.draw(rng), asked)
+        single = rng.random(len(now)) < SINGLE
+        asked = np.where(single[:, None], self._single(state), asked)
         log = self._logs(asked)
-        gain = log + group.log_prior(asked) - proposal.log_density(asked)
-        gain -= state.log + group.log_prior(now) - proposal.log_density(now)
+        gain = log - state.log
+        # A parameter drawn from the group: its density cancels that of the prior.
+        apart = self._density(proposal, asked) - self._density(proposal, now)
+        gain += np.where(single, 0.0, group.log_prior(asked) - group.log_prior(now) - apart)
         taken = np.log(rng.uniform(size=len(gain))) < gain
         scaled = np.where(taken[:, None], asked, now)
         return State(group, scaled, np.where(taken, log, state.log), rng)
+
+    def _density(self, proposal: Proposal, scaled: Array) -> Array:
+        """Return the log density of proposals at everyone's parameters, (people,)."""
+        near = proposal.log_density(scaled)
+        if self.archive is None:
+            return near
+        earlier = self.archive.log_density(scaled)
+        return np.logaddexp(np.log(1 - EARLIER) + near, np.log(EARLIER) + earlier)
+
+    def _single(self, state: State) -> Array:
+        """Return everyone's parameters with one of them drawn from the group, (people, ...)."""
+        group, rng, places = state.group, state.rng, np.arange(len(state.scaled))
+        which = rng.choice(len(self.vague), size=len(places), p=self.vague)
+        asked = state.scaled.copy()
+        sd = np.sqrt(group.variance[which])
+        asked[places, which] = group.mean[which] + sd * rng.normal(size=len(places))
+        return asked
 
     def _together(self, state: State) -> State:
         """Draw the group given everyone's standard scores."""

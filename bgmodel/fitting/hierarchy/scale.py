@@ -1,4 +1,4 @@
-"""The scale on which people differ: parameters with a range become numbers without one."""
+"""The scale on which people differ: linear, except near the lower end of a parameter's range."""
 
 from __future__ import annotations
 
@@ -6,50 +6,71 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bgmodel.fitting.parameters import ParameterSpace
 from bgmodel.support.arrays import Array
 
-FURTHEST = 12.0
-"""Largest distance from the middle of a range on the scale: 6e-6 of the range from its end."""
+LOWEST = -12.0
+"""Lowest position on the scale: 6e-6 units above the lower end of the range."""
+PARTS = 4
+"""Typical value of a parameter above the lower end of its range, in units of the scale."""
+SHARES = ("lapse",)
+"""Parameters in which people differ by factors: their unit is ``1 / PARTS`` of the range, so that
+their scale is nearly logarithmic."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """The log odds of the position of each parameter within its range.
+    """A parameter is ``low + unit log(1 + exp(x))`` at position x on the scale.
 
-    For a parameter far below its upper bound this is nearly its logarithm. A logistic
-    distribution on the scale is a uniform one over the range.
+    Well above its lower bound it is linear in x, so that people are Gaussian in the parameter
+    itself; near the bound, which it cannot cross, it is exponential.
 
     Parameters
     ----------
     low, high : array (parameters,)
-        Bounds of the parameters.
+        Bounds of the parameters. Beyond the upper one the parameter stays there.
+    unit : array (parameters,)
+        Unit of the scale.
     """
 
     low: Array
     high: Array
+    unit: Array
+
+    @classmethod
+    def of(cls, space: ParameterSpace, typical: Array | None = None) -> Scale:
+        """Return the scale for the free parameters of a fit.
+
+        Parameters
+        ----------
+        space : ParameterSpace
+            The free parameters.
+        typical : array (parameters,), optional
+            Typical values, by default the default ones. Where they are at the lower bound, a fifth
+            of the range is used.
+        """
+        width = space.high - space.low
+        above = (space.start if typical is None else typical) - space.low
+        above = np.where(above > 1e-3 * width, above, width / 5)
+        shares = [each.parameter.name in SHARES for each in space.moved]
+        return cls(space.low, space.high, np.where(shares, width, above) / PARTS)
 
     def to(self, natural: Array) -> Array:
         """Return parameters (..., parameters) on the scale."""
-        place = (np.asarray(natural, float) - self.low) / (self.high - self.low)
+        height = (np.asarray(natural, float) - self.low) / self.unit
         with np.errstate(divide="ignore"):
-            odds = np.log(place) - np.log1p(-place)
-        return np.asarray(np.clip(odds, -FURTHEST, FURTHEST))
+            found = height + np.log(-np.expm1(-height))
+        return np.asarray(np.maximum(found, LOWEST))
 
     def back(self, scaled: Array) -> Array:
         """Return parameters (..., parameters) in their own units."""
-        from scipy.special import expit
-
-        return np.asarray(self.low + (self.high - self.low) * expit(scaled))
+        return np.asarray(np.minimum(self.low + self.unit * np.logaddexp(0, scaled), self.high))
 
     def slope(self, scaled: Array) -> Array:
         """Return the derivative of a parameter by its position on the scale."""
-        from scipy.special import expit
-
-        share = expit(scaled)
-        return np.asarray((self.high - self.low) * share * (1 - share))
+        return np.asarray(self.unit * np.exp(log_uniform(scaled)))
 
 
-def log_logistic(scaled: Array) -> Array:
-    """Return the log density of the standard logistic distribution."""
-    size = np.abs(scaled)
-    return np.asarray(-size - 2 * np.log1p(np.exp(-size)))
+def log_uniform(scaled: Array) -> Array:
+    """Return the log density on the scale of a uniform distribution, up to a constant."""
+    return np.asarray(-np.logaddexp(0, -np.asarray(scaled)))

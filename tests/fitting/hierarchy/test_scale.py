@@ -2,24 +2,29 @@
 
 import numpy as np
 import pytest
-from scipy.stats import logistic
 
-from bgmodel.fitting.hierarchy.scale import FURTHEST, Scale, log_logistic
+from bgmodel.fitting.hierarchy.scale import LOWEST, PARTS, Scale, log_uniform
+from bgmodel.fitting.parameters import Parameter, freedom
 
-SCALE = Scale(np.array([0.1, 0.001]), np.array([8.0, 0.2]))
+SPACE = freedom([Parameter("bound", 0.1, 8.0, 0.7), Parameter("spread", 0.0, 5.0, 0.0)], {}, 1)
+SCALE = Scale.of(SPACE)
+
+
+def test_unit_is_a_part_of_the_default_value_above_the_lower_bound():
+    assert SCALE.unit == pytest.approx([0.6 / PARTS, 1 / PARTS])
 
 
 def test_it_returns_to_where_it_came_from():
-    natural = np.array([[0.7, 0.01], [7.9, 0.1999]])
+    natural = np.array([[0.7, 0.01], [7.9, 4.0]])
     assert SCALE.back(SCALE.to(natural)) == pytest.approx(natural)
 
 
-def test_bounds_are_finite_and_within_the_range():
-    scaled = SCALE.to(np.array([[0.1, 0.2]]))
-    assert scaled.tolist() == [[-FURTHEST, FURTHEST]]
-    back = SCALE.back(scaled)
-    assert (back > SCALE.low).all()
-    assert (back < SCALE.high).all()
+def test_ends_of_the_range_are_finite_and_never_crossed():
+    scaled = SCALE.to(np.array([[0.1, 0.0], [8.0, 5.0]]))
+    assert scaled[0].tolist() == [LOWEST, LOWEST]
+    back = SCALE.back(np.array([[-50.0, -50.0], [1e4, 1e4]]))
+    assert (back[0] >= SPACE.low).all()
+    assert back[1].tolist() == SPACE.high.tolist()
 
 
 def test_slope_is_the_derivative():
@@ -28,15 +33,13 @@ def test_slope_is_the_derivative():
     assert SCALE.slope(at) == pytest.approx(numeric)
 
 
-def test_far_below_the_upper_bound_it_is_nearly_a_logarithm():
-    wide = Scale(np.zeros(1), np.full(1, 1000.0))
-    ratio = wide.to(np.array([2.0])) - wide.to(np.array([1.0]))
-    assert ratio == pytest.approx(np.log(2), abs=2e-3)
+def test_well_above_the_lower_bound_it_is_linear():
+    at = np.array([[6.0, 6.0], [9.0, 9.0]])
+    assert np.diff(SCALE.back(at), axis=0)[0] == pytest.approx(3 * SCALE.unit, rel=1e-3)
 
 
-def test_a_logistic_distribution_on_the_scale_is_uniform_in_the_range():
+def test_a_uniform_distribution_has_the_density_of_the_slope():
     at = np.linspace(-4, 4, 9)
-    assert log_logistic(at) == pytest.approx(logistic.logpdf(at))
-    one = Scale(np.zeros(1), np.ones(1))
-    density = np.exp(log_logistic(at)) / one.slope(at)
-    assert density == pytest.approx(np.ones(9))
+    assert np.exp(log_uniform(at)) == pytest.approx(
+        (np.logaddexp(0, at + 1e-6) - np.logaddexp(0, at - 1e-6)) / 2e-6
+    )
