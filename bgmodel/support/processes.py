@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
+from typing import Any
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @contextmanager
 def processes(
-    workers: int, receive: Callable[..., object] | None = None, held: tuple[object, ...] = ()
+    workers: int, receive: Callable[..., object] | None = None, held: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
     """Yield a pool of processes, one thread each; after an error their work is dropped.
 
@@ -28,7 +29,7 @@ def processes(
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))
     context = get_context("spawn")
-    with ProcessPoolExecutor(workers, context, receive, held) as pool:
+    with ProcessPoolExecutor(workers, context, initializer=receive, initargs=held) as pool:
         try:
             yield pool
         except BaseException:

@@ -53,7 +53,9 @@ def labelled(
     people = list(likelihoods)
     chains, draws, _ = log_likelihood.shape
     axes = {"chain": np.arange(chains), "draw": np.arange(draws)}
-    posterior = {name: (("chain", "draw"), values) for name, values in group.items()}
+    posterior: dict[str, tuple[tuple[str, ...], Array]] = {
+        name: (("chain", "draw"), values) for name, values in group.items()
+    }
     posterior |= {
         f"{name}_of": (("chain", "draw", "participant"), values)
         for name, values in individual.items()

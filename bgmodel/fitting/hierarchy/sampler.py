@@ -152,7 +152,8 @@ class Sampler:
         if self.archive is None:
             return near
         earlier = self.archive.log_density(scaled)
-        return np.logaddexp(np.log(1 - EARLIER) + near, np.log(EARLIER) + earlier)
+        both = np.log(1 - EARLIER) + near, np.log(EARLIER) + earlier
+        return np.asarray(np.logaddexp(*both))
 
     def _single(self, state: State) -> Array:
         """Return everyone's parameters with one of them drawn from the group, (people, ...)."""
