@@ -34,7 +34,7 @@ PLANNING_SEED, SCORING_SEED = 47_101, 47_201
 """Seeds of the expected factors, which give the numbers of trials, and of scored observers."""
 MANY = {RANDOM: 1000, DESIGNED: 600}
 """Trials from which factors are expected."""
-NEEDED = {RANDOM: 520, DESIGNED: 120}
+NEEDED = {RANDOM: 520, DESIGNED: 80}
 """Trials that the expected factors imply for those pairs of models that can be told apart."""
 FEW = 30
 """Trials at which no model should be preferred."""

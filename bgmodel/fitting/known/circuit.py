@@ -130,7 +130,7 @@ class KnownCircuit:
         return np.asarray(self.gains[usable])
 
     def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
-        """Return OUT (runs, trials, readings, alternatives) at one gain."""
+        """Return OUT (runs, seen readings, alternatives) at one gain."""
         from bgmodel.fitting.known.intervals import lowest_between
 
         evidence, step_s = on_grid(trials, leak_hz)
@@ -151,7 +151,7 @@ class KnownCircuit:
                         trace.out_nats, time_s, starts[trial], ends[trial], trials.seen[trial]
                     )
                     at += some.trials
-        return found
+        return np.asarray(found[:, *trials.seen_places])
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Simulated:
 
     Parameters
     ----------
-    stored : array (gains, runs, trials, readings, alternatives)
+    stored : array (gains, runs, seen readings, alternatives)
         The lowest OUT after each reading, until the next.
     gains : array (gains,)
         The gains.
@@ -170,7 +170,7 @@ class Simulated:
     gains: Array
 
     def out(self, values: Values) -> Array:
-        """Return OUT (runs, trials, readings, alternatives) at a gain between those stored."""
+        """Return OUT (runs, seen readings, alternatives) at a gain between those stored."""
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(np.log(self.gains), np.eye(len(self.gains)))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bgmodel.fitting.known.models import Values, read
+from bgmodel.fitting.known.models import Values
 from bgmodel.fitting.known.trials import intervals
 from bgmodel.support.arrays import Array, Truths
 
@@ -63,9 +63,11 @@ class _Answered:
 
     def __init__(self, likelihood: KnownLikelihood, values: Values) -> None:
         self.values, self.span_s = values, likelihood.trials.span_s
-        self.mass = likelihood.decisions(values)[0].sum(axis=2)
-        _, time_s = read(likelihood.trials)
-        self.at_s = np.where(np.isfinite(time_s), time_s, 0.0)
+        trials = likelihood.trials
+        shape = (trials.trials, max(int(trials.seen.max()), 1))
+        self.mass, self.at_s = np.zeros(shape), np.zeros(shape)
+        self.mass[trials.seen_places] = likelihood.decisions(values)[0].sum(axis=1)
+        self.at_s[trials.seen_places] = trials.seen_s
 
     def __call__(self, by_s: Array, chosen: Truths) -> Array:
         """Return the probability by a time (trials,) in some trials."""

@@ -72,10 +72,10 @@ class KnownLikelihood:
     _kept: dict[tuple[float, ...], tuple[Array, Array]] = field(default_factory=dict, repr=False)
 
     @cached_property
-    def _read(self) -> tuple[Array, Array]:
-        """Readings before the response, and how many cues of a run come after its first."""
-        values, time_s = read(self.trials)
-        return time_s, np.maximum(runs_of_cues(values) - 1.0, 0.0)
+    def _more_cues(self) -> Array:
+        """How many cues of a run come after its first, (seen readings, alternatives)."""
+        values, _ = read(self.trials)
+        return np.maximum(runs_of_cues(values)[self.trials.seen_places] - 1.0, 0.0)
 
     def values(self, vector: Array) -> dict[str, float]:
         """Return all parameters by name from the free ones."""
@@ -85,7 +85,7 @@ class KnownLikelihood:
     def decisions(self, values: Values) -> tuple[Array, Array]:
         """Return the probability of a decision at each reading, and of none.
 
-        Shapes as for ``hazard.decisions``.
+        Shapes as for ``hazard.decisions``: (seen readings, alternatives) and (trials,).
         """
         key = tuple(value for name, value in values.items() if name not in RESPONSES)
         if key not in self._kept:
@@ -99,16 +99,14 @@ class KnownLikelihood:
         # Importing Numba takes most of a second: only when it is used.
         from bgmodel.fitting.known.hazard import decisions
 
-        time_s, runs = self._read
         out = self.outputs.out(values)
         if values[RUN.name]:
-            out = out - values[RUN.name] * runs
-        known = np.where(np.isfinite(time_s), time_s, 0.0)
-        level = self.model.sign * values["threshold"] + values[URGENCY.name] * known
+            out = out - values[RUN.name] * self._more_cues
+        level = self.model.sign * values["threshold"] + values[URGENCY.name] * self.trials.seen_s
         bias = [0.0, *(values[f"{BIAS}{name}"] for name in self.trials.names[1:])]
         return decisions(
             np.ascontiguousarray(out), level, np.array(bias), values["noise"],
-            self.trials.seen, self.trials.ends,
+            self.trials.offsets, self.trials.ends,
         )  # fmt: skip
 
     def density(self, values: Values) -> tuple[Array, Array]:
@@ -120,13 +118,14 @@ class KnownLikelihood:
             For each alternative at the trial's response time; 0 in trials without a response.
         none : array (trials,)
         """
+        from bgmodel.fitting.known.hazard import delayed
+
         decided, left = self.decisions(values)
-        time_s, rt_s = self._read[0], self.trials.rt_s
-        lag = np.nan_to_num(rt_s)[:, None] - np.where(np.isfinite(time_s), time_s, 0.0)
-        sd = values["t0_sd_s"]
-        late = np.exp(-0.5 * ((lag - values["t0_s"]) / sd) ** 2) / (sd * np.sqrt(2 * np.pi))
-        found = (1 - values["lapse"]) * np.einsum("tki,tk->ti", decided, late)
-        found += values["lapse"] / (self.trials.alternatives * self.trials.span_s)
+        trials, rt_s = self.trials, self.trials.rt_s
+        found = (1 - values["lapse"]) * delayed(
+            decided, trials.seen_s, rt_s, trials.offsets, values["t0_s"], values["t0_sd_s"]
+        )
+        found += values["lapse"] / (trials.alternatives * trials.span_s)
         answered = np.isfinite(rt_s)
         return np.where(answered[:, None], found, 0.0), (1 - values["lapse"]) * left
 

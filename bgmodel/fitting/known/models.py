@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,7 +28,10 @@ class Outputs(Protocol):
     """OUT of a model on the readings of some trials."""
 
     def out(self, values: Values) -> Array:
-        """Return OUT (runs, trials, readings, alternatives) at values of the parameters."""
+        """Return OUT (runs, seen readings, alternatives) at values of the parameters.
+
+        The readings of all trials that come before the response follow one another.
+        """
         ...
 
     def parts(self) -> list[Outputs]:
@@ -63,15 +67,33 @@ class KnownModel(Protocol):
 
 @dataclass(frozen=True)
 class Exact:
-    """OUT computed from the readings of each trial, without simulation."""
+    """OUT computed from the readings of each trial, without simulation.
 
-    log_likelihood: Array
-    time_s: Array
+    Parameters
+    ----------
+    trials : KnownTrials
+        The trials.
+    model : Test, LeakySum or Runs
+        The model.
+    """
+
+    trials: KnownTrials
     model: Test | LeakySum | Runs
 
     def out(self, values: Values) -> Array:
-        """Return OUT (1, trials, readings, alternatives)."""
-        return self.model.of(self.log_likelihood, self.time_s, values)[None]
+        """Return OUT (1, seen readings, alternatives)."""
+        leak_hz = values.get(LEAK.name, 0.0) if self.model.sums else 0.0
+        if leak_hz == 0:
+            return self.model.of(self._without_leak, values)[None]
+        sums = leaky_sums(*read(self.trials), leak_hz)
+        return self.model.of(sums[self.trials.seen_places], values)[None]
+
+    @cached_property
+    def _without_leak(self) -> Array:
+        """Sums without a leak, or lengths of runs, after each seen reading."""
+        values, time_s = read(self.trials)
+        found = leaky_sums(values, time_s) if self.model.sums else runs_of_cues(values)
+        return np.asarray(found[self.trials.seen_places])
 
     def parts(self) -> list[Outputs]:
         """Return an empty list: nothing is simulated."""
@@ -96,6 +118,7 @@ class Test:
 
     name: str = "msprt"
     sign: int = 1
+    sums: bool = True
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return gain, leak (0 unless it is freed), threshold and noise."""
@@ -107,14 +130,13 @@ class Test:
             Parameter("noise", 0.002, 2 * top, 0.1 * top, "scale of the noise of OUT, nats"),
         )
 
-    def of(self, log_likelihood: Array, time_s: Array, values: Values) -> Array:
-        """Return OUT after each reading, (trials, readings, alternatives) nats."""
-        sums = leaky_sums(log_likelihood, time_s, values["leak_hz"])
+    def of(self, sums: Array, values: Values) -> Array:
+        """Return OUT, nats, from sums of readings (..., alternatives)."""
         return minus_log_softmax(values["gain"] * sums)
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
         """Return its OUT on some trials."""
-        return Exact(*read(trials), self)
+        return Exact(trials, self)
 
     def identity(self) -> dict[str, Any]:
         """Return its name."""
@@ -133,6 +155,7 @@ class LeakySum:
 
     name: str = "leaky_sum"
     sign: int = -1
+    sums: bool = True
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return leak, threshold and noise."""
@@ -142,14 +165,13 @@ class LeakySum:
             Parameter("noise", 0.002, 50.0, 0.3, "scale of the noise of the lead, nats"),
         )
 
-    def of(self, log_likelihood: Array, time_s: Array, values: Values) -> Array:
-        """Return the mean minus each sum, (trials, readings, alternatives) nats."""
-        sums = leaky_sums(log_likelihood, time_s, values["leak_hz"])
-        return np.asarray(sums.mean(axis=2, keepdims=True) - sums)
+    def of(self, sums: Array, values: Values) -> Array:
+        """Return the mean minus each sum, nats, from sums of readings (..., alternatives)."""
+        return np.asarray(sums.mean(axis=-1, keepdims=True) - sums)
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
         """Return its OUT on some trials."""
-        return Exact(*read(trials), self)
+        return Exact(trials, self)
 
     def identity(self) -> dict[str, Any]:
         """Return its name."""
@@ -165,6 +187,7 @@ class Runs:
 
     name: str = "run"
     sign: int = -1
+    sums: bool = False
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return threshold and noise, in cues."""
@@ -173,13 +196,13 @@ class Runs:
             Parameter("noise", 0.02, 50.0, 0.5, "scale of the noise of that length, cues"),
         )
 
-    def of(self, log_likelihood: Array, time_s: Array, values: Values) -> Array:
-        """Return minus the length of runs, (trials, readings, alternatives)."""
-        return -runs_of_cues(log_likelihood)
+    def of(self, runs: Array, values: Values) -> Array:
+        """Return minus the lengths of runs (..., alternatives)."""
+        return -runs
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
         """Return its OUT on some trials."""
-        return Exact(*read(trials), self)
+        return Exact(trials, self)
 
     def identity(self) -> dict[str, Any]:
         """Return its name."""

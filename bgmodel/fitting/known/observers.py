@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.known.accumulation import runs_of_cues
+from bgmodel.fitting.known.accumulation import leaky_sums, runs_of_cues
 from bgmodel.fitting.known.likelihood import BIAS, RUN, URGENCY
 from bgmodel.fitting.known.models import LeakySum, Runs, Test
 from bgmodel.fitting.known.table import Readings
@@ -66,21 +66,24 @@ def observed(
     from bgmodel.fitting.known.hazard import decisions
 
     every = {"gain": 1.0, "leak_hz": 0.0, URGENCY.name: 0.0, RUN.name: 0.0, **values}
-    out = model.of(readings.log_likelihood, readings.time_s, every)
-    out = out - every[RUN.name] * np.maximum(runs_of_cues(readings.log_likelihood) - 1, 0)
-    time_s = np.where(np.isfinite(readings.time_s), readings.time_s, 0.0)
-    level = model.sign * every["threshold"] + every[URGENCY.name] * time_s
+    likely, time_s = readings.log_likelihood, readings.time_s
+    read = np.arange(time_s.shape[1]) < readings.lengths[:, None]
+    runs = runs_of_cues(likely)
+    state = leaky_sums(likely, time_s, every["leak_hz"]) if model.sums else runs
+    out = model.of(state, every) - every[RUN.name] * np.maximum(runs - 1, 0)
+    level = model.sign * every["threshold"] + every[URGENCY.name] * time_s[read]
     bias = np.array([0.0, *(every.get(f"{BIAS}{name}", 0.0) for name in readings.names[1:])])
-    ends = np.full(len(level), forced)
-    decided, _ = decisions(
-        np.ascontiguousarray(out[None]), level, bias, every["noise"], readings.lengths, ends
-    )
+    offsets = np.concatenate([[0], np.cumsum(readings.lengths)])
+    ends = np.full(len(likely), forced)
+    found, _ = decisions(out[read][None], level, bias, every["noise"], offsets, ends)
+    decided = np.zeros(out.shape)
+    decided[read] = found
     rng = stream(seed, "known evidence", model.name)
     flat = np.cumsum(decided.reshape(len(decided), -1), axis=1)
     at = (flat < rng.random(len(flat))[:, None]).sum(axis=1)
     none = at >= flat.shape[1]
     reading, choice = np.divmod(np.minimum(at, flat.shape[1] - 1), len(readings.names))
-    when = time_s[np.arange(len(at)), reading]
+    when = np.where(read, time_s, 0.0)[np.arange(len(at)), reading]
     return responding(
         readings, np.where(none, -1, choice), np.where(none, np.nan, when), every, rng, forced
     )

@@ -162,7 +162,7 @@ def _at_decisions(likelihood: KnownLikelihood, out: Array, t0_s: float) -> tuple
     some = np.flatnonzero((trials.choice >= 0) & (trials.seen > 0))
     before = trials.time_s[some] <= (trials.rt_s[some] - t0_s)[:, None]
     at = np.clip(before.sum(axis=1), 1, trials.seen[some]) - 1
-    chosen = out[some, at, trials.choice[some]]
+    chosen = out[trials.offsets[some] + at, trials.choice[some]]
     lower, middle, upper = np.quantile(chosen, [0.25, 0.5, 0.75])
     return float(middle), max(float(upper - lower) / 2, 1e-3)
 

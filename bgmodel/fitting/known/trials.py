@@ -138,6 +138,22 @@ class KnownTrials(Facts):
         return np.asarray(before.sum(axis=1))
 
     @cached_property
+    def seen_places(self) -> tuple[Integers, Integers]:
+        """Trial and number, from 0, of each reading before the response, in order."""
+        places = np.nonzero(np.arange(max(int(self.seen.max()), 1)) < self.seen[:, None])
+        return places[0], places[1]
+
+    @cached_property
+    def offsets(self) -> Integers:
+        """Place of the first seen reading of each trial among all, and their number."""
+        return np.concatenate([[0], np.cumsum(self.seen)])
+
+    @cached_property
+    def seen_s(self) -> Array:
+        """Time of each reading before the response, in order, s."""
+        return np.asarray(self.time_s[self.seen_places])
+
+    @cached_property
     def ends(self) -> Truths:
         """Whether the last seen reading forces a response, (trials,)."""
         return np.asarray(self.forced & (self.seen == self.lengths))
