@@ -33,11 +33,11 @@ def lowest_between(out: Reals, time_s: Array, starts: Array, ends: Array, seen: 
     for trial in range(trials):
         tick = 0
         for k in range(seen[trial]):
-            while tick < ticks - 1 and time_s[tick] <= starts[trial, k] + 1e-9:
+            while tick < ticks - 1 and time_s[tick] < starts[trial, k] - 1e-9:
                 tick += 1
             for i in range(count):
                 lowest[trial, k, i] = out[trial, tick, i]
-            while tick < ticks and time_s[tick] <= ends[trial, k] + 1e-9:
+            while tick < ticks and time_s[tick] < ends[trial, k] - 1e-9:
                 for i in range(count):
                     lowest[trial, k, i] = min(lowest[trial, k, i], out[trial, tick, i])
                 tick += 1

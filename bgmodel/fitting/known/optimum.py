@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.known.likelihood import KnownLikelihood
+from bgmodel.fitting.parameters import AT_BOUND
 from bgmodel.support.arrays import Array, Truths
 
 STEP = 1e-4
@@ -66,7 +67,18 @@ class KnownOptimum:
     @property
     def at_bound(self) -> Truths:
         """Which parameters are at a bound of their range."""
-        return self.likelihood.freedom.at_bound(self.vector)
+        return at_bound(self.likelihood, self.vector)
+
+
+def at_bound(likelihood: KnownLikelihood, vector: Array) -> Truths:
+    """Return which parameters are at a bound, to a thousandth of the bound itself.
+
+    Ranges are far wider than likely values: a share of the range would be no measure.
+    """
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    least = 1e-6 * (high - low)
+    lower = vector - low < AT_BOUND * np.abs(low) + least
+    return np.asarray(lower | (high - vector < AT_BOUND * np.abs(high) + least))
 
 
 def known_optimum(likelihood: KnownLikelihood) -> KnownOptimum:
@@ -107,7 +119,7 @@ def _polished(likelihood: KnownLikelihood, vector: Array, value: float) -> tuple
     low, high = likelihood.freedom.low, likelihood.freedom.high
     evaluations, damping = 0, 1e-3
     for _ in range(POLISHED):
-        inside = ~likelihood.freedom.at_bound(vector)
+        inside = ~at_bound(likelihood, vector)
         scores = _scores(likelihood, vector, inside)
         information, slope = scores.T @ scores, scores.sum(axis=0)
         evaluations += 2 * len(slope)

@@ -14,7 +14,8 @@ from tests.known_trials import TRUTH, simulated
 def fitted(trials, model="msprt", **options):
     optimum = known_optimum(known_likelihood(EXACT[model], trials, **options))
     names = optimum.likelihood.freedom.names
-    return optimum, dict(zip(names, zip(optimum.vector, optimum.standard_errors, strict=True)))
+    pairs = zip(optimum.vector, optimum.standard_errors, strict=True)
+    return optimum, dict(zip(names, pairs, strict=True))
 
 
 @pytest.mark.parametrize(("channels", "model"), [(2, "msprt"), (4, "msprt")])
