@@ -65,6 +65,7 @@ def draw_known(
     axes[2].invert_xaxis()
     for ax, text in zip(axes, TITLES, strict=True):
         ax.set_title(text)
+        ax.locator_params(axis="x", integer=True)
     figure.legend(loc="outside lower center", ncols=5)
     figure.suptitle(f"{title}; bars: 95 % intervals", x=0.01, ha="left")
     return figure

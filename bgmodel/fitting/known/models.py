@@ -126,8 +126,8 @@ class Test:
         return (
             replace(GAIN, free=alternatives > 2),
             LEAK,
-            Parameter("threshold", 0.001, 1.5 * top, 0.3 * top, "OUT at a decision, nats"),
-            Parameter("noise", 0.002, 2 * top, 0.1 * top, "scale of the noise of OUT, nats"),
+            Parameter("threshold", 1e-5, 1.5 * top, 0.3 * top, "OUT at a decision, nats"),
+            Parameter("noise", 1e-5, 2 * top, 0.1 * top, "scale of the noise of OUT, nats"),
         )
 
     def of(self, sums: Array, values: Values) -> Array:
@@ -162,7 +162,7 @@ class LeakySum:
         return (
             Parameter("leak_hz", LEAK.low, LEAK.high, 0.5, LEAK.about),
             Parameter("threshold", 0.01, 100.0, 1.0, "lead over the mean at a decision, nats"),
-            Parameter("noise", 0.002, 50.0, 0.3, "scale of the noise of the lead, nats"),
+            Parameter("noise", 0.001, 50.0, 0.3, "scale of the noise of the lead, nats"),
         )
 
     def of(self, sums: Array, values: Values) -> Array:

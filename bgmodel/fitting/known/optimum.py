@@ -21,6 +21,8 @@ SHORT, LONG = 8, 200
 """Iterations of the search from each start, and from the best of the points reached."""
 POLISHED, MOST_DAMPING, TOLERANCE_NATS = 20, 1e3, 1e-3
 """Most steps along the scores, their largest damping, and the gain below which they end."""
+LOGARITHMIC = ("threshold", "noise")
+"""Parameters that are searched by their logarithm: they may be small compared with their range."""
 SINGULAR = 1e-10
 
 
@@ -103,15 +105,22 @@ def _searched(
     from scipy.optimize import minimize
 
     low, high = likelihood.freedom.low, likelihood.freedom.high
-    scale = _scale(likelihood, start)
+    scale, logs = _scale(likelihood, start), _logarithmic(likelihood)
+
+    def inner(vector: Array) -> Array:
+        return np.where(logs, np.log(np.where(logs, vector, 1.0)), vector / scale)
+
+    def outer(x: Array) -> Array:
+        vector = np.where(logs, np.exp(np.where(logs, x, 0.0)), x * scale)
+        return np.asarray(np.clip(vector, low, high))
 
     def cost(x: Array) -> float:
-        return -float(likelihood.each(np.clip(x * scale, low, high)).sum())
+        return -float(likelihood.each(outer(x)).sum())
 
-    bounds = list(zip(low / scale, high / scale, strict=True))
+    bounds = list(zip(inner(low), inner(high), strict=True))
     options = {"eps": STEP, "maxiter": iterations, "ftol": 1e-9}
-    found = minimize(cost, start / scale, method="L-BFGS-B", bounds=bounds, options=options)
-    return np.clip(found.x * scale, low, high), -float(found.fun), int(found.nfev)
+    found = minimize(cost, inner(start), method="L-BFGS-B", bounds=bounds, options=options)
+    return outer(found.x), -float(found.fun), int(found.nfev)
 
 
 def _polished(likelihood: KnownLikelihood, vector: Array, value: float) -> tuple[Array, float, int]:
@@ -181,8 +190,13 @@ def _at_decisions(likelihood: KnownLikelihood, out: Array, t0_s: float) -> tuple
 
 def _within(start: Array, low: Array, high: Array) -> Array:
     """Return a start that is a little inside its bounds, where derivatives exist."""
-    margin = 0.001 * (high - low)
+    margin = np.minimum(0.001 * (high - low), 0.1 * np.abs(low) + 1e-6)
     return np.asarray(np.clip(start, low + margin, high - margin))
+
+
+def _logarithmic(likelihood: KnownLikelihood) -> Truths:
+    """Return which parameters are searched on a logarithmic scale."""
+    return np.isin(likelihood.freedom.names, LOGARITHMIC)
 
 
 def _scale(likelihood: KnownLikelihood, start: Array) -> Array:
@@ -194,9 +208,10 @@ def _scale(likelihood: KnownLikelihood, start: Array) -> Array:
 def _scores(likelihood: KnownLikelihood, vector: Array, inside: Truths) -> Array:
     """Return the derivative of each trial's log likelihood, (trials, parameters inside)."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
-    found = []
+    found, logs = [], _logarithmic(likelihood)
     for k in np.flatnonzero(inside):
-        step = 1e-3 * max(abs(vector[k]), 0.01 * (high[k] - low[k]))
+        least = 0.0 if logs[k] else 0.01 * (high[k] - low[k])
+        step = 1e-3 * max(abs(vector[k]), least)
         above, below = vector.copy(), vector.copy()
         above[k], below[k] = min(vector[k] + step, high[k]), max(vector[k] - step, low[k])
         apart = likelihood.each(above) - likelihood.each(below)
