@@ -40,7 +40,11 @@ def test_an_exact_circuit_without_noise_is_the_test(trials):
     outputs = exact.on(trials, SPAN)
     gain = float(exact.gains[2])
     expected = EXACT["msprt"].on(trials, SPAN).out({"gain": gain, "leak_hz": 0.0})
-    np.testing.assert_allclose(outputs.out({"gain": gain})[0], expected[0], atol=0.02)
+    # Above its rest and near 0, OUT of this circuit is flat.
+    below = (expected[0] > 0.2) & (expected[0] < 0.6)
+    assert below.sum() > 100
+    found = outputs.out({"gain": gain})[0]
+    np.testing.assert_allclose(found[below], expected[0][below], atol=2e-3)
 
 
 def test_readings_on_a_grid_are_the_readings(trials):
