@@ -2,7 +2,7 @@
 
 Observers are the optimal test, a leaky sum and the default circuit, on Gaussian evidence with two
 alternatives and on designed trials with four. The expected log Bayes factor per trial, on many
-trials with a seed of its own, gives the number of trials at which one model should be told from
+trials drawn with another seed, gives the number of trials at which one model should be told from
 another; ``observers.py`` scores observers at that number.
 """
 

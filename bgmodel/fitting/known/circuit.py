@@ -108,7 +108,7 @@ class KnownCircuit:
         return Simulated(out, gains)
 
     def runs_of(self, trials: int) -> int:
-        """Return the number of runs of each of so many trials."""
+        """Return the number of runs of each trial, given the number of trials."""
         return self.runs or int(np.clip(SIMULATED // trials, FEWEST, MOST))
 
     def identity(self) -> dict[str, Any]:
