@@ -131,7 +131,7 @@ class KnownCircuit:
 
     def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
         """Return OUT (runs, seen readings, alternatives) at one gain."""
-        from bgmodel.fitting.known.intervals import lowest_between
+        from bgmodel.fitting.known.hazard import lowest_between
 
         evidence, step_s = on_grid(trials, leak_hz)
         starts, ends = intervals(trials)

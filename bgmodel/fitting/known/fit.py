@@ -12,8 +12,7 @@ import pandas as pd
 from bgmodel.fitting.known.hazards import hazards
 from bgmodel.fitting.known.kernels import ALIGNED, DATA, POSITIONS, kernel
 from bgmodel.fitting.known.likelihood import KnownLikelihood
-from bgmodel.fitting.known.optimum import KnownOptimum, known_optimum
-from bgmodel.fitting.known.scores import Score, score_of
+from bgmodel.fitting.known.optimum import KnownOptimum, Score, known_optimum, score_of
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning
 

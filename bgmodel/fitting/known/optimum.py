@@ -9,6 +9,7 @@ import numpy as np
 
 from bgmodel.fitting.known.likelihood import KnownLikelihood
 from bgmodel.fitting.parameters import AT_BOUND
+from bgmodel.fitting.simulation import jackknifed
 from bgmodel.support.arrays import Array, Truths
 
 STEP = 1e-4
@@ -70,6 +71,40 @@ class KnownOptimum:
     def at_bound(self) -> Truths:
         """Which parameters are at a bound of their range."""
         return at_bound(self.likelihood, self.vector)
+
+
+@dataclass(frozen=True)
+class Score:
+    """The log likelihood of a model, corrected for its simulated runs.
+
+    Parameters
+    ----------
+    log_likelihood : float, nats
+        Corrected for the bias due to a finite number of runs (jackknife; Quenouille 1956).
+    error : float, nats
+        Standard error due to the runs; 0 for models that are computed.
+    bic : float
+        Bayesian information criterion (Schwarz 1978): -2 log likelihood + parameters x ln trials.
+    """
+
+    log_likelihood: float
+    error: float
+    bic: float
+
+    @property
+    def log_evidence(self) -> float:
+        """Approximate log marginal likelihood, -BIC / 2, nats."""
+        return -self.bic / 2
+
+
+def score_of(optimum: KnownOptimum) -> Score:
+    """Return the score of the maximum of a likelihood."""
+    found = optimum.log_likelihood
+    parts = np.array([each(optimum.vector) for each in optimum.likelihood.without_parts()])
+    if len(parts):
+        found += (len(parts) - 1) * (found - float(parts.mean()))
+    count, trials = len(optimum.vector), optimum.likelihood.trials.trials
+    return Score(found, float(jackknifed(parts)), count * np.log(trials) - 2 * found)
 
 
 def at_bound(likelihood: KnownLikelihood, vector: Array) -> Truths:

@@ -7,11 +7,10 @@ import pytest
 
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
-from bgmodel.fitting.known.intervals import lowest_between
+from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
-from bgmodel.fitting.known.optimum import KnownOptimum
-from bgmodel.fitting.known.scores import score_of
+from bgmodel.fitting.known.optimum import KnownOptimum, score_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from circuits.anatomy import load_circuit
