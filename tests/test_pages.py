@@ -43,6 +43,7 @@ PARSED = {
     "bgmodel train my_taps": "it needs recordings",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
+    "bgmodel fit clicks": "there is no such table; a test of the command writes one",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",

@@ -12,6 +12,7 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
+from bgmodel.commands.known_fits import fit_known_evidence
 from bgmodel.commands.stop_fits import fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
@@ -20,6 +21,9 @@ from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
+
+EVIDENCE_ONLY = ("step_ms", "forced", "runs")
+"""Options that need --evidence."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,10 @@ class FitRun(FitSettings, Shows):
     With --task stop, DATA holds stop-signal trials: stop_signal_cnp, a table with participant_id,
     rt and ssd (s), or a folder of BIDS events. All participants are fitted together:
     bgmodel fit stop_signal_cnp --task stop --restore-delays
+
+    With --evidence, models answer for the readings of each single trial (log-likelihoods, or
+    pulses, clicks and cues with their times), and are compared by Bayes factors:
+    bgmodel fit trials.csv --evidence evidence.csv --models msprt leaky_sum run macaque
     """
 
     data: Positional[str]
@@ -66,8 +74,22 @@ class FitRun(FitSettings, Shows):
     """With --task stop: infer stop-signal delays recorded as 0, because the response came before
     the signal, from two interleaved staircases with steps of 50 ms."""
 
+    evidence: Path | None = None
+    """The readings of each trial: columns trial, step and ll_<alternative>; trial, time (s) and
+    ll_<alternative>; or one row per cue with trial, time and side or value (nats)."""
+    step_ms: float | None = None
+    """With --evidence: time between readings, ms, if the table has steps instead of times."""
+    forced: bool = False
+    """With --evidence: the last reading of a trial forces a response."""
+    runs: int | None = None
+    """With --evidence: simulated runs of each trial by a circuit; by default 8 to 32."""
+
     def __call__(self) -> None:
         """Run the command."""
+        if self.evidence is not None:
+            fit_known_evidence(self)
+            return
+        self._check_needs_evidence()
         need_fit()
         check_whole(trials=self.trials, workers=self.workers)
         self.check()
@@ -117,10 +139,16 @@ class FitRun(FitSettings, Shows):
         self.show("\n" + parameters.round(4).to_string(index=False), parameters)
         self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
+    def _check_needs_evidence(self) -> None:
+        """Raise ValueError for an option of known evidence without any."""
+        for name in EVIDENCE_ONLY:
+            if getattr(self, name):
+                raise InputError(f"--{name.replace('_', '-')} needs --evidence", name)
+
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
         own = ("data", "folder", "models", "participant", "draws", "task", "restore_delays",
-               "hierarchical", "compare", *UNRECORDED)  # fmt: skip
+               "hierarchical", "compare", "evidence", *EVIDENCE_ONLY, *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from bgmodel.support.checks import check_flag, check_positive, path_of, whole
 from circuits.errors import InputError
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
     from bgmodel.fitting.design import Design
     from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.known.fit import KnownFit
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.tables.choices import Choices
@@ -251,7 +252,23 @@ EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Examples of mappings of parameters for ``fit``."""
 
 
+@overload
 def fit(
+    data: str | Path | pd.DataFrame,
+    model: str | Path | Circuit = ...,
+    *,
+    evidence: str | Path | pd.DataFrame,
+    **options: Any,
+) -> KnownFit: ...
+@overload
+def fit(
+    data: str | Path | pd.DataFrame,
+    model: str | Path | Circuit = ...,
+    *,
+    evidence: None = None,
+    **options: Any,
+) -> Fit: ...
+def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
     data: str | Path | pd.DataFrame,
     model: str | Path | Circuit = "macaque",
     *,
@@ -275,7 +292,11 @@ def fit(
     trials: int = FitSettings.trials,
     seed: int = FitSettings.seed,
     folder: str | Path | None = None,
-) -> Fit:
+    evidence: str | Path | pd.DataFrame | None = None,
+    step_ms: float | None = None,
+    forced: bool = False,
+    runs: int | None = None,
+) -> Fit | KnownFit:
     """Fit a model to one person's choices and response times, as ``bgmodel fit`` does.
 
     Parameters
@@ -317,11 +338,21 @@ def fit(
         Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
         Folder that keeps simulated trials for other fits.
+    evidence : path or DataFrame, optional
+        The readings of each trial, as for ``known.table.read_known``: the model then answers for
+        each single trial. Models are msprt, leaky_sum, run or a circuit.
+    step_ms : float, optional
+        Time between readings, ms, if the evidence has steps instead of times.
+    forced : bool
+        Whether the last reading of a trial forces a response.
+    runs : int, optional
+        Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32.
 
     Returns
     -------
-    Fit
-        With ``summary()``, ``parameters()``, ``cells()`` and ``plot()``.
+    Fit, or KnownFit with ``evidence``
+        With ``summary()``, ``parameters()`` and ``plot()``; and ``cells()``, or ``hazards()`` and
+        ``kernels()``.
 
     Raises
     ------
@@ -335,6 +366,19 @@ def fit(
     """
     from bgmodel.fitting.fit import fit_likelihood
 
+    if evidence is not None:
+        _check_alone(locals())
+        from bgmodel.fitting.known.settings import fit_evidence
+
+        return fit_evidence(
+            data, evidence, model, step_ms=step_ms, forced=forced, participant=participant,
+            upper=upper, rt=rt, response=response, participant_column=participant_column,
+            rt_unit=rt_unit, free=_names(free), fix=_numbers(fix), engine=engine, runs=runs,
+            seed=seed,
+        )  # fmt: skip
+    for option, value in (("step_ms", step_ms), ("forced", forced), ("runs", runs)):
+        if value:
+            raise InputError(f"{option} needs evidence, the readings of each trial", option)
     need_fit()
     asked = settings_of(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
@@ -380,6 +424,26 @@ def settings_of(
     )
     asked.check()
     return asked
+
+
+NOT_KNOWN = {
+    "strength": None, "pooled": False, "deadline": None, "rt_window": None, "vary": None,
+    "mechanism": FitSettings.mechanism, "draws": False, "noise_nats": FitSettings.noise_nats,
+    "trials": FitSettings.trials, "folder": None,
+}  # fmt: skip
+"""Options of ``fit`` without effect if the evidence is known, and their defaults."""
+
+
+def _check_alone(given: Mapping[str, object]) -> None:
+    """Raise ValueError for an option that has no effect if the evidence is known."""
+    for name, default in NOT_KNOWN.items():
+        if given[name] != default:
+            raise InputError(f"{name} has no effect with evidence: leave it out", name)
+
+
+def _numbers(fix: Mapping[str, float] | None) -> dict[str, float]:
+    """Return fixed parameters as numbers."""
+    return {str(name): _number(str(value)) for name, value in _pairs("fix", fix)}
 
 
 def seconds_of(designs: Iterable[Design]) -> float:

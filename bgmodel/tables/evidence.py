@@ -57,7 +57,7 @@ def read_evidence_table(
         With the name of the file.
     """
     path = path_of(path)
-    table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
+    table = read_csv_table(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
     try:
         trials = trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
         if step_ms < 1:
@@ -169,7 +169,7 @@ def trials_from_table(
     return Trials(evidence, names, kept, [str(name) for name in varying])
 
 
-def _read_csv(path: Path) -> pd.DataFrame:
+def read_csv_table(path: Path) -> pd.DataFrame:
     """Return a table of text, with numbers only for log-likelihoods and plain numeric columns."""
     check_table_memory(path)
     try:

@@ -1,0 +1,250 @@
+"""A circuit on known evidence: simulated on the readings of each trial, at several gains."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bgmodel.evidence import Evidence
+from bgmodel.fitting.circuit import SIMULATION_SEED
+from bgmodel.fitting.known.accumulation import leaky_sums
+from bgmodel.fitting.known.models import LEAK, Outputs, Values, read
+from bgmodel.fitting.known.trials import KnownTrials, intervals
+from bgmodel.fitting.parameters import Parameter
+from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia, gain_of, identity
+from bgmodel.support.arrays import Array, Integers
+from circuits.errors import InputError, RangeWarning, require
+
+if TYPE_CHECKING:
+    from circuits.circuit import Circuit
+
+FACTORS = (0.5, 0.75, 1.0, 1.4, 2.0)
+"""Gains at which a circuit is simulated, relative to its default; between them OUT of each run is
+interpolated by a cubic spline over the logarithm of the gain."""
+SIMULATED, FEWEST, MOST = 6000, 8, 32
+"""Simulated trials at each gain, and limits of the number of runs of each trial."""
+GRID_S = 0.01
+"""Times of readings without a common step are rounded to this, s."""
+NEVER_NATS = -1e3
+CHUNKS = 8
+"""Trials are simulated in this many parts of similar length."""
+
+
+@dataclass(frozen=True)
+class KnownCircuit:
+    """A circuit as a model of decisions on known evidence.
+
+    Each trial is simulated ``runs`` times on its readings, with noise that is the same at all
+    gains. OUT after a reading is its lowest value until the next one: the circuit decides where
+    its noisy OUT crosses. The noise of ``hazard`` is added to that and smooths the
+    probabilities, which are means over the runs.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table; lesions, dopamine and other mechanisms are edits of it.
+    engine : str
+        Its engine.
+    runs : int, optional
+        Simulated runs of each trial; by default 6000 divided by the number of trials, 8 to 32.
+    seed : int
+        Seed of their noise.
+    """
+
+    circuit: Circuit
+    engine: str = "population"
+    runs: int | None = None
+    seed: int = SIMULATION_SEED
+    sign: int = 1
+
+    def __post_init__(self) -> None:
+        from circuits.declaration.table import NATS
+
+        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
+        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
+
+    @property
+    def name(self) -> str:
+        """Name of the circuit."""
+        return self.circuit.name
+
+    @property
+    def gains(self) -> Array:
+        """Gains at which it is simulated."""
+        return gain_of(self.circuit) * np.array(FACTORS)
+
+    def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
+        """Return gain, leak (fixed: it would need other simulations), threshold and noise."""
+        low, high = self.circuit.readable_nats
+        about = "drive of the circuit, nats, per nat of evidence"
+        gains = self.gains
+        return (
+            Parameter("gain", float(gains[0]), float(gains[-1]), gain_of(self.circuit), about),
+            LEAK,
+            Parameter("threshold", low, high, 0.3 * high, "OUT at a decision, nats"),
+            Parameter("noise", 0.01, 2 * high, 0.05 * high, "scale of further noise of OUT, nats"),
+        )
+
+    def on(self, trials: KnownTrials, values: Values) -> Outputs:
+        """Return its simulated OUT on some trials.
+
+        Raises
+        ------
+        ValueError
+            If it has another number of channels, the leak is free, or the evidence is too strong
+            for it.
+        """
+        channels, count = self.circuit.channels, trials.alternatives
+        require(channels == count, "circuit", f"must have {count} channels", channels)
+        if LEAK.name not in values:
+            said = "of a circuit can't be free: fix it at a value, such as leak_hz=0.5"
+            raise InputError(f"leak_hz {said}", "free")
+        gains = self._usable(trials, values[LEAK.name])
+        out = np.stack([self._simulated(trials, g, values[LEAK.name]) for g in gains])
+        return Simulated(out, gains)
+
+    def runs_of(self, trials: int) -> int:
+        """Return the number of runs of each trial, given the number of trials."""
+        return self.runs or int(np.clip(SIMULATED // trials, FEWEST, MOST))
+
+    def identity(self) -> dict[str, Any]:
+        """Return the circuit's hash, engine, runs and seed."""
+        found = {"circuit": identity(self.circuit), "engine": self.engine}
+        return found | {"runs": self.runs, "seed": self.seed}
+
+    def _usable(self, trials: KnownTrials, leak_hz: float) -> Array:
+        """Return the gains at which the evidence is not too strong for the circuit."""
+        evidence, _ = on_grid(trials, leak_hz)
+        model = BasalGanglia(self.circuit, self.engine, float(self.gains[0]), self.seed)
+        lead = model.lead_nats(evidence) / model.gain
+        usable = lead * self.gains < REFUSED_TIMES * self.circuit.max_lead_nats
+        if usable.sum() < 2:
+            model.check_strength(evidence)
+            raise InputError(
+                f"the evidence is too strong for {self.name}: is it in nats?", "evidence"
+            )
+        return np.asarray(self.gains[usable])
+
+    def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
+        """Return OUT (runs, seen readings, alternatives) at one gain."""
+        from bgmodel.fitting.known.hazard import lowest_between
+
+        evidence, step_s = on_grid(trials, leak_hz)
+        starts, ends = intervals(trials)
+        runs = self.runs_of(trials.trials)
+        # No trial falls that far: engines are faster if rates aren't stored.
+        model = BasalGanglia(self.circuit, self.engine, gain, self.seed).until(NEVER_NATS)
+        found = np.zeros((runs, trials.trials, starts.shape[1], trials.alternatives))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RangeWarning)
+            for chosen, first, part in _parts(evidence, runs):
+                at = 0
+                for some, _, trace in model.batches(part, first):
+                    place = np.arange(at, at + some.trials)
+                    run, trial = place // len(chosen), chosen[place % len(chosen)]
+                    time_s = trace.time_ms / 1000 - (step_s if _shifted(trials) else 0.0)
+                    found[run, trial] = lowest_between(
+                        trace.out_nats, time_s, starts[trial], ends[trial], trials.seen[trial]
+                    )
+                    at += some.trials
+        return np.asarray(found[:, *trials.seen_places])
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """OUT of a circuit, stored at several gains.
+
+    Parameters
+    ----------
+    stored : array (gains, runs, seen readings, alternatives)
+        The lowest OUT after each reading, until the next.
+    gains : array (gains,)
+        The gains.
+    """
+
+    stored: Array
+    gains: Array
+
+    def out(self, values: Values) -> Array:
+        """Return OUT (runs, seen readings, alternatives) at a gain between those stored."""
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(np.log(self.gains), np.eye(len(self.gains)))
+        weights = spline(np.log(np.clip(values["gain"], self.gains[0], self.gains[-1])))
+        return np.tensordot(weights, self.stored, axes=1)
+
+    def parts(self) -> list[Outputs]:
+        """Return the outputs without each run in turn."""
+        runs = self.stored.shape[1]
+        if runs < 2:
+            return []
+        return [replace(self, stored=np.delete(self.stored, k, axis=1)) for k in range(runs)]
+
+
+def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]:
+    """Return the readings before the response as evidence with a fixed step, and the step, s.
+
+    Without a common step they are rounded to 10 ms. Steps without a reading are 0, and so is the
+    mean of all readings: it is subtracted, since a circuit may add up what is common to all
+    channels. A leak is included as changes of the sums.
+    """
+    values, time_s = read(trials)
+    seen = np.isfinite(time_s)
+    values = values - values[seen].mean() * seen[:, :, None]
+    step_s = _step_s(trials)
+    _, ends = intervals(trials)
+    shift = 1 if _shifted(trials) else 0
+    place = np.where(seen, np.round(np.where(seen, time_s, 0.0) / step_s), 0).astype(int) + shift
+    last = np.where(seen, ends, 0.0).max(axis=1)
+    steps = np.maximum(np.round(last / step_s).astype(int) + shift - 1, 1)
+    gridded = np.zeros((trials.trials, max(int(steps.max()), 1), trials.alternatives))
+    row, column = np.nonzero(seen)
+    np.add.at(gridded, (row, place[row, column] - 1), values[row, column])
+    if leak_hz:
+        when = step_s * np.broadcast_to(np.arange(gridded.shape[1]), gridded.shape[:2])
+        gridded = np.diff(leaky_sums(gridded, when, leak_hz), axis=1, prepend=0.0)
+    gridded[np.arange(gridded.shape[1]) >= steps[:, None]] = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        found = Evidence(gridded, step_ms=1000 * step_s, lengths=steps, baseline=0.0)
+    return found, step_s
+
+
+def _step_s(trials: KnownTrials) -> float:
+    """Return the common step of the times of all readings, s, or that of the grid."""
+    time_s = trials.time_s[np.isfinite(trials.time_s)]
+    gaps = np.diff(np.where(np.isfinite(trials.time_s), trials.time_s, np.nan), axis=1)
+    gaps = gaps[np.isfinite(gaps)]
+    least = float(gaps.min()) if gaps.size else float(time_s.max())
+    least = least if least > 0 else GRID_S
+    regular = np.abs(time_s / least - np.round(time_s / least)).max() < 1e-6
+    return least if regular else GRID_S
+
+
+def _shifted(trials: KnownTrials) -> bool:
+    """Whether a reading comes so early that the evidence has to begin a step before it."""
+    first = trials.time_s[np.isfinite(trials.time_s)].min()
+    return bool(np.round(first / _step_s(trials)) < 1)
+
+
+def _parts(evidence: Evidence, runs: int) -> Iterator[tuple[Integers, int, Evidence]]:
+    """Yield trials of similar length, the number of their first run, and all their runs."""
+    order = np.argsort(evidence.readings, kind="stable")
+    first = 0
+    for chosen in np.array_split(order, min(CHUNKS, len(order))):
+        readings = np.asarray(evidence.readings)[chosen]
+        values = evidence.log_likelihood[chosen][:, : int(readings.max())]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            part = replace(
+                evidence,
+                log_likelihood=np.tile(values, (runs, 1, 1)),
+                lengths=np.tile(readings, runs),
+                numbers=None,
+            )
+        yield chosen, first, part
+        first += part.trials

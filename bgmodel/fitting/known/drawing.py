@@ -1,0 +1,71 @@
+"""The figure of a fit on known evidence: hazards per reading and psychophysical kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from bgmodel.fitting.known.kernels import ALIGNED, DATA
+from circuits.plots import GREY, PALETTE, panels, styled
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LOOK: dict[str, Any] = {"color": "k", "marker": "o", "ls": "", "ms": 3, "elinewidth": 0.8}
+TITLES = (
+    "a  Hazard per reading",
+    "b  Kernel from the first reading",
+    "c  Kernel before the response",
+)
+
+
+@styled
+def draw_known(
+    hazards: Mapping[str, pd.DataFrame], kernels: Mapping[str, pd.DataFrame], title: str
+) -> Figure:
+    """Draw data and models: hazards per reading and psychophysical kernels.
+
+    Parameters
+    ----------
+    hazards, kernels : dict of str to DataFrame
+        Tables of ``KnownFit.hazards`` and ``kernels`` of each model on the same trials, the best
+        first.
+    title : str
+        Data and numbers of trials.
+
+    Returns
+    -------
+    Figure
+        Three panels: share of the running trials that respond after each reading (aligned by the
+        non-decision time of each model; data by that of the first); weight of the reading at each
+        position in the choice, from the first reading and backward from the response. Markers are
+        the data with 95 % intervals, lines the models.
+    """
+    figure, grid = panels(1, 3, size=(7.2, 2.9))
+    axes: list[Axes] = list(grid.ravel())
+    share, weight = next(iter(hazards.values())), next(iter(kernels.values()))
+    bars = 1.96 * share["standard_error"]
+    axes[0].errorbar(share["reading"], share["observed"], bars, label="Data", **LOOK)
+    for ax, align in zip(axes[1:], ALIGNED, strict=True):
+        own = weight[(weight["of"] == DATA) & (weight["align"] == align)]
+        ax.errorbar(own["position"], own["weight"], 1.96 * own["standard_error"], **LOOK)
+        ax.axhline(0, color=GREY, lw=0.6, zorder=0)
+    for k, name in enumerate(hazards):
+        colour = PALETTE[k % len(PALETTE)]
+        found, weights = hazards[name], kernels[name]
+        axes[0].plot(found["reading"], found["predicted"], color=colour, label=name)
+        for ax, align in zip(axes[1:], ALIGNED, strict=True):
+            own = weights[(weights["of"] != DATA) & (weights["align"] == align)]
+            ax.plot(own["position"], own["weight"], color=colour)
+    axes[0].set(xlabel="Reading", ylabel="Share of running trials that respond", ylim=(0, None))
+    axes[1].set(xlabel="Reading", ylabel="Weight in the choice (per nat)")
+    axes[2].set(xlabel="Readings before the response", ylabel="Weight in the choice (per nat)")
+    axes[2].invert_xaxis()
+    for ax, text in zip(axes, TITLES, strict=True):
+        ax.set_title(text)
+        ax.locator_params(axis="x", integer=True)
+    figure.legend(loc="outside lower center", ncols=5)
+    figure.suptitle(f"{title}; bars: 95 % intervals", x=0.01, ha="left")
+    return figure

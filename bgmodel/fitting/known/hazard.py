@@ -1,0 +1,155 @@
+"""The noise of a decision at each reading: a multinomial logit of waiting and the alternatives.
+
+At reading k channel i is ``(threshold_k - OUT_i) / scale`` past its threshold. It and waiting, at
+0, get independent Gumbel noise, drawn anew at each reading; the highest wins. The probability that
+channel i decides at reading k, given no earlier decision, is therefore
+
+    h_i = exp(v_i) / (1 + sum_j exp(v_j)),    v_i = (threshold_k + bias_i - OUT_i) / scale
+
+for any number of alternatives: the discrete-time hazard of competing risks (Allison 1982). For a
+scale of 0 the channel that is furthest past its threshold decides. Noise that accumulates from one
+reading to the next is no part of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers, Reals, Truths
+from bgmodel.support.compiling import compiled
+
+NOTHING = 1e-14
+"""A trial ends once the probability of no decision is below this."""
+
+FARTHEST = 9.0
+"""Non-decision times further from their mean, in standard deviations, have a density of 0."""
+SQRT_2PI = float(np.sqrt(2 * np.pi))
+
+
+@compiled
+def decisions(
+    out: Array, level: Array, bias: Array, scale: float, offsets: Integers, ends: Truths
+) -> tuple[Array, Array]:
+    """Return the probability of a decision at each reading, and of none.
+
+    Parameters
+    ----------
+    out : array (runs, readings, alternatives)
+        OUT after each reading of all trials, one after the other. Hazards are means over runs:
+        their noise is independent from one reading to the next.
+    level : array (readings,)
+        Threshold on OUT at each reading.
+    bias : array (alternatives,)
+        Added to the threshold of each alternative.
+    scale : float
+        Scale of the noise, in the unit of OUT.
+    offsets : int array (trials + 1,)
+        Place of the first reading of each trial, and the number of all.
+    ends : bool array (trials,)
+        Whether the last reading of a trial forces a decision.
+
+    Returns
+    -------
+    decided : array (readings, alternatives)
+        Probability of a decision for each alternative at each reading.
+    left : array (trials,)
+        Probability of no decision.
+    """
+    runs, readings, count = out.shape
+    decided, left = np.zeros((readings, count)), np.ones(len(ends))
+    hazard, past = np.zeros(count), np.zeros(count)
+    for trial in range(len(ends)):
+        for k in range(offsets[trial], offsets[trial + 1]):
+            wait = not (ends[trial] and k == offsets[trial + 1] - 1)
+            hazard[:] = 0.0
+            for run in range(runs):
+                top = 0.0 if wait else -np.inf
+                for i in range(count):
+                    past[i] = (level[k] + bias[i] - out[run, k, i]) / scale
+                    top = max(top, past[i])
+                total = np.exp(-top) if wait else 0.0
+                for i in range(count):
+                    past[i] = np.exp(past[i] - top)
+                    total += past[i]
+                for i in range(count):
+                    hazard[i] += past[i] / total / runs
+            stays = 1.0
+            for i in range(count):
+                decided[k, i] = left[trial] * hazard[i]
+                stays -= hazard[i]
+            left[trial] *= max(stays, 0.0)
+            if left[trial] < NOTHING:
+                break
+    return decided, left
+
+
+@compiled
+def delayed(
+    decided: Array, at_s: Array, rt_s: Array, offsets: Integers, t0_s: float, sd_s: float
+) -> Array:
+    """Return the density of each alternative at the response time of each trial, 1/s.
+
+    Parameters
+    ----------
+    decided : array (readings, alternatives)
+        Probability of a decision at each reading of all trials.
+    at_s : array (readings,), s
+        Their times.
+    rt_s : array (trials,), s
+        Response times; NaN without a response.
+    offsets : int array (trials + 1,)
+        As for ``decisions``.
+    t0_s, sd_s : float, s
+        Mean and standard deviation of the non-decision time, Gaussian.
+
+    Returns
+    -------
+    array (trials, alternatives)
+    """
+    trials, count = len(rt_s), decided.shape[1]
+    found = np.zeros((trials, count))
+    for trial in range(trials):
+        for k in range(offsets[trial], offsets[trial + 1]):
+            z = (rt_s[trial] - at_s[k] - t0_s) / sd_s
+            if abs(z) < FARTHEST:
+                late = np.exp(-0.5 * z * z) / (sd_s * SQRT_2PI)
+                for i in range(count):
+                    found[trial, i] += decided[k, i] * late
+    return found
+
+
+@compiled
+def lowest_between(out: Reals, time_s: Array, starts: Array, ends: Array, seen: Integers) -> Array:
+    """Return the lowest OUT after each reading, until the next one.
+
+    Parameters
+    ----------
+    out : array (trials, ticks, alternatives)
+        Samples of OUT.
+    time_s : array (ticks,), s
+        Their times.
+    starts, ends : array (trials, readings), s
+        When each reading comes, and the next one.
+    seen : int array (trials,)
+        Number of readings of each trial.
+
+    Returns
+    -------
+    array (trials, readings, alternatives)
+        0 beyond the last reading.
+    """
+    trials, ticks, count = out.shape
+    lowest = np.zeros((trials, starts.shape[1], count))
+    for trial in range(trials):
+        tick = 0
+        for k in range(seen[trial]):
+            while tick < ticks - 1 and time_s[tick] < starts[trial, k] - 1e-9:
+                tick += 1
+            for i in range(count):
+                lowest[trial, k, i] = out[trial, tick, i]
+            while tick < ticks and time_s[tick] < ends[trial, k] - 1e-9:
+                for i in range(count):
+                    lowest[trial, k, i] = min(lowest[trial, k, i], out[trial, tick, i])
+                tick += 1
+            tick = min(tick, ticks - 1)
+    return lowest

@@ -1,0 +1,305 @@
+"""Tables of trials with their readings: log-likelihoods, or cues, pulses and clicks with times."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import check_positive, path_of
+from bgmodel.tables.columns import names_once, numbers, refuse, times
+from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
+from bgmodel.tables.foreign import renamed
+from bgmodel.tables.text_files import read_rows
+from circuits.errors import DataWarning, InputError, within
+
+FORMS = (
+    "trial, step and ll_<alternative>; trial, time (s) and ll_<alternative>; or one row per cue "
+    "with trial, time (s) and side or value"
+)
+SIGNED = ("0", "1")
+"""Alternatives of cues that have a sign and no side: a positive value favours response 1."""
+Source = str | Path | pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings of each trial of a table of evidence.
+
+    Parameters
+    ----------
+    ids : list of (participant, trial)
+        Ids as text; the participant is empty if the table has none.
+    log_likelihood, time_s, lengths
+        As in ``KnownTrials``.
+    names : tuple of str
+        The alternatives.
+    """
+
+    ids: list[tuple[str, str]]
+    log_likelihood: Array
+    time_s: Array
+    lengths: Integers
+    names: tuple[str, ...]
+
+
+def read_known(
+    data: Source,
+    evidence: Source,
+    *,
+    step_ms: float | None = None,
+    forced: bool = False,
+    participant: str | None = None,
+    upper: str | None = None,
+    rt: str | None = None,
+    response: str | None = None,
+    participant_column: str | None = None,
+    rt_unit: str = "s",
+) -> KnownTrials:
+    """Read choices, response times and the readings of each trial.
+
+    Parameters
+    ----------
+    data : path or DataFrame
+        One row per trial: ``trial``, ``rt``, ``response``, the name of an alternative, and, for
+        several participants, ``participant_id``. A trial without a response has neither ``rt`` nor
+        ``response``.
+    evidence : path or DataFrame
+        The readings, in one of three forms. (1) As for ``read_evidence``: trial, step and
+        ``ll_<alternative>``; reading k comes at ``k step_ms``. (2) The same with ``time``, s from
+        the onset, instead of ``step``. (3) One row per cue, pulse or click: trial, time, and
+        ``side``, the alternative that it favours; ``value``, its log likelihood ratio in nats, is
+        optional and 1 by default. Without ``side``, ``value`` has a sign and a positive one
+        favours response 1. Cues at the same time are added to one reading.
+    step_ms : float, optional
+        Time between readings, ms; required for the first form, and for that only.
+    forced : bool
+        Whether the last reading of a trial forces a response.
+    participant : str, optional
+        The participant, if there are several.
+    upper : str, optional
+        The alternative that response 1 stands for, if there are two and responses are 1 and 0.
+    rt, response, participant_column : str, optional
+        Names of these columns of ``data``, if they have others.
+    rt_unit : str
+        Unit of response times: s or ms. Times of readings are in s.
+
+    Raises
+    ------
+    ValueError
+        For tables that can't be read or do not match, with ``.field``: evidence, trial, time,
+        response, ...
+
+    Warns
+    -----
+    UserWarning
+        If the evidence has trials that are not in ``data``.
+    """
+    name, table = _table(data, "data")
+    table = renamed(table, rt=rt, response=response, participant_column=participant_column)
+    table = _of_participant(_checked(table, name), participant)
+    readings = _read_evidence(evidence, step_ms, participant)
+    order = _matched(table, readings)
+    rt_s, told = times(table["rt"], rt_unit)
+    choice = _choices(table["response"], np.isnan(rt_s) | told, readings.names, upper)
+    return KnownTrials(
+        readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
+        readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
+    )  # fmt: skip
+
+
+def people_of(data: Source, participant_column: str | None = None) -> Sequence[str | None]:
+    """Return the participants of a table of trials; one None if it names none."""
+    name, table = _table(data, "data")
+    table = renamed(table, participant_column=participant_column)
+    if "participant_id" not in _checked(table, name, ()):
+        return [None]
+    return sorted({_text(each) for each in table["participant_id"]})
+
+
+def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
+    """Return the readings of a table of evidence; forms and errors as for ``read_known``."""
+    names = names_once(table.columns)
+    table = table.set_axis(names, axis=1).reset_index(drop=True)
+    if "trial" not in names or not {"step", "time"} & set(names):
+        raise InputError(f"evidence needs the columns {FORMS}; got {', '.join(names)}", "evidence")
+    if "step" in names:
+        if step_ms is None:
+            said = "say how far steps are apart (step_ms, at the terminal --step-ms, ms)"
+            raise InputError(f"the evidence has steps instead of times: {said}", "step_ms")
+        check_positive(step_ms=step_ms)
+        return _numbered(table, None, step_ms)
+    if step_ms is not None:
+        raise InputError("the evidence has times: leave step_ms out", "step_ms", step_ms)
+    time_s = numbers(table["time"])
+    refuse(np.isnan(time_s) | (time_s < 0), table["time"], "0 s or later")
+    if not any(name.startswith("ll_") for name in names):
+        table = _of_cues(table.assign(time=time_s))
+        with warnings.catch_warnings():
+            # Cues of one value make equal trials and equal numbers, which is no mistake.
+            warnings.simplefilter("ignore", UserWarning)
+            return _numbered(table, table["time"].to_numpy())
+    return _numbered(table, time_s)
+
+
+def _numbered(table: pd.DataFrame, time_s: Array | None, step_ms: float = 1.0) -> Readings:
+    """Return the readings of a table with log-likelihoods, by time, or else by step."""
+    keys = [name for name in KEYS if name in table.columns]
+    if time_s is not None:
+        by = [table[name].map(_text) for name in keys]
+        place = pd.Series(time_s).groupby(by, sort=False)
+        table = table.assign(step=place.rank(method="first").astype(int))
+        twice = pd.DataFrame({"t": time_s}).assign(**dict(zip(keys, by, strict=True))).duplicated()
+        refuse(twice.to_numpy(), table["time"], "given once for each reading of a trial")
+    trials = trials_from_table(table, step_ms=step_ms)
+    evidence, first = trials.evidence, trials.columns["row"].to_numpy()
+    values = np.asarray(evidence.log_likelihood, dtype=np.float64)
+    who = table["participant_id"] if "participant_id" in keys else None
+    ids = [("" if who is None else _text(who[k]), _text(table["trial"][k])) for k in first]
+    read = np.arange(evidence.steps) < evidence.readings[:, None]
+    when = np.where(read, step_ms / 1000 * (1.0 + np.arange(evidence.steps)), np.inf)
+    if time_s is not None:
+        # Numbered as in ``trials_from_table``: in the order of their first rows.
+        code = table.groupby(keys, sort=False).ngroup().to_numpy()
+        when[code, table["step"].to_numpy() - 1] = time_s
+    return Readings(ids, values, when, np.asarray(evidence.readings), tuple(trials.names))
+
+
+def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per reading, with log-likelihoods, from one row per cue."""
+    if not {"side", "value"} & set(table.columns):
+        raise InputError(f"evidence needs the columns {FORMS}", "evidence")
+    value = numbers(table["value"]) if "value" in table else np.ones(len(table))
+    if "value" in table:
+        refuse(np.isnan(value), table["value"], "given for every cue")
+    if "side" in table:
+        side = np.array([_text(each) for each in table["side"]])
+        refuse((side == "") | (side == "nan"), table["side"], "given for every cue")
+        names = sorted(set(side.tolist()))
+        said = "cues must be on two sides or more, or have a sign and no side"
+        if len(names) < 2:
+            raise InputError(f"{said}; got side {', '.join(names)} only", "side")
+        given = np.array(names) == side[:, None]
+        columns = np.where(given, value[:, None], 0.0)
+    else:
+        names, columns = list(SIGNED), np.stack([-value / 2, value / 2], axis=1)
+    keys = [name for name in KEYS if name in table.columns]
+    likely = pd.DataFrame(columns, columns=[f"ll_{name}" for name in names])
+    both = pd.concat([table[[*keys, "time"]], likely], axis=1)
+    return both.groupby([*keys, "time"], sort=False, as_index=False).sum()
+
+
+def _table(source: Source, field: str) -> tuple[str, pd.DataFrame]:
+    """Return the name of a source and its table."""
+    if isinstance(source, pd.DataFrame):
+        return "a table", source.reset_index(drop=True)
+    path = path_of(source, field)
+    try:
+        return path.name, read_rows(path).reset_index(drop=True)
+    except ValueError as error:
+        raise within(path.name, error, field) from None
+
+
+def _read_evidence(source: Source, step_ms: float | None, participant: str | None) -> Readings:
+    """Return the readings of a source; those of one participant if it names participants."""
+    if isinstance(source, pd.DataFrame):
+        name, table = "the evidence", source.reset_index(drop=True)
+    else:
+        path = path_of(source, "evidence")
+        name = path.name
+        # Numbers stay as written, so that ids match.
+        plain = path.suffix == ".csv" and path.is_file()
+        table = read_csv_table(path) if plain else _table(path, "evidence")[1]
+    if participant is not None and "participant_id" in table:
+        table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
+    try:
+        return readings_of(table, step_ms)
+    except ValueError as error:
+        raise within(name, error, "evidence") from None
+
+
+def _checked(
+    table: pd.DataFrame, name: str, needed: Sequence[str] = ("trial", "rt", "response")
+) -> pd.DataFrame:
+    """Return a table of trials with the columns that a fit on known evidence needs."""
+    names = names_once(table.columns)
+    for wanted in needed:
+        if wanted not in names:
+            said = f"{name}: there is no column {wanted}; there are {', '.join(names)}"
+            raise InputError(said, wanted)
+    return table
+
+
+def _of_participant(table: pd.DataFrame, participant: str | None) -> pd.DataFrame:
+    """Return the trials of one participant; ValueError if there are several and none is named."""
+    if "participant_id" not in table:
+        return table
+    who = table["participant_id"].map(_text)
+    people = sorted(set(who))
+    if participant is None and len(people) > 1:
+        said = f"these trials are of {', '.join(people)}: give participant=NAME"
+        raise InputError(f"a fit on known evidence is of one person, and {said}", "participant")
+    if participant is not None and participant not in people:
+        raise InputError.of("participant", f"must be one of {', '.join(people)}", participant)
+    chosen = table if participant is None else table[who == participant]
+    return chosen.reset_index(drop=True)
+
+
+def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:
+    """Return the index of each trial's readings; ValueError for trials without any."""
+    person = any(who for who, _ in readings.ids) and "participant_id" in table
+    if not person and len({trial for _, trial in readings.ids}) < len(readings.ids):
+        said = "several participants share ids of trials: both tables need participant_id"
+        raise InputError(f"in the evidence, {said}", "participant_id")
+    place = {each if person else ("", each[1]): k for k, each in enumerate(readings.ids)}
+    who = table["participant_id"].map(_text) if person else [""] * len(table)
+    keys = [(str(p), _text(t)) for p, t in zip(who, table["trial"], strict=True)]
+    twice = next((key for k, key in enumerate(keys) if key in set(keys[:k])), None)
+    if len(set(keys)) < len(keys) and twice is not None:
+        raise InputError(f"each trial may occur once, got trial {twice[1]} twice", "trial")
+    lacking = [trial for *_, trial in (key for key in keys if key not in place)]
+    if lacking:
+        count = f" ({len(lacking)} such trials)" if len(lacking) > 1 else ""
+        raise InputError(
+            f"every trial needs readings in the evidence, got none for trial {lacking[0]}{count}",
+            "evidence",
+        )
+    spare = len(place) - len(keys)
+    if spare and not (person is False and "participant_id" in table):
+        DataWarning.warn(f"the evidence has {spare} trials that are not in the table of trials")
+    return np.array([place[key] for key in keys], dtype=np.intp)
+
+
+def _choices(
+    column: pd.Series, missing: npt.NDArray[np.bool_], names: Sequence[str], upper: str | None
+) -> Integers:
+    """Return the index of each response among the alternatives, -1 without a response."""
+    said = np.array([_text(each) for each in column], dtype=object)
+    if upper is not None:
+        if len(names) != 2 or upper not in names:
+            must = f"must be one of two alternatives of the evidence, {', '.join(names)}"
+            raise InputError.of("upper", must, upper)
+        other = next(name for name in names if name != upper)
+        said = np.array([{"1": upper, "0": other}.get(each, each) for each in said], dtype=object)
+    known = np.isin(said, list(names))
+    empty = np.isin(said, ["", "nan", "NA", "None", "<NA>"])
+    hint = ": name the alternative that 1 stands for (upper)" if len(names) == 2 else ""
+    refuse(~known & ~(empty & missing), column, f"one of {', '.join(names)}", hint)
+    index = pd.Index(list(names)).get_indexer(pd.Index(said))
+    return np.where(missing, -1, index).astype(np.int64)
+
+
+def _text(value: object) -> str:
+    """Return an id or a name as text; 1.0 is 1."""
+    try:
+        number = float(str(value))
+    except ValueError:
+        return str(value)
+    return str(int(number)) if np.isfinite(number) and number == int(number) else str(value)

@@ -1,0 +1,226 @@
+"""Trials whose evidence is known, reading by reading, with their choices and response times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.reprs import Facts, span
+from circuits.errors import DataWarning, InputError, require
+
+FEWEST = 20
+"""Least number of trials of a fit."""
+LONE_S = 0.1
+"""Time for which a reading counts if no trial has a second one, s."""
+MOST_EARLY = 0.5
+"""Largest tolerated share of responses that precede the first reading of their trial."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KnownTrials(Facts):
+    """Choices and response times of one participant, with the readings of each trial.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, readings, alternatives), nats
+        Log-likelihood of each reading under each alternative, up to a common constant; 0 after the
+        last reading of a trial.
+    time_s : array (trials, readings), s
+        Time of each reading on the clock of the response times; infinite after the last one.
+    lengths : int array (trials,)
+        Number of readings of each trial.
+    names : tuple of str
+        The alternatives.
+    choice : int array (trials,)
+        Index of the chosen alternative; -1 without a response.
+    rt_s : array (trials,), s
+        Response time; NaN without a response.
+    ids : tuple of str
+        Id of each trial.
+    forced : bool
+        Whether the last reading of a trial forces a response.
+    source : str
+        Where the trials come from.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, times that do not increase, a response without a time or the reverse, too
+        few trials, a single response, or readings that come too late for half of the responses.
+
+    Warns
+    -----
+    UserWarning
+        If some responses precede the first reading of their trial.
+    """
+
+    log_likelihood: Array
+    time_s: Array
+    lengths: Integers
+    names: tuple[str, ...]
+    choice: Integers
+    rt_s: Array
+    ids: tuple[str, ...]
+    forced: bool = False
+    source: str = "a table"
+
+    def __post_init__(self) -> None:
+        self._check_shapes()
+        self._check_times()
+        self._check_responses()
+
+    def _check_shapes(self) -> None:
+        shape = self.log_likelihood.shape
+        good = len(shape) == 3 and shape[2] == len(self.names) >= 2
+        must = "must have shape (trials, readings, alternatives)"
+        require(good, "log_likelihood", must, shape)
+        require(self.time_s.shape == shape[:2], "time_s", f"must be {shape[:2]}", self.time_s.shape)
+        for name in ("lengths", "choice", "rt_s", "ids"):
+            count = len(getattr(self, name))
+            require(count == shape[0], name, f"must hold {shape[0]} trials", count)
+        require(shape[0] >= FEWEST, "trials", f"must be at least {FEWEST}", shape[0])
+
+    def _check_times(self) -> None:
+        read = np.arange(self.time_s.shape[1]) < self.lengths[:, None]
+        good = np.isfinite(self.time_s) & (self.time_s >= 0)
+        later = np.diff(np.where(read, self.time_s, np.nan), axis=1, prepend=-1.0) > 0
+        wrong = read & ~(good & later)
+        if wrong.any():
+            trial, reading = np.argwhere(wrong)[0]
+            raise InputError(
+                "times of readings must be 0 or later and increase within a trial, got "
+                f"{self.time_s[trial, reading]:g} s at reading {reading + 1} of trial "
+                f"{self.ids[trial]}",
+                "time",
+            )
+
+    def _check_responses(self) -> None:
+        answered = self.choice >= 0
+        if not np.array_equal(answered, np.isfinite(self.rt_s)):
+            trial = self.ids[int(np.argmax(answered != np.isfinite(self.rt_s)))]
+            raise InputError(f"trial {trial} must have a response and a time, or neither", "rt")
+        if len(np.unique(self.choice[answered])) < 2:
+            raise InputError(
+                "two different responses or more must occur in the trials of a fit", "response"
+            )
+        early = answered & (self.seen == 0)
+        share = early.sum() / answered.sum()
+        if not early.any():
+            return
+        first = int(np.argmax(early))
+        said = (
+            f"{early.sum()} of {answered.sum()} responses precede the first reading of their "
+            f"trial, such as trial {self.ids[first]} (response at {self.rt_s[first]:.3g} s, first "
+            f"reading at {self.time_s[first, 0]:.3g} s)"
+        )
+        if share > MOST_EARLY:
+            raise InputError(f"{said}: do both tables count time from the same onset?", "time")
+        DataWarning.warn(f"{said}: they count as lapses")
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.rt_s)
+
+    @property
+    def alternatives(self) -> int:
+        """Number of alternatives."""
+        return len(self.names)
+
+    @cached_property
+    def seen(self) -> Integers:
+        """Number of readings before the response, (trials,); all of them without a response."""
+        end = np.where(np.isfinite(self.rt_s), self.rt_s, np.inf)
+        before = np.isfinite(self.time_s) & (self.time_s < end[:, None])
+        return np.asarray(before.sum(axis=1))
+
+    @cached_property
+    def seen_places(self) -> tuple[Integers, Integers]:
+        """Trial and number, from 0, of each reading before the response, in order."""
+        places = np.nonzero(np.arange(max(int(self.seen.max()), 1)) < self.seen[:, None])
+        return places[0], places[1]
+
+    @cached_property
+    def offsets(self) -> Integers:
+        """Place of the first seen reading of each trial among all, and their number."""
+        return np.concatenate([[0], np.cumsum(self.seen)])
+
+    @cached_property
+    def seen_s(self) -> Array:
+        """Time of each reading before the response, in order, s."""
+        return np.asarray(self.time_s[self.seen_places])
+
+    @cached_property
+    def ends(self) -> Truths:
+        """Whether the last seen reading forces a response, (trials,)."""
+        return np.asarray(self.forced & (self.seen == self.lengths))
+
+    @property
+    def span_s(self) -> float:
+        """Time over which lapses are spread, s: up to the latest response."""
+        return float(np.nanmax(self.rt_s))
+
+    def where(self, chosen: Truths | Integers) -> KnownTrials:
+        """Return a subset of the trials."""
+        index = np.arange(self.trials)[chosen]
+        parts = {
+            name: getattr(self, name)[index]
+            for name in ("log_likelihood", "time_s", "lengths", "choice", "rt_s")
+        }
+        return replace(self, **parts, ids=tuple(self.ids[i] for i in index))
+
+    def facts(self) -> dict[str, str]:
+        """Return numbers of trials, readings and responses, and the range of times."""
+        answered = self.choice >= 0
+        counts = {
+            f"chose {name}": f"{(self.choice == k).sum()}" for k, name in enumerate(self.names)
+        }
+        return {
+            "source": self.source,
+            "trials": f"{self.trials}",
+            "readings": f"{self.lengths.sum()}",
+            "readings before the response": f"{self.seen.sum()}",
+            **counts,
+            "no response": f"{(~answered).sum()}",
+            "rt_s": span(self.rt_s),
+        }
+
+    @property
+    def title(self) -> str:
+        """Source and numbers, for a figure."""
+        return (
+            f"{self.source}: {self.trials} trials, {self.seen.sum()} readings before the response"
+        )
+
+    def summary(self) -> str:
+        """Return one sentence: trials, readings, responses."""
+        facts = self.facts()
+        chose = ", ".join(f"{name} {facts[f'chose {name}']}" for name in self.names)
+        return (
+            f"{self.source}: {self.trials} trials with {facts['readings']} readings, of which "
+            f"{facts['readings before the response']} come before the response; chosen: {chose}, "
+            f"none {facts['no response']}; times {facts['rt_s']} s"
+        )
+
+
+def gap_s(trials: KnownTrials) -> float:
+    """Return the median time between readings, s."""
+    gaps = np.diff(np.where(np.isfinite(trials.time_s), trials.time_s, np.nan), axis=1)
+    gaps = gaps[np.isfinite(gaps)]
+    return float(np.median(gaps)) if gaps.size else LONE_S
+
+
+def intervals(trials: KnownTrials) -> tuple[Array, Array]:
+    """Return when each reading before the response begins and when the next one comes, s.
+
+    After the last reading of a trial it is the median time between readings. Both have shape
+    (trials, readings).
+    """
+    after = np.concatenate([trials.time_s[:, 1:], np.full((trials.trials, 1), np.inf)], axis=1)
+    starts = trials.time_s
+    ends = np.where(np.isfinite(after), after, starts + gap_s(trials))
+    most = max(int(trials.seen.max()), 1)
+    return starts[:, :most], ends[:, :most]

@@ -1,0 +1,127 @@
+"""A circuit on known evidence: its stored OUT is that of direct simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.evidence import Evidence
+from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
+from bgmodel.fitting.known.hazard import lowest_between
+from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.known.optimum import KnownOptimum, score_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.sprt import Msprt
+from circuits.anatomy import load_circuit
+from circuits.errors import InputError
+from tests.known_trials import few, simulated
+
+MACAQUE = load_circuit("macaque", 2)
+SPAN = {"leak_hz": 0.0}
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return simulated(30, 21, t_max=20)
+
+
+def test_the_lowest_out_after_a_reading_lasts_until_the_next():
+    out = np.array([[5, 4, 3, 6, 2, 9, 1.0]])[:, :, None]
+    time_s = 0.1 * np.arange(1, 8)
+    starts, ends = np.array([[0.1, 0.3, 0.6]]), np.array([[0.3, 0.6, 0.7]])
+    found = lowest_between(out, time_s, starts, ends, np.array([3]))
+    np.testing.assert_array_equal(found[0, :, 0], [4, 2, 9])
+
+
+def test_an_exact_circuit_without_noise_is_the_test(trials):
+    exact = KnownCircuit(load_circuit("spiking_msprt", 2), engine="algebra", runs=8)
+    outputs = exact.on(trials, SPAN)
+    gain = float(exact.gains[2])
+    expected = EXACT["msprt"].on(trials, SPAN).out({"gain": gain, "leak_hz": 0.0})
+    # Above its rest and near 0, OUT of this circuit is flat.
+    below = (expected[0] > 0.2) & (expected[0] < 0.6)
+    assert below.sum() > 100
+    found = outputs.out({"gain": gain})[0]
+    np.testing.assert_allclose(found[below], expected[0][below], atol=2e-3)
+
+
+def test_readings_on_a_grid_are_the_readings(trials):
+    evidence, step_s = on_grid(trials)
+    assert step_s == pytest.approx(0.05)
+    totals = Msprt().run(evidence).out_nats
+    own = EXACT["msprt"].on(trials, SPAN).out({"gain": 1.0, "leak_hz": 0.0})[0]
+    np.testing.assert_allclose(totals[trials.seen_places[0], 1 + trials.seen_places[1]], own)
+
+
+def test_times_without_a_common_step_are_rounded():
+    uneven = replace(few(alternatives=2), time_s=np.tile([0.013, 0.1, 0.256], (20, 1)))
+    evidence, step_s = on_grid(uneven)
+    assert step_s == 0.01
+    place = np.flatnonzero(evidence.log_likelihood[0].any(axis=1))
+    np.testing.assert_array_equal(place, [0, 9, 25])
+
+
+def test_a_leak_is_in_the_evidence(trials):
+    evidence, _ = on_grid(trials, 2.0)
+    out = EXACT["msprt"].on(trials, SPAN).out({"gain": 1.0, "leak_hz": 2.0})[0]
+    found = Msprt().run(evidence).out_nats[trials.seen_places[0], 1 + trials.seen_places[1]]
+    np.testing.assert_allclose(found, out, atol=1e-8)
+
+
+@pytest.fixture(scope="module")
+def outputs(trials):
+    return KnownCircuit(MACAQUE, runs=8).on(trials, SPAN)
+
+
+def test_stored_out_is_that_of_a_simulation_and_between_gains_close_to_it(trials, outputs):
+    model = KnownCircuit(MACAQUE, runs=8)
+    between = float(np.sqrt(model.gains[2] * model.gains[3]))
+    direct = model._simulated(trials, between, 0.0)
+    stored = outputs.out({"gain": between})
+    assert np.corrcoef(direct.ravel(), stored.ravel())[0, 1] > 0.99
+    assert abs(direct - stored).mean() < 0.02
+    at_node = outputs.out({"gain": float(model.gains[2])})
+    np.testing.assert_allclose(at_node, model._simulated(trials, model.gains[2], 0.0))
+
+
+def test_runs_differ_in_their_noise_and_repeat_with_the_seed(trials, outputs):
+    out = outputs.out({"gain": float(outputs.gains[0])})
+    assert out.shape == (8, trials.seen.sum(), 2)
+    assert out.std(axis=0).mean() > 0.005
+    again = KnownCircuit(MACAQUE, runs=8).on(trials, SPAN)
+    np.testing.assert_array_equal(again.stored, outputs.stored)
+
+
+def test_the_score_is_corrected_for_runs(trials):
+    likelihood = known_likelihood(KnownCircuit(MACAQUE, runs=8), trials)
+    vector = likelihood.freedom.start
+    optimum = KnownOptimum(likelihood, vector, float(likelihood(vector)), 1)
+    score = score_of(optimum)
+    assert score.error > 0
+    assert score.log_likelihood != optimum.log_likelihood
+    exact = known_likelihood(EXACT["msprt"], trials)
+    plain = KnownOptimum(exact, exact.freedom.start, float(exact(exact.freedom.start)), 1)
+    assert score_of(plain).error == 0
+    assert score_of(plain).log_likelihood == plain.log_likelihood
+
+
+def test_what_a_circuit_can_not_do_is_refused(trials):
+    for asked, field in (
+        (lambda: known_likelihood(KnownCircuit(MACAQUE), few()), "circuit"),
+        (lambda: known_likelihood(KnownCircuit(MACAQUE), trials, free=["+leak_hz"]), "free"),
+    ):
+        with pytest.raises(InputError) as error:
+            asked()
+        assert error.value.field == field
+    strong = replace(trials, log_likelihood=1e3 * trials.log_likelihood)
+    with pytest.raises(InputError) as error:
+        known_likelihood(KnownCircuit(MACAQUE), strong)
+    assert error.value.field == "evidence"
+
+
+def test_evidence_is_that_of_the_seen_readings_alone(trials):
+    evidence, _ = on_grid(trials)
+    assert isinstance(evidence, Evidence)
+    assert (evidence.readings <= trials.seen + 1).all()
+    BasalGanglia(MACAQUE).check_strength(evidence)

@@ -1,0 +1,97 @@
+"""Decisions at each reading: exact sums over all courses of noise, and the limit without noise."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.fitting.known.hazard import decisions, delayed
+from bgmodel.integrators.sprt import Msprt
+
+
+def logit(past, wait=True):
+    """Return the probability of waiting and of each alternative, by the definition."""
+    top = [math.exp(v) for v in past]
+    total = (1.0 if wait else 0.0) + sum(top)
+    return [(1.0 if wait else 0.0) / total, *(v / total for v in top)]
+
+
+def enumerated(out, level, bias, scale, ends):
+    """Return decisions by the probability of every course of events, one after the other."""
+    readings, count = out.shape
+    decided, left = np.zeros((readings, count)), 0.0
+    for course in itertools.product(range(count + 1), repeat=readings):
+        probability, first = 1.0, None
+        for k, event in enumerate(course):
+            past = [(level[k] + bias[i] - out[k, i]) / scale for i in range(count)]
+            probability *= logit(past, wait=not (ends and k == readings - 1))[event]
+            if first is None and event > 0:
+                first = (k, event - 1)
+        if first is None:
+            left += probability
+        else:
+            decided[first] += probability
+    return decided, left
+
+
+@pytest.mark.parametrize(("count", "ends"), [(2, False), (2, True), (3, False), (4, True)])
+def test_the_recursion_is_the_sum_over_all_courses_of_events(count, ends):
+    rng = np.random.default_rng(3)
+    out, level = rng.normal(size=(1, 7, count)), rng.normal(size=7)
+    bias = rng.normal(size=count)
+    decided, left = decisions(out, level, bias, 0.7, np.array([0, 4, 7]), np.array([ends, False]))
+    for trial, (part, last) in enumerate(((slice(0, 4), ends), (slice(4, 7), False))):
+        expected, rest = enumerated(out[0, part], level[part], bias, 0.7, last)
+        np.testing.assert_allclose(decided[part], expected, atol=1e-12)
+        assert left[trial] == pytest.approx(rest, abs=1e-12)
+        assert decided[part].sum() + left[trial] == pytest.approx(1.0)
+
+
+def test_gumbel_noise_on_waiting_and_all_alternatives_gives_the_hazards():
+    rng = np.random.default_rng(4)
+    past = np.array([0.3, -0.5, 0.8])
+    noisy = np.array([0.0, *past]) + rng.gumbel(size=(200_000, 4))
+    share = np.bincount(noisy.argmax(axis=1), minlength=4) / len(noisy)
+    out = -past[None, None] * 0.2
+    decided, left = decisions(
+        out, np.zeros(1), np.zeros(3), 0.2, np.array([0, 1]), np.array([False])
+    )
+    np.testing.assert_allclose(share, [left[0], *decided[0]], atol=0.005)
+
+
+def test_without_noise_it_decides_as_the_msprt():
+    evidence = gaussian_evidence(300, d_prime=0.5, channels=3, t_max=30, seed=2)
+    out = np.ascontiguousarray(Msprt().run(evidence).out_nats[:, 1:])
+    decision = first_crossing(Msprt().run(evidence), 0.3)
+    decided, _ = decisions(
+        out.reshape(1, -1, 3), np.full(9000, 0.3), np.zeros(3), 1e-6,
+        30 * np.arange(301), np.ones(300, bool),
+    )  # fmt: skip
+    reading, choice = np.divmod(decided.reshape(300, -1).argmax(axis=1), 3)
+    np.testing.assert_array_equal(choice, decision.choice)
+    np.testing.assert_array_equal(reading + 1, decision.steps)
+
+
+def test_hazards_are_means_over_runs():
+    rng = np.random.default_rng(6)
+    out = rng.normal(size=(2, 3, 2))
+    given = (np.zeros(3), np.zeros(2), 0.5)
+    decided, left = decisions(out, *given, np.array([0, 3]), np.array([False]))
+    alone = [decisions(each[None], *given, np.array([0, 3]), np.array([False]))[0] for each in out]
+    np.testing.assert_allclose(decided[0], np.mean(alone, axis=0)[0])
+    assert decided.sum() + left[0] == pytest.approx(1.0)
+    assert not np.allclose(decided, np.mean(alone, axis=0))
+
+
+def test_a_response_time_is_a_decision_and_a_gaussian_delay():
+    decided = np.array([[0.2, 0.1], [0.3, 0.2], [0.5, 0.4]])
+    at_s, rt_s = np.array([0.1, 0.4, 0.2]), np.array([0.7, 0.5, np.nan])
+    found = delayed(decided, at_s, rt_s, np.array([0, 2, 3, 3]), 0.25, 0.06)
+    late = norm.pdf(0.7, at_s[:2] + 0.25, 0.06)
+    np.testing.assert_allclose(found[0], decided[:2].T @ late)
+    np.testing.assert_allclose(found[1], decided[2] * norm.pdf(0.5, 0.45, 0.06))
+    np.testing.assert_array_equal(found[2], 0.0)

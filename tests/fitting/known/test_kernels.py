@@ -1,0 +1,59 @@
+"""Psychophysical kernels: weights that are put in, and the gradient at the optimum."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.known.kernels import kernel
+from bgmodel.fitting.known.trials import KnownTrials
+from circuits.errors import InputError
+
+
+def weighted(weights, trials=4000, alternatives=2, seed=1):
+    """Return trials whose choice follows a conditional logit with weights by position."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(trials, len(weights), alternatives))
+    score = np.einsum("tki,k->ti", values, weights) + rng.gumbel(size=(trials, alternatives))
+    time_s = np.tile(0.1 * (1 + np.arange(len(weights))), (trials, 1))
+    return KnownTrials(
+        values, time_s, np.full(trials, len(weights)), tuple("abcd"[:alternatives]),
+        score.argmax(axis=1), np.full(trials, 1.0 + 0.1 * len(weights)),
+        tuple(map(str, range(trials))),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("alternatives", [2, 4])
+def test_weights_are_found_again(alternatives):
+    true = np.array([1.0, 0.5, 0.0, -0.3])
+    found = kernel(weighted(true, alternatives=alternatives), positions=4)
+    assert (abs(found["weight"] - true) < 4 * found["standard_error"]).all()
+    assert (found["standard_error"] < 0.06).all()
+
+
+def test_from_the_response_positions_count_backward():
+    true = np.array([1.0, 0.5, 0.0, -0.3])
+    trials = weighted(true)
+    onset, response = (kernel(trials, positions=4, align=a) for a in ("onset", "response"))
+    np.testing.assert_allclose(onset["weight"], response["weight"][::-1], rtol=1e-6)
+
+
+def test_two_alternatives_are_a_logistic_regression():
+    trials = weighted(np.array([0.8, 0.2]))
+    found = kernel(trials, positions=2)["weight"].to_numpy()
+    x = trials.log_likelihood[..., 1] - trials.log_likelihood[..., 0]
+    constant = np.log(trials.choice.mean() / (1 - trials.choice.mean()))
+    p = 1 / (1 + np.exp(-(constant + x @ found)))
+    slope = x.T @ (trials.choice - p)
+    assert abs(slope).max() < 0.02 * np.sqrt(len(p))
+
+
+def test_a_model_has_the_kernel_of_its_probabilities():
+    trials = weighted(np.array([1.0, 0.5]))
+    score = np.einsum("tki,k->ti", trials.log_likelihood, [0.3, 0.9])
+    chosen = np.exp(score) / np.exp(score).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(kernel(trials, chosen, positions=2)["weight"], [0.3, 0.9], atol=0.01)
+
+
+def test_an_unknown_alignment_is_refused():
+    with pytest.raises(InputError) as error:
+        kernel(weighted(np.ones(2), trials=40), align="middle")
+    assert error.value.field == "align"

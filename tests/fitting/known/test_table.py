@@ -1,0 +1,154 @@
+"""Tables of trials and of their readings in all forms, and one sentence for each mistake."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.known.table import people_of, read_known, readings_of
+from circuits.errors import DataWarning, InputError
+from tests.known_trials import few
+
+
+def tables(trials=None):
+    """Return trials and readings with times, as users' tables."""
+    trials = few(alternatives=2) if trials is None else trials
+    data = pd.DataFrame(
+        {
+            "trial": trials.ids,
+            "rt": trials.rt_s,
+            "response": [trials.names[k] for k in trials.choice],
+        }
+    )
+    rows, readings = np.nonzero(np.isfinite(trials.time_s))
+    evidence = pd.DataFrame({"trial": rows, "time": trials.time_s[rows, readings]})
+    for k, name in enumerate(trials.names):
+        evidence[f"ll_{name}"] = trials.log_likelihood[rows, readings, k]
+    return data, evidence
+
+
+def test_readings_with_times_return_in_any_order_of_rows():
+    trials = few(alternatives=2)
+    data, evidence = tables(trials)
+    found = read_known(data, evidence.sample(frac=1, random_state=1))
+    np.testing.assert_array_equal(found.log_likelihood, trials.log_likelihood)
+    np.testing.assert_array_equal(found.time_s, trials.time_s)
+    np.testing.assert_array_equal(found.choice, trials.choice)
+    assert found.names == trials.names
+
+
+def test_steps_are_times_on_a_grid():
+    data, evidence = tables()
+    stepped = evidence.drop(columns="time").assign(step=evidence.groupby("trial").cumcount() + 1)
+    first, second = read_known(data, evidence), read_known(data, stepped, step_ms=100.0)
+    np.testing.assert_allclose(first.time_s, second.time_s)
+    np.testing.assert_array_equal(first.log_likelihood, second.log_likelihood)
+
+
+def test_files_keep_ids_as_they_are_written(tmp_path):
+    data, evidence = tables()
+    for table in (data, evidence):
+        table["trial"] = [f"t{int(k):03d}" for k in table["trial"]]
+    data.to_csv(tmp_path / "trials.csv", index=False)
+    evidence.to_csv(tmp_path / "evidence.csv", index=False)
+    found = read_known(tmp_path / "trials.csv", tmp_path / "evidence.csv")
+    assert found.ids[3] == "t003"
+    np.testing.assert_allclose(found.log_likelihood, few(alternatives=2).log_likelihood)
+
+
+def test_clicks_favour_their_side_and_simultaneous_ones_are_one_reading():
+    clicks = pd.DataFrame(
+        {
+            "trial": [1, 1, 1, 1],
+            "time": [0.2, 0.1, 0.2, 0.2],
+            "side": ["left", "left", "right", "left"],
+        }
+    )
+    found = readings_of(clicks)
+    assert found.names == ("left", "right")
+    np.testing.assert_allclose(found.time_s, [[0.1, 0.2]])
+    np.testing.assert_allclose(found.log_likelihood, [[[1, 0], [2, 1]]])
+    worth = readings_of(clicks.assign(value=0.5))
+    np.testing.assert_allclose(worth.log_likelihood, found.log_likelihood / 2)
+
+
+def test_signed_cues_favour_response_1():
+    cues = pd.DataFrame({"trial": [1, 1], "time": [0.1, 0.2], "value": [0.8, -0.3]})
+    found = readings_of(cues)
+    assert found.names == ("0", "1")
+    ratio = found.log_likelihood[0, :, 1] - found.log_likelihood[0, :, 0]
+    np.testing.assert_allclose(ratio, [0.8, -0.3])
+
+
+def test_participants_may_share_ids_of_trials():
+    data, evidence = tables()
+    two = pd.concat([data.assign(participant_id=p) for p in "ab"], ignore_index=True)
+    own = pd.concat(
+        [
+            evidence.assign(participant_id=p, ll_a=evidence["ll_a"] * f)
+            for p, f in (("a", 1), ("b", 2))
+        ]
+    )
+    assert people_of(two) == ["a", "b"]
+    first, second = (read_known(two, own, participant=p) for p in "ab")
+    np.testing.assert_allclose(2 * first.log_likelihood[..., 0], second.log_likelihood[..., 0])
+    with pytest.raises(InputError) as error:
+        read_known(two, own)
+    assert error.value.field == "participant"
+
+
+def test_responses_1_and_0_need_a_name():
+    data, evidence = tables()
+    coded = data.assign(response=[int(r == "b") for r in data["response"]])
+    found = read_known(coded, evidence, upper="b")
+    np.testing.assert_array_equal(found.choice, read_known(data, evidence).choice)
+    with pytest.raises(InputError) as error:
+        read_known(coded, evidence)
+    assert error.value.field == "response"
+    with pytest.raises(InputError) as error:
+        read_known(coded, evidence, upper="c")
+    assert error.value.field == "upper"
+
+
+def test_a_trial_without_a_response_is_kept():
+    data, evidence = tables()
+    data.loc[2, ["rt", "response"]] = [np.nan, None]
+    found = read_known(data, evidence)
+    assert found.choice[2] == -1
+    assert found.seen[2] == 3
+
+
+def test_evidence_without_trials_warns():
+    data, evidence = tables(few(40, alternatives=2))
+    with pytest.warns(DataWarning):
+        assert read_known(data[:30], evidence).trials == 30
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda d, e: (d, e[e["trial"] != 3]), "evidence"),
+        (lambda d, e: (pd.concat([d, d[:1]]), e), "trial"),
+        (lambda d, e: (d, e.assign(time=-e["time"])), "time"),
+        (lambda d, e: (d, e.assign(time=0.1)), "time"),
+        (lambda d, e: (d, e.assign(time=e["time"] + 60)), "time"),
+        (lambda d, e: (d, e.assign(ll_a=np.inf)), "ll_a"),
+        (lambda d, e: (d, e.drop(columns="time")), "evidence"),
+        (lambda d, e: (d, e.drop(columns=["ll_a", "ll_b"])), "evidence"),
+        (lambda d, e: (d, e.assign(side="a").drop(columns=["ll_a", "ll_b"])), "side"),
+        (lambda d, e: (d, e.rename(columns={"time": "step"})), "step_ms"),
+        (lambda d, e: (d.drop(columns="trial"), e), "trial"),
+        (lambda d, e: (d.assign(response="z"), e), "response"),
+        (lambda d, e: (d.assign(rt=d["rt"] * 1000), e), "rt"),
+    ],
+)
+def test_each_mistake_has_a_field(change, field):
+    with pytest.raises(InputError) as error:
+        read_known(*change(*tables()))
+    assert error.value.field == field
+    assert "\n" not in str(error.value)
+
+
+def test_a_step_is_only_for_steps():
+    with pytest.raises(InputError) as error:
+        read_known(*tables(), step_ms=50.0)
+    assert error.value.field == "step_ms"

@@ -1,0 +1,63 @@
+"""Trials with known evidence: which readings count, and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.known.trials import intervals
+from circuits.errors import DataWarning, InputError
+from tests.known_trials import few, simulated
+
+
+def test_only_readings_before_the_response_are_seen():
+    trials = simulated(50)
+    before = (trials.time_s < trials.rt_s[:, None]).sum(axis=1)
+    np.testing.assert_array_equal(trials.seen, before)
+    assert (trials.seen < trials.lengths).any()
+
+
+def test_an_interval_lasts_until_the_next_reading_even_if_it_comes_after_the_response():
+    trials = few()
+    early = replace(trials, rt_s=np.full(20, 0.25))
+    starts, ends = intervals(early)
+    np.testing.assert_allclose(starts, [[0.1, 0.2]] * 20)
+    np.testing.assert_allclose(ends, [[0.2, 0.3]] * 20)
+    np.testing.assert_allclose(intervals(trials)[1][:, -1], 0.4)
+
+
+@pytest.mark.parametrize(
+    ("changed", "field"),
+    [
+        ({"time_s": np.zeros((20, 3))}, "time"),
+        ({"time_s": np.tile([0.1, -0.2, 0.3], (20, 1))}, "time"),
+        ({"rt_s": np.full(20, 0.05)}, "time"),
+        ({"choice": np.zeros(20, int)}, "response"),
+        ({"choice": np.full(20, -1)}, "rt"),
+        ({"lengths": np.full(5, 3)}, "lengths"),
+        ({"log_likelihood": np.zeros((20, 3, 2))}, "log_likelihood"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changed, field):
+    with pytest.raises(InputError) as error:
+        replace(few(), **changed)
+    assert error.value.field == field
+
+
+def test_some_responses_before_the_first_reading_warn():
+    rt_s = np.where(np.arange(20) < 2, 0.05, 0.5)
+    with pytest.warns(DataWarning):
+        replace(few(), rt_s=rt_s)
+
+
+def test_a_subset_keeps_its_trials():
+    trials = few(60)
+    some = trials.where(np.arange(60) >= 30)
+    assert some.ids == trials.ids[30:]
+    np.testing.assert_array_equal(some.log_likelihood, trials.log_likelihood[30:])
+
+
+def test_too_few_trials_are_refused():
+    with pytest.raises(InputError) as error:
+        few(19)
+    assert error.value.field == "trials"
