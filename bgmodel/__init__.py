@@ -13,6 +13,7 @@
     bg.StopTask(delay_ms=60).decide(model, evidence, posterior=0.82)    # stop signals
     bg.Experiment.from_toml("lesion.toml").run().summary()
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
+    bg.bench("macaque").summary()                     # an exam of published numbers
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
 
@@ -47,6 +48,7 @@ from bgmodel.version import __version__
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
     from bgmodel.conditions import Condition
+    from bgmodel.exam.exam import Exam, bench
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
@@ -65,10 +67,12 @@ LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
     "Circuit": "circuits.circuit",
     "Condition": "bgmodel.conditions",
+    "Exam": "bgmodel.exam.exam",
     "Experiment": "bgmodel.experiments.experiment",
     "Stimuli": "bgmodel.stimuli",
     "StopTask": "bgmodel.stopping.task",
     "Sweep": "bgmodel.sweeps.sweep",
+    "bench": "bgmodel.exam.exam",
     "compare": "bgmodel.comparison.compare",
     "compare_models": "bgmodel.fitting.model_comparison",
     "fit": "bgmodel.fitting.settings",
@@ -86,6 +90,7 @@ __all__ = [
     "Condition",
     "Decision",
     "Evidence",
+    "Exam",
     "Experiment",
     "InputError",
     "Msprt",
@@ -95,6 +100,7 @@ __all__ = [
     "Sweep",
     "Trace",
     "__version__",
+    "bench",
     "compare",
     "compare_models",
     "engines",

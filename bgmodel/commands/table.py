@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from bgmodel.commands.bench import BenchRun
 from bgmodel.commands.circuit import CircuitRun, CircuitShow
 from bgmodel.commands.comparing import CircuitCompareEdits, Compare
 from bgmodel.commands.data import Data
@@ -51,5 +52,6 @@ COMMANDS: dict[str, Any] = {
     "fit": FitRun,
     "experiment": ExperimentRun,
     "sweep": SweepRun,
+    "bench": BenchRun,
     "figures": Figures,
 }

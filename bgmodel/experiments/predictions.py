@@ -52,15 +52,32 @@ class Prediction:
 
     def outcome(self, low: float, high: float) -> str:
         """Return the verdict from the change's 95 % interval: agrees, disagrees or left open."""
-        if not (np.isfinite(low) and np.isfinite(high)):
-            return OPEN
-        if self.direction == "none":
-            inside = -self.at_least < low and high < self.at_least
-            outside = low > self.at_least or high < -self.at_least
-            return AGREES if inside else DISAGREES if outside else OPEN
-        if self.direction == "down":
-            low, high = -high, -low
-        return AGREES if low > self.at_least else DISAGREES if high < self.at_least else OPEN
+        return outcome_of(self.direction, self.at_least, low, high)
+
+
+def outcome_of(
+    direction: Literal["up", "down", "none"], at_least: float, low: float, high: float
+) -> str:
+    """Return whether the 95 % interval of a change lies in a direction: agrees, disagrees or open.
+
+    Parameters
+    ----------
+    direction : str
+        "up", "down", or "none": within ``at_least`` of 0.
+    at_least : float
+        Smallest change that counts.
+    low, high : float
+        The interval; left open where it is not known.
+    """
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return OPEN
+    if direction == "none":
+        inside = -at_least < low and high < at_least
+        outside = low > at_least or high < -at_least
+        return AGREES if inside else DISAGREES if outside else OPEN
+    if direction == "down":
+        low, high = -high, -low
+    return AGREES if low > at_least else DISAGREES if high < at_least else OPEN
 
 
 @dataclass(frozen=True)

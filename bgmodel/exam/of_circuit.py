@@ -1,0 +1,185 @@
+"""Measures of the exam that need the circuit, or the optimal test on the exam's evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.comparison import designed as designs
+from bgmodel.comparison.compare import with_other_noise
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
+from bgmodel.exam.measures import Answer, Asked, measure, slope_over
+from bgmodel.exam.numbers import Z95, Task
+from bgmodel.exam.sitting import Sitting, quiet
+from bgmodel.exam.tables import NAMES, Failed, Unanswered
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
+from circuits.circuit import Circuit
+from circuits.laws.spectra import rate_spectrum
+
+FREQUENCIES_HZ = np.arange(4.0, 60.25, 0.25)
+BETA_HZ = (8.0, 30.0)
+COMPARED = 1000
+"""Trials of a comparison with the optimal test."""
+BEYOND = 0.05
+"""Thresholds are tried up to this much above the accuracy of a comparison."""
+RESAMPLES = 200
+DESIGNED = 40
+
+
+def _sitting(asked: Asked) -> Sitting:
+    if asked.sitting is None:
+        raise Unanswered("it needs the circuit itself, not its trials and rates")
+    return asked.sitting
+
+
+# ---- rhythms
+
+
+def _power(circuit: Circuit, nucleus: str) -> Array:
+    """Return the power of a nucleus at ``FREQUENCIES_HZ``, Hz^2/Hz, mean of its populations."""
+    names = [row.name for row in circuit.populations if row.name in NAMES.get(nucleus, (nucleus,))]
+    if not names:
+        raise Unanswered(f"there is no nucleus {nucleus}")
+    if not any(circuit.population(name).spiking for name in names):
+        raise Unanswered(f"the activity of {nucleus} is abstract and has no noise of cells")
+    try:
+        power = [rate_spectrum(circuit, name, FREQUENCIES_HZ) for name in names]
+    except ValueError as error:
+        raise Unanswered(str(error)) from None
+    return np.asarray(np.mean(power, axis=0))
+
+
+def _depleted(asked: Asked, level: float) -> tuple[Circuit, Circuit]:
+    circuit = _sitting(asked).circuit(2)
+    if not circuit.receptors():
+        raise Unanswered("no row has a receptor: dopamine has no effect")
+    return circuit, circuit.dopamine(level)
+
+
+@measure
+def beta_peak(asked: Asked, nucleus: str, dopamine: float) -> Answer:
+    """Return the frequency of the highest peak of the spectrum at a level of dopamine, Hz."""
+    _, low = _depleted(asked, dopamine)
+    power = _power(low, nucleus)
+    inner = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    if not inner.size:
+        raise Failed(f"the spectrum of {nucleus} has no peak between 4 and 60 Hz")
+    return Answer(float(FREQUENCIES_HZ[inner[power[inner].argmax()]]), 0.0, 0)
+
+
+@measure
+def beta_power(asked: Asked, nucleus: str, dopamine: float, minus: str = "") -> Answer:
+    """Return the log of the power from 8 to 30 Hz at a level of dopamine over the usual one.
+
+    With ``minus``, less that of another nucleus.
+    """
+    usual, low = _depleted(asked, dopamine)
+    band = (BETA_HZ[0] <= FREQUENCIES_HZ) & (BETA_HZ[1] >= FREQUENCIES_HZ)
+
+    def rise(name: str) -> float:
+        before, after = _power(usual, name)[band].sum(), _power(low, name)[band].sum()
+        if not (before > 0 and after > 0):
+            raise Unanswered(f"{name} is silent, or has no noise")
+        return float(np.log(after / before))
+
+    return Answer(rise(nucleus) - (rise(minus) if minus else 0.0), 0.0, 0)
+
+
+# ---- the optimal test
+
+
+def compared(asked: Asked, channels: int, accuracy: float) -> pd.DataFrame:
+    """Return the comparison of a circuit with the MSPRT at an accuracy, computed once."""
+    sitting = _sitting(asked)
+    key = f"compared {channels} {accuracy:g}"
+    if key not in sitting.kept:
+        sitting.level(channels, accuracy)
+        model, tuned = sitting.tuned(channels)
+        count = max(200, round(sitting.share * COMPARED))
+        evidence = sitting.drawn(Task(name="", about="", channels=channels), count, "compared")
+        levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
+        test = tradeoff(Msprt().run(evidence), evidence)
+        with quiet():
+            found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+            again = with_other_noise(model, evidence, found) if model.engine.noisy else None
+            rng = stream(sitting.seed, "exam", "bootstrap")
+            table = matched_measures(
+                test, found, rng=rng, truth=evidence.truth, again=again,
+                accuracies=(accuracy,), resamples=RESAMPLES,
+            )  # fmt: skip
+        sitting.kept[key] = table
+    whole: pd.DataFrame = sitting.kept[key]
+    return whole
+
+
+def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
+    """Return a measure of a comparison, and its standard error from the interval."""
+    rows = table[table["measure"] == name]
+    if rows.empty or not np.isfinite(rows["value"].iloc[0]):
+        raise Failed("the circuit and the optimal test have no accuracy in common")
+    row = rows.iloc[0]
+    return float(row["value"]), float((row["high"] - row["low"]) / (2 * Z95))
+
+
+@measure
+def agreement(asked: Asked, channels: float, accuracy: float) -> Answer:
+    """Return the share of trials with the MSPRT's choice, beyond chance."""
+    table = compared(asked, int(channels), accuracy)
+    same, se = _measured(table, "agreement")
+    chance, _ = _measured(table, "agreement_chance")
+    return Answer((same - chance) / (1 - chance), se / (1 - chance), COMPARED)
+
+
+@measure
+def time_correlation(asked: Asked, channels: float, accuracy: float) -> Answer:
+    """Return r of decision times with the MSPRT's, over the largest that the noise allows."""
+    table = compared(asked, int(channels), accuracy)
+    noisy = (table["measure"] == "r_noise_corrected").any()
+    return Answer(*_measured(table, "r_noise_corrected" if noisy else "pearson_r"), COMPARED)
+
+
+@measure
+def extra_time(asked: Asked, channels: float, accuracy: float) -> Answer:
+    """Return the mean decision time less that of the MSPRT at equal accuracy, ms."""
+    value, se = _measured(compared(asked, int(channels), accuracy), "extra_ms")
+    return Answer(value, se, COMPARED)
+
+
+@measure
+def designed(asked: Asked, channels: float, accuracy: float) -> Answer:
+    """Return the largest difference of crossing times from the MSPRT on designed trials, ms."""
+    sitting = _sitting(asked)
+    level = sitting.level(int(channels), accuracy)
+    model, _ = sitting.tuned(int(channels))
+    try:
+        with quiet():
+            found = designs.designed_circuit(model, [level], trials=DESIGNED)
+    except ValueError as error:
+        raise Failed(str(error)) from None
+    rows = found[(found["theory"] == designs.MSPRT) & (found["held"] != "")]
+    if rows["value"].isna().any():
+        raise Failed("it does not choose the leader in nine of ten designed trials")
+    row = rows.iloc[int(rows["value"].abs().to_numpy().argmax())]
+    return Answer(abs(float(row["value"])), float((row["high"] - row["low"]) / (2 * Z95)), DESIGNED)
+
+
+@measure
+def hick_ratio(asked: Asked, tasks: str) -> Answer:
+    """Return the slope of the mean time over ln N, divided by that of the MSPRT."""
+    names = [name.strip() for name in tasks.split(",")]
+    own = slope_over(asked, names)
+    x, best = [], []
+    drawer = Sitting.of_evidence(asked.tasks, asked.seed)
+    for name in names:
+        task = asked.tasks[name]
+        evidence = drawer.drawn(task, task.trials)
+        swept = tradeoff(Msprt().run(evidence), evidence)
+        once = np.ones((1, evidence.trials))
+        x.append(np.log(task.channels))
+        best.append(time_at([task.accuracy], curve(swept, once))[0, 0])
+    slope = float(np.polyfit(x, best, 1)[0])
+    return Answer(own.value / slope, own.se / slope, own.trials)

@@ -1,0 +1,187 @@
+"""The result of an exam: a row per number, totals per domain, a picture and JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.exam.drawing import FAILS, UNANSWERED
+from bgmodel.exam.measures import Answer
+from bgmodel.exam.numbers import Z95, Number
+from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, outcome_of
+from bgmodel.support.files import provenance, replacing
+from bgmodel.support.reprs import Facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OUTCOMES = (AGREES, DISAGREES, OPEN, FAILS, UNANSWERED)
+"""Outcomes of a number. "fails": the circuit does not do what the number is about."""
+MOST_Z = 2.0
+"""A value agrees within this many standard errors."""
+COLUMNS = (
+    "id", "domain", "about", "published", "unit", "value", "se", "z", "outcome", "reason", "trials",
+    "weight", "set_by", "mark", "species", "source",
+)  # fmt: skip
+
+
+def marked(
+    number: Number, examinee: str, answer: Answer | Exception, failed: bool
+) -> dict[str, Any]:
+    """Return the row of a number.
+
+    Parameters
+    ----------
+    number : Number
+        What was published.
+    examinee : str
+        Name of the circuit.
+    answer : Answer or Exception
+        Its value, or why there is none.
+    failed : bool
+        Whether the exception means that it fails.
+    """
+    row: dict[str, Any] = {name: getattr(number, name, None) for name in COLUMNS}
+    row |= {"published": number.published(), "reason": "", "z": np.nan, "trials": 0}
+    row["set_by"] = "set by" if examinee in number.set_by else "predicted"
+    if isinstance(answer, Exception):
+        outcome = FAILS if failed else UNANSWERED
+        return row | {"value": np.nan, "se": np.nan, "outcome": outcome, "reason": str(answer)}
+    row |= {"value": answer.value, "se": answer.se, "trials": answer.trials}
+    if number.direction is not None:
+        half = Z95 * answer.se
+        ends = answer.value - half, answer.value + half
+        outcome = outcome_of(number.direction, number.at_least, *ends)
+        said = f"cannot tell with {answer.trials} trials" if outcome == OPEN else ""
+        return row | {"outcome": outcome, "reason": said}
+    z = (answer.value - number.middle) / float(np.hypot(answer.se, number.error))
+    return row | {"z": z, "outcome": AGREES if abs(z) <= MOST_Z else DISAGREES}
+
+
+def totals(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the totals of each domain.
+
+    Returns
+    -------
+    DataFrame
+        One row per domain: domain, numbers, agrees, disagrees, "left open", fails, "not answered"
+        (counts), predicted_agrees (of those, how many were not set by the number), share (weight of
+        those that agree over that of all that agree, disagree or fail; NaN without any), median_z
+        (of the sizes of z).
+    """
+    rows = []
+    for domain, part in table.groupby("domain", sort=False):
+        counts = {name: int((part["outcome"] == name).sum()) for name in OUTCOMES}
+        good = part["outcome"] == AGREES
+        judged = part["outcome"].isin([AGREES, DISAGREES, FAILS])
+        weight = float(part["weight"][judged].sum())
+        share = float(part["weight"][good].sum()) / weight if weight else np.nan
+        row = {"domain": domain, "numbers": len(part), **counts}
+        row["predicted_agrees"] = int((good & (part["set_by"] == "predicted")).sum())
+        rows.append(row | {"share": share, "median_z": part["z"].abs().median()})
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True, repr=False)
+class ExamRecord(Facts):
+    """What an examinee answered.
+
+    Parameters
+    ----------
+    examinee : str
+        Name of the circuit, or of the files.
+    table : DataFrame
+        One row per number: id, domain, about, published, unit, value with se (standard error from
+        simulation), z (difference over the root of both variances; NaN for a direction), outcome
+        (one of ``OUTCOMES``), reason, trials, weight, set_by ("set by" or "predicted"), mark,
+        species, source.
+    seed : int
+        Seed of evidence and noise.
+    parameters : dict
+        Version and hash of the list, circuit and its hash, engine, gain, share of trials.
+    """
+
+    examinee: str
+    table: pd.DataFrame
+    seed: int
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    def facts(self) -> dict[str, str]:
+        """Return how many numbers have each outcome, per domain."""
+        found = {"examinee": self.examinee, "list": f"version {self.parameters['list']['version']}"}
+        for row in totals(self.table).to_dict("records"):
+            judged = row[AGREES] + row[DISAGREES] + row[FAILS]
+            found[str(row["domain"])] = f"{row[AGREES]} of {judged} agree"
+        return found
+
+    def summary(self) -> pd.DataFrame:
+        """Return the totals of each domain, see ``totals``; there is no total over domains."""
+        return totals(self.table)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``table``."""
+        return self.table
+
+    def text(self) -> str:
+        """Return the report that the command prints: a row per number, and the totals."""
+        lines = []
+        for domain, part in self.table.groupby("domain", sort=False):
+            lines.append(f"{domain}")
+            lines += [_line(row) for row in part.to_dict("records")]
+        shown = totals(self.table).drop(columns=["median_z"])
+        shown["share"] = shown["share"].map(lambda x: "-" if np.isnan(x) else f"{x:.2f}")
+        return "\n".join([*lines, "", shown.to_string(index=False), "", LEGEND])
+
+    def plot(self) -> Figure:
+        """Draw the exam on one page: z scores and directions of all numbers, and totals.
+
+        Returns
+        -------
+        Figure
+            Panel a: a row per number; a point is the z score of a value, a letter the outcome of a
+            direction. Panel b: the share of each domain that agrees, with counts.
+        """
+        from bgmodel.exam.drawing import page
+
+        version = self.parameters["list"]["version"]
+        title = f"{self.examinee}: exam, list {version}, seed {self.seed}"
+        return page(self.table, self.summary(), title)
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """Return the record as JSON, with parameters, seed and versions; write it to a path."""
+        rows = json.loads(self.table.to_json(orient="records", double_precision=10))
+        whole = json.loads(totals(self.table).to_json(orient="records", double_precision=10))
+        about = provenance(self.seed, **self.parameters)
+        text = json.dumps(
+            {"examinee": self.examinee, **about, "domains": whole, "records": rows}, indent=1
+        )
+        if path is not None:
+            with replacing(path) as partial:
+                partial.write_text(text + "\n", encoding="utf-8")
+        return text
+
+
+LEGEND = """\
+agrees: within 2 standard errors (root of the published and the simulated variance), or the whole
+95 % interval in the published direction; disagrees: not; left open: the interval contains both;
+fails: the circuit does not do what the number is about; not answered: it cannot be asked.
+share: weight of the numbers that agree among those that agree, disagree or fail. A: only the
+abstract was read. *: the circuit, or an assumed size, was set by this number."""
+
+
+def _line(row: dict[Any, Any]) -> str:
+    """Return a number as one line."""
+    known = np.isfinite(row["value"])
+    value = f"{row['value']:.3g} ± {row['se']:.2g}" if known else "-"
+    z = f"z {row['z']:+.1f}" if np.isfinite(row["z"]) else ""
+    mark = "A" if row["mark"] == "abstract" else ""
+    mark += "*" if row["set_by"] == "set by" else ""
+    name = f"{row['id']} {mark}".strip()
+    said = f"  ({row['reason']})" if row["reason"] else ""
+    unit = str(row["unit"])
+    return f"  {name:24} {row['published']:>22} {value:>18} {unit:11} {z:8} {row['outcome']}{said}"

@@ -1,0 +1,196 @@
+"""The two tables from which most numbers of the exam are computed: trials and rates.
+
+A circuit of this package fills them by simulation (``sitting``); those of another tool or of a
+recording are read from CSV files. The measures are the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.exam.numbers import Task
+from bgmodel.support.checks import path_of
+from bgmodel.tables.text_files import read_rows
+from circuits.errors import DataWarning, InputError, require
+
+OF_TRIALS = {
+    "task": "name of the task",
+    "trial": "number of the trial; trials of two tasks with one number are compared as a pair",
+    "rt_ms": "time from the onset of evidence, ms (or rt_s, s); empty without a response",
+    "correct": "1 or 0; empty without a response",
+    "anticipatory": "1 if the foreperiod ended in a response, otherwise 0",
+    "ssd_ms": "stop-signal delay, ms; empty in go trials",
+    "deadline_ms": "when a trial without a response ended, ms",
+}
+"""Columns of the table of trials; ``task`` and a time are required."""
+OF_RATES = {
+    "task": "name of the task",
+    "trial": "number of the trial",
+    "nucleus": "its name: MSN (or D1 and D2), FSI, STN, GPe, SNr (or GPi), ctx",
+    "window": "rest, early, late, response or signal",
+    "role": "chosen, other or all: whose channel; failed or successful after a stop signal",
+    "rate_hz": "mean rate in the window, Hz (spikes per second and cell)",
+}
+"""Columns of the table of rates; all but ``trial`` and ``role`` are required."""
+ROLES = ("all", "chosen", "other", "failed", "successful")
+WINDOWS = {
+    "rest": "without evidence",
+    "early": "100 to 300 ms after onset",
+    "late": "300 to 500 ms after onset",
+    "response": "100 ms before to 100 ms after the response",
+    "signal": "150 ms from the arrival of a stop signal",
+}
+"""Windows of rates (those of Branam, Gold & Ding 2024, and of stop signals)."""
+NAMES = {"MSN": ("MSN", "D1", "D2"), "SNr": ("SNr", "GPi")}
+"""Names under which the rows of a nucleus may stand in a table; several are averaged."""
+HIGHEST_HZ = 1000.0
+"""No cell fires faster."""
+
+
+class Unanswered(Exception):
+    """A number cannot be asked: the circuit, or the table, lacks what it needs."""
+
+
+class Failed(Exception):
+    """The circuit does not do what the number is about: it never decides by evidence, say."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Trials and rates of one examinee.
+
+    Parameters
+    ----------
+    trials : DataFrame
+        Columns of ``OF_TRIALS``, one row per trial and task.
+    rates : DataFrame
+        Columns of ``OF_RATES``; one row per task, trial, nucleus, window and role.
+    abstract : frozenset of str
+        Nuclei whose rates are not those of cells, so that they have a sign but no Hz.
+    """
+
+    trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_TRIALS)))
+    rates: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_RATES)))
+    abstract: frozenset[str] = frozenset()
+
+    def trials_of(self, task: str) -> pd.DataFrame:
+        """Return the trials of a task, indexed by their numbers."""
+        found = self.trials[self.trials["task"] == task]
+        if found.empty:
+            raise Unanswered(f"there are no trials of the task {task!r}")
+        return found.set_index("trial")
+
+    def rates_of(self, task: str, nucleus: str, window: str, role: str) -> pd.Series:
+        """Return the rate of a nucleus in each trial of a task, Hz, indexed by trial."""
+        rates = self.rates
+        names = [name for name in NAMES.get(nucleus, (nucleus,)) if name in set(rates["nucleus"])]
+        if rates.empty or not names:
+            raise Unanswered(f"there are no rates of {nucleus}")
+        here = rates[rates["nucleus"].isin(names) & (rates["task"] == task)]
+        here = here[(here["window"] == window) & (here["role"] == role)].dropna(subset="rate_hz")
+        if here.empty:
+            raise Unanswered(f"there are no rates of {nucleus}, {window}, {role}, task {task!r}")
+        return here.groupby("trial")["rate_hz"].mean()
+
+
+def read_tables(
+    trials: str | Path | pd.DataFrame | None,
+    rates: str | Path | pd.DataFrame | None,
+    tasks: dict[str, Task],
+) -> Tables:
+    """Read trials and rates that were recorded, or simulated by another tool.
+
+    Parameters
+    ----------
+    trials, rates : path or DataFrame, optional
+        ``.csv``, ``.tsv`` or ``.parquet``: the columns of ``OF_TRIALS`` and ``OF_RATES``.
+    tasks : dict
+        The tasks of the exam by name.
+
+    Raises
+    ------
+    ValueError
+        If neither is given, a column is missing or has no unit, a task, window or role is unknown,
+        or a value is impossible.
+    """
+    if trials is None and rates is None:
+        raise InputError("give a table of trials, of rates, or both", "trials")
+    nothing = Tables()
+    return Tables(
+        nothing.trials if trials is None else _trials(_rows(trials, "trials"), tasks),
+        nothing.rates if rates is None else _rates(_rows(rates, "rates"), tasks),
+    )
+
+
+def _rows(source: str | Path | pd.DataFrame, field: str) -> pd.DataFrame:
+    if isinstance(source, pd.DataFrame):
+        return source.copy()
+    return read_rows(path_of(source, field)).copy()
+
+
+def _trials(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+    if "rt_s" in table:
+        require("rt_ms" not in table, "rt_s", "must not stand with rt_ms", "both")
+        table["rt_ms"] = 1000 * _numbers(table, "rt_s")
+    _needs_unit(table, "rt", "rt_ms", "rt_ms or rt_s")
+    _known(table, "task", tuple(tasks))
+    for name in ("rt_ms", "correct", "anticipatory", "ssd_ms", "deadline_ms"):
+        table[name] = _numbers(table, name) if name in table else np.nan
+    for name in ("correct", "anticipatory"):
+        coded = table[name].dropna().isin([0, 1])
+        require(coded.all(), name, "must be 1 or 0, or empty", table[name].dropna()[~coded][:1])
+    time = table["rt_ms"]
+    late = time.notna() & ~np.isfinite(time)
+    require(not late.any(), "rt_ms", "must be finite, or empty", time[late][:1])
+    if 0 < time.max() < 10:
+        DataWarning.warn(f"rt_ms is at most {time.max():g}: name the column rt_s if it is in s")
+    return _numbered(table, ["task"])[list(OF_TRIALS)]
+
+
+def _rates(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+    _needs_unit(table, "rate", "rate_hz", "rate_hz")
+    table["role"] = table.get("role", "all")
+    _known(table, "task", tuple(tasks))
+    _known(table, "window", tuple(WINDOWS))
+    _known(table, "role", ROLES)
+    require("nucleus" in table, "nucleus", "must be a column of the rates", list(table))
+    table["rate_hz"] = _numbers(table, "rate_hz")
+    rate = table["rate_hz"].dropna()
+    fits = (rate >= 0) & (rate <= HIGHEST_HZ)
+    require(fits.all(), "rate_hz", f"must be within 0..{HIGHEST_HZ:g} Hz", rate[~fits][:1])
+    return _numbered(table, ["task", "nucleus", "window", "role"])[list(OF_RATES)]
+
+
+def _needs_unit(table: pd.DataFrame, bare: str, name: str, allowed: str) -> None:
+    """Refuse a table without the column, naming the unit if only that is missing."""
+    if name in table:
+        return
+    said = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
+    raise InputError(f"{said}: name it {allowed}", name)
+
+
+def _known(table: pd.DataFrame, name: str, allowed: tuple[str, ...]) -> None:
+    require(name in table, name, "must be a column of the table", list(table))
+    unknown = sorted(set(table[name].astype(str)) - set(allowed))
+    require(not unknown, name, f"must be one of {', '.join(allowed)}", unknown[:3])
+    table[name] = table[name].astype(str)
+
+
+def _numbers(table: pd.DataFrame, name: str) -> pd.Series:
+    try:
+        return pd.to_numeric(table[name]).astype(float)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{name} must hold numbers: {error}", name) from None
+
+
+def _numbered(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """Return the table with numbers of trials, by default in their order, each once."""
+    if "trial" not in table:
+        return table.assign(trial=table.groupby(by).cumcount())
+    twice = table.duplicated([*by, "trial"])
+    require(not twice.any(), "trial", "must occur once in each task", table["trial"][twice][:1])
+    return table
