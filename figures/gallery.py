@@ -29,7 +29,7 @@ GROUPS = {
     "Stopping": ("figG",),
     "Learning": ("figL",),
     "Fits to monkeys, people and patients": ("figF",),
-    "Many alternatives and other circuits": ("figB",),
+    "Many alternatives and other circuits": ("figB", "figE"),
     "Touch": ("fig",),
 }
 """Parts of the page, by how names of figures begin; a figure belongs to the first that fits."""

@@ -25,6 +25,7 @@ from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
+from bgmodel.comparison.tuned import swept
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
@@ -33,8 +34,6 @@ from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
     sample_ms,
-    thresholds_of,
-    without_noise_alone,
 )
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
@@ -78,14 +77,8 @@ def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:
     for engine, trials in (("population", evidence.trials), ("ensemble", spiking)):
         if trials:
             model = model_of(evidence, engine)
-            found[engine] = circuit_at(model, evidence[:trials], found[MSPRT_AT_GAIN])
+            found[engine] = swept(model, evidence[:trials], found[MSPRT_AT_GAIN])
     return found
-
-
-def circuit_at(model: BasalGanglia, evidence: Evidence, test: Tradeoff) -> Tradeoff:
-    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
-    levels = without_noise_alone(model, thresholds_of(model.circuit, test))
-    return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
 
 def most_alternatives() -> int:
@@ -211,7 +204,7 @@ def tactile(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
     taps, groups = tapped(evidence, alternatives, trials, SCORING_SEED)
     found = deciders(taps, 0)
     outside = replace(model_of(taps, "population"), centred=True)
-    found[CENTRED] = circuit_at(outside, taps, found[MSPRT_AT_GAIN])
+    found[CENTRED] = swept(outside, taps, found[MSPRT_AT_GAIN])
     counted = {
         name: replace(one, posterior=(one.choice == taps.truth).astype(np.float64))
         for name, one in found.items()

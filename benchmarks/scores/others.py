@@ -3,8 +3,8 @@
 All circuits receive the same evidence. At equal accuracy they are compared with the MSPRT; designed
 trials show which test their times follow; at one threshold they are tested with conflict, loss of
 STN and of GPe, and more and less dopamine. The expected changes were written down before any run. A
-circuit whose unit is not nats gets the gain of ``GAINS`` with which it is fastest at accuracy 0.9,
-on trials of another seed.
+circuit whose unit is not nats gets the gain with which it is fastest at accuracy 0.9, on trials of
+another seed.
 """
 
 from __future__ import annotations
@@ -17,21 +17,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.hick import circuit_at
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel import BasalGanglia, Msprt, stream
+from bgmodel import BasalGanglia, stream
 from bgmodel.bootstrap import FEWEST_TRIALS, RESAMPLES, resampled
 from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT
-from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff, curve, time_at, tradeoff
+from bgmodel.comparison.tuned import fastest_gain
+from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.declaration.table import NATS
 from circuits.engines import engine_of
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
@@ -44,7 +43,6 @@ ACCURACY = 0.9
 DESIGNED_AT = (0.85, 0.9)
 """Designed trials are decided at the thresholds of these accuracies."""
 TRIALS, COARSE_TRIALS, TUNING_TRIALS = 2000, 300, 500
-GAINS = (0.05, 0.1, 0.2, 0.4, 0.8)
 WINDOW_MS = (150.0, 600.0)
 """Time after the onset over which the rate of STN is averaged."""
 
@@ -135,33 +133,15 @@ def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_S
     return gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
 
 
-def model_of(entrant: Entrant, alternatives: int, gain: float, seed: int) -> BasalGanglia:
-    """Return a circuit on its engine."""
-    table = load_circuit(entrant.name, alternatives)
-    return BasalGanglia(table, engine_of(entrant.engine).tuned(workers=2), gain, seed)
-
-
-def swept(model: BasalGanglia, evidence: Evidence) -> Tradeoff:
-    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
-    return circuit_at(model, evidence, tradeoff(Msprt(model.gain).run(evidence), evidence))
-
-
 @cache
 def tuned(entrant: Entrant, alternatives: int) -> tuple[BasalGanglia, Tradeoff]:
     """Return a circuit at its gain, and its decisions on trials of the tuning seed."""
-    known = load_circuit(entrant.name, alternatives)
-    gains = (known.default_gain or 1.0,) if known.unit == NATS else GAINS
     trials = max(FEWEST_TRIALS, TUNING_TRIALS * entrant.percent // 100)
     evidence = drawn(alternatives, 0.0, trials, TUNING_SEED)
-    found = []
-    for gain in gains:
-        model = model_of(entrant, alternatives, gain, SCORING_SEED)
-        decided = swept(replace(model, seed=TUNING_SEED), evidence)
-        once = np.ones((1, evidence.trials))
-        time = time_at([ACCURACY], curve(decided, once))[0, 0]
-        found.append((time, model, decided))
-    fastest = min(found, key=lambda one: np.inf if np.isnan(one[0]) else one[0])
-    return fastest[1:]
+    table = load_circuit(entrant.name, alternatives)
+    engine = engine_of(entrant.engine).tuned(workers=2)
+    model, decided = fastest_gain(table, engine, evidence, TUNING_SEED)
+    return replace(model, seed=SCORING_SEED), decided
 
 
 def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:

@@ -42,6 +42,8 @@ class BenchRun(Shows):
     exam.pdf; bgmodel bench --trials trials.csv --rates rates.csv; bgmodel bench --tasks
     """
 
+    reads = ("rates",)
+
     circuit: Positional[str] = ""
     """Name of a circuit, or the path of a .toml file."""
     output: Positional[Path | None] = None
@@ -73,6 +75,8 @@ class BenchRun(Shows):
 
     def __call__(self) -> None:
         """Run the command."""
+        from bgmodel.exam.exam import examinee
+
         self._check()
         exam = self._exam()
         if self.tasks:
@@ -81,7 +85,9 @@ class BenchRun(Shows):
         if not self.circuit and self.trials is None and self.rates is None:
             self._list(exam)
             return
-        say(f"an exam of {len(exam.questions.numbers)} numbers, list {exam.questions.version}")
+        if self.circuit:
+            examinee(self.circuit, self.edits, self.engine, self.gain)  # refuses unknown names
+            say(f"an exam of {len(exam.questions.numbers)} numbers, list {exam.questions.version}")
         with bar(len(exam.questions.numbers), "number"):
             record = self._record(exam)
         if self.output is not None:

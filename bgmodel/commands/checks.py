@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from bgmodel.support import files, progress
 from circuits.errors import BgmodelWarning, InputError, require
@@ -39,6 +39,8 @@ class Writes:
 
     force: bool = False
     """Overwrite existing results."""
+    reads: ClassVar[tuple[str, ...]] = ()
+    """Options that name an input here, though a result in other commands."""
 
     def more_outputs(self) -> list[Path]:
         """Return files that are written in addition to those named by options."""
@@ -146,7 +148,8 @@ def check_outputs(command: Writes) -> None:
     and folders must be writable.
     """
     check_apart(_paths(command))
-    outputs = [getattr(command, name) for name in OUTPUTS if getattr(command, name, None)]
+    names = [name for name in OUTPUTS if name not in command.reads]
+    outputs = [getattr(command, name) for name in names if getattr(command, name, None)]
     for path in [*outputs, *command.more_outputs()]:
         # Files that no option names are overwritten only if they are results.
         named = path in outputs or files.is_result(path)

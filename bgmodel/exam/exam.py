@@ -17,6 +17,7 @@ from bgmodel.exam.sitting import Examinee, Sitting
 from bgmodel.exam.tables import Failed, Unanswered, read_tables
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.checks import check_range, whole
+from bgmodel.support.files import checksum
 from bgmodel.support.progress import advance
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
@@ -112,7 +113,7 @@ class Exam:
         whole("workers", workers, 1)
         given = circuit
         if not isinstance(circuit, Examinee):
-            circuit = examinee(circuit, tuple(edits), engine, gain)
+            circuit = examinee(circuit, edits, engine, gain)
         sitting = Sitting(circuit, self.questions.tasks, whole("seed", seed, 0), share, workers)
         rows = [self._row(one, sitting) for one in self.questions.numbers]
         hashes = _identities(sitting)
@@ -151,7 +152,7 @@ class Exam:
             asked = Asked(tables, self.questions.tasks, seed)
             rows.append(_answered(one, name, asked))
             advance(1)
-        record = self._record(name, rows, seed, {})
+        record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
         if (record.table["outcome"] == "not answered").all():
             raise InputError(
                 "the tables answer none of the numbers: name tasks, nuclei and windows as "
@@ -183,6 +184,13 @@ class Exam:
         return ExamRecord(name, table, seed, {"list": origin, **about})
 
 
+def _file(source: str | Path | pd.DataFrame | None) -> dict[str, str] | None:
+    """Return the name and the checksum of a file."""
+    if source is None or isinstance(source, pd.DataFrame):
+        return None
+    return {"file": Path(source).name, "sha256": checksum(source)}
+
+
 def bench(circuit: Circuit | Examinee | str | Path, **options: Any) -> ExamRecord:
     """Let a circuit take the shipped exam; arguments are those of ``Exam.take``."""
     return Exam.shipped().take(circuit, **options)
@@ -203,7 +211,7 @@ def _answered(number: Number, name: str, asked: Asked) -> dict[str, Any]:
 
 def examinee(
     circuit: Circuit | str | Path,
-    edits: tuple[str, ...] = (),
+    edits: Iterable[str] = (),
     engine: str | None = None,
     gain: float | None = None,
 ) -> Examinee:

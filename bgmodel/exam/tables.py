@@ -191,6 +191,9 @@ def _numbered(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     """Return the table with numbers of trials, by default in their order, each once."""
     if "trial" not in table:
         return table.assign(trial=table.groupby(by).cumcount())
+    numbers = pd.to_numeric(table["trial"], errors="coerce")
+    if numbers.notna().all():  # a file holds them as text, which has another order
+        table["trial"] = numbers
     twice = table.duplicated([*by, "trial"])
     require(not twice.any(), "trial", "must occur once in each task", table["trial"][twice][:1])
     return table

@@ -1,0 +1,202 @@
+"""Circuits and tables take the exam: exact circuits, broken controls, and the door for tables."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.exam import sitting as sittings
+from bgmodel.exam.exam import Exam, Examinee, examinee
+from bgmodel.exam.measures import Answer
+from bgmodel.exam.numbers import Number
+from bgmodel.exam.record import marked, totals
+from bgmodel.exam.sitting import Sitting
+from circuits.anatomy import load_circuit
+from circuits.errors import InputError
+
+EXAM = Exam.shipped()
+NUMBER = {
+    "id": "one", "about": "", "measure": "rate", "of": {}, "unit": "Hz", "species": "rat",
+    "source": "", "mark": "read", "how": "", "domain": "d",
+}  # fmt: skip
+
+
+def outcomes(record):
+    return record.table.set_index("id")["outcome"]
+
+
+def asked(*ids):
+    numbers = tuple(one for one in EXAM.questions.numbers if one.id in ids)
+    return Exam(replace(EXAM.questions, numbers=numbers))
+
+
+def test_the_exact_circuit_at_its_fixed_point_is_the_optimal_test(monkeypatch):
+    monkeypatch.setattr(sittings, "TUNING_TRIALS", 100)
+    exam = asked("msprt.same.four", "msprt.times", "msprt.extra")
+    two = [replace(one, of=one.of | {"channels": 2}) for one in exam.questions.numbers]
+    exam = Exam(replace(exam.questions, numbers=tuple(two)))
+    record = exam.take("bogacz_gurney", engine="algebra", seed=3, share=0.1)
+    same, r, extra_ms = record.table["value"]
+    # Readings are discrete, so that two grids of thresholds meet an accuracy at different places.
+    assert same == pytest.approx(1, abs=0.05)
+    assert r == pytest.approx(1, abs=0.03)
+    assert abs(extra_ms) < 25
+
+
+def test_the_exact_circuit_follows_the_optimal_test_on_designed_trials(monkeypatch):
+    monkeypatch.setattr(sittings, "TUNING_TRIALS", 100)
+    record = asked("msprt.designed").take("bogacz_gurney", engine="algebra", seed=3)
+    assert record.table["value"].item() == pytest.approx(0, abs=1e-6)
+
+
+DOMAINS = ("resting rates", "conflict", "stimulation of STN")
+
+
+@pytest.fixture(scope="module")
+def sitting():
+    return Sitting(examinee("macaque", engine="rate"), EXAM.questions.tasks, 5, share=0.1)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return EXAM.only(DOMAINS).take("macaque", engine="rate", seed=5, share=0.1)
+
+
+def test_tables_through_the_door_get_the_marks_of_the_circuit(sitting, record, tmp_path):
+    questions = EXAM.only(DOMAINS).questions
+    names = {
+        kind: sorted(
+            {
+                task
+                for one in questions.numbers
+                if ("nucleus" in one.of) == (kind == "rates")
+                for _, task in questions.tasks_of(one)
+            }
+        )
+        for kind in ("trials", "rates")
+    }
+    tables, undone = sitting.tables(**names)
+    assert not undone
+    seconds = tables.trials.assign(rt_s=tables.trials["rt_ms"] / 1000).drop(columns="rt_ms")
+    seconds.to_csv(tmp_path / "trials.csv", index=False)
+    tables.rates.to_csv(tmp_path / "rates.csv", index=False)
+    outside = EXAM.only(DOMAINS).mark(tmp_path / "trials.csv", tmp_path / "rates.csv", seed=5)
+    inside = record.table
+    assert (outside.table["outcome"] == inside["outcome"]).all()
+    for column in ("value", "se", "z"):
+        np.testing.assert_allclose(outside.table[column], inside[column], rtol=1e-6, atol=1e-9)
+
+
+def test_the_same_seed_gives_the_same_bytes_for_any_number_of_workers(monkeypatch):
+    monkeypatch.setattr(sittings, "TUNING_TRIALS", 100)
+    few = asked("rest.stn", "conflict.stn")
+    one = few.take("macaque", seed=5, share=0.1).to_json()
+    assert one == few.take("macaque", seed=5, share=0.1, workers=2).to_json()
+    assert one != few.take("macaque", seed=6, share=0.1).to_json()
+
+
+def deaf(channels):
+    circuit = load_circuit("macaque", channels)
+    broken = circuit
+    for row in circuit.projections:
+        if row.source == circuit.input:
+            broken = broken.scale(row.source, row.target, 1e-9)
+    return broken.compensate(circuit)
+
+
+@pytest.mark.parametrize(
+    "control",
+    [
+        Examinee("no D1", lambda n: load_circuit("macaque", n).clamp("D1"), "rate"),
+        Examinee("noise alone", deaf, "rate"),
+    ],
+)
+def test_a_circuit_without_evidence_fails_what_is_about_decisions_and_rests_as_before(control):
+    found = outcomes(EXAM.only(["resting rates", "conflict"]).take(control, seed=3, share=0.05))
+    assert found["rest.gpe"] == "agrees"
+    assert found["conflict.cost"] == "fails"
+    assert found["conflict.stn"] == "fails"
+
+
+def test_a_circuit_without_nats_does_not_answer_what_needs_them():
+    exam = EXAM.only(["stopping", "beta after dopamine loss", "resting rates"])
+    record = exam.take("gpr", seed=3, share=0.05)
+    assert (record.table["outcome"] == "not answered").all()
+    assert (record.table["reason"].str.len() > 10).all()
+    assert np.isnan(record.summary()["share"]).all()
+
+
+def test_a_circuit_of_four_alternatives_answers_for_four():
+    exam = EXAM.only(["resting rates", "number of alternatives"])
+    record = exam.take(load_circuit("spiking_msprt", 4), engine="rate", seed=3, share=0.05)
+    assert set(record.table["outcome"]) == {"not answered"}
+    assert list(record.parameters["circuits"]) == ["4"]
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({"circuit": "nobody"}, "circuit"),
+        ({"edits": ["lesion nobody"]}, "nucleus"),
+        ({"share": 0.0}, "share"),
+        ({"seed": -1}, "seed"),
+        ({"workers": 0}, "workers"),
+        ({"engine": "steam"}, "engine"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_runs(given, field):
+    with pytest.raises(InputError) as refused:
+        EXAM.take(**{"circuit": "macaque"} | given)
+    assert refused.value.field == field
+
+
+def test_tables_that_answer_nothing_and_unknown_domains_are_refused():
+    table = pd.DataFrame({"task": "reference", "rt_ms": [500.0] * 30})
+    with pytest.raises(InputError) as refused:
+        EXAM.only(["resting rates"]).mark(table)
+    assert refused.value.field == "trials"
+    with pytest.raises(InputError) as refused:
+        EXAM.only(["astrology"])
+    assert refused.value.field == "domains"
+
+
+def test_an_answer_is_marked_by_both_variances_or_by_its_interval():
+    value = Number(**NUMBER, value=10.0, se=3.0, set_by=("mine",))
+    row = marked(value, "mine", Answer(20.0, 4.0, 50), False)
+    assert (row["z"], row["outcome"], row["set_by"]) == (2.0, "agrees", "set by")
+    assert marked(value, "other", Answer(20.1, 4.0, 50), False)["outcome"] == "disagrees"
+    up = Number(**NUMBER, direction="up", at_least=1.0)
+    for answer, outcome in ((3.0, "agrees"), (0.0, "disagrees"), (1.5, "left open")):
+        row = marked(up, "mine", Answer(answer, 0.4, 50), False)
+        assert (row["outcome"], row["set_by"]) == (outcome, "predicted")
+
+
+def test_totals_weigh_numbers_and_leave_out_those_that_are_open():
+    rows = [
+        {"domain": "d", "outcome": o, "weight": w, "set_by": "predicted", "z": z}
+        for o, w, z in (
+            ("agrees", 1.0, 1.0), ("agrees", 0.5, np.nan), ("disagrees", 1.0, -3.0),
+            ("fails", 0.5, np.nan), ("left open", 1.0, np.nan), ("not answered", 1.0, np.nan),
+        )
+    ]  # fmt: skip
+    (row,) = totals(pd.DataFrame(rows)).to_dict("records")
+    assert row["share"] == pytest.approx(1.5 / 3)
+    assert (row["agrees"], row["disagrees"], row["fails"], row["not answered"]) == (2, 1, 1, 1)
+    assert row["median_z"] == 2.0
+
+
+def test_a_record_is_a_table_a_picture_and_json(record, tmp_path):
+    path = tmp_path / "exam.json"
+    text = record.to_json(path)
+    whole = json.loads(path.read_text())
+    assert whole == json.loads(text)
+    assert whole["parameters"]["list"]["version"] == EXAM.questions.version
+    assert len(whole["parameters"]["circuits"]["2"]["sha256"]) == 64
+    assert (whole["seed"], whole["parameters"]["share"]) == (5, 0.1)
+    assert "bgmodel" in whole["versions"]
+    assert [one["domain"] for one in whole["domains"]] == list(DOMAINS)
+    assert len(record.plot().axes) == 2
+    assert set(record.facts()) >= set(DOMAINS)
+    assert "not answered" in record.text()

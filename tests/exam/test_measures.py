@@ -1,0 +1,159 @@
+"""Measures of tables against closed forms, and against what they must not answer."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, first_crossing, gaussian_evidence, threshold_from_posterior
+from bgmodel.exam.measures import MEASURES, Answer, Asked
+from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.tables import Failed, Tables, Unanswered, read_tables
+from bgmodel.support.seeds import stream
+
+TASKS = shipped_list().tasks
+
+
+def asked(trials=None, rates=None, **more):
+    return Asked(read_tables(trials, rates, TASKS), TASKS, 1, **more)
+
+
+def decided(task, posterior, d_prime=0.2, seed=3, trials=2000, t_max=600):
+    """Return trials of the optimal test with readings every ms."""
+    evidence = gaussian_evidence(trials, d_prime=d_prime, t_max=t_max, step_ms=1.0, seed=seed)
+    found = first_crossing(Msprt().run(evidence), threshold_from_posterior(posterior, 2))
+    right = (found.choice == evidence.truth).astype(int)
+    return pd.DataFrame({"task": task, "rt_ms": found.time_ms, "correct": right})
+
+
+def test_the_optimal_test_trades_speed_for_accuracy_as_wald_says():
+    # E[T] = (theta / m) tanh(theta / 2), theta = logit accuracy (Wald 1947); overshoot at a d' of
+    # 0.2 adds 0.117 to both theta, which the criterion takes off.
+    def bound(accuracy):
+        return np.log(accuracy / (1 - accuracy))
+
+    def time(accuracy):
+        return bound(accuracy) * np.tanh(bound(accuracy) / 2)
+
+    def criterion(accuracy):
+        return 1 / (1 + np.exp(-(bound(accuracy) - 0.5826 * 0.2)))
+
+    table = pd.concat([decided("speed", criterion(0.78)), decided("accuracy", criterion(0.874))])
+    found = MEASURES["time_change"](asked(table), "accuracy", "speed", unit="percent")
+    expected = 100 * (time(0.874) / time(0.78) - 1)
+    assert expected == pytest.approx(104.4, abs=0.1)
+    assert abs(found.value - expected) < 3 * found.se
+    assert found.se < 5
+
+
+def test_the_skewness_of_times_without_drift_is_that_of_the_closed_form():
+    # Survival of Brownian motion between -1 and 1: (4 / pi) sum (-1)^k / (2 k + 1) exp(...).
+    k = np.arange(60)
+    odd = 2 * k + 1
+    t = np.linspace(0.01, 6, 6000)
+    rates = np.exp(-(odd**2) * np.pi**2 / 8 * t[:, None])
+    survival = 4 / np.pi * (((-1.0) ** k / odd) * rates).sum(axis=1)
+    q = [t[np.searchsorted(-survival, -(1 - p))] for p in (0.1, 0.5, 0.9)]
+    expected = (q[2] - q[1]) / (q[1] - q[0])
+    walk = np.cumsum(0.07 * stream(5, "walk").standard_normal((2500, 1400)), axis=1)
+    times = (np.abs(walk) >= 1).argmax(axis=1) + 1.0
+    table = pd.DataFrame({"task": "no evidence", "rt_ms": times})
+    found = MEASURES["skewness"](asked(table), "no evidence")
+    assert expected == pytest.approx(2.63, abs=0.02)
+    assert abs(found.value - expected) < 3 * found.se
+
+
+def test_errors_of_the_optimal_test_are_as_slow_as_correct_responses():
+    found = MEASURES["error_delay"](asked(decided("reference", 0.8)), "reference")
+    assert abs(found.value) < 3 * found.se < 0.3
+
+
+def test_a_change_has_the_standard_error_of_paired_trials():
+    rng = stream(1, "pairs")
+    common = rng.normal(600, 100, 2000)
+    table = pd.concat(
+        pd.DataFrame({"task": task, "trial": range(2000), "rt_ms": common + more})
+        for task, more in (("reference", 0.0), ("stimulation", rng.normal(-30, 10, 2000)))
+    )
+    paired = MEASURES["time_change"](asked(table), "stimulation", "reference")
+    assert paired.value == pytest.approx(-30, abs=1)
+    assert paired.se == pytest.approx(10 / np.sqrt(2000), rel=0.15)
+    apart = table.assign(trial=np.arange(len(table)))
+    alone = MEASURES["time_change"](asked(apart), "stimulation", "reference")
+    assert alone.se == pytest.approx(100 * np.sqrt(2 / 2000), rel=0.15)
+
+
+def test_missed_trials_count_at_the_deadline_and_most_of_them_fail():
+    table = pd.DataFrame(
+        {"task": "reference", "rt_ms": [500.0] * 300 + [None] * 100, "deadline_ms": 900.0}
+    )
+    both = pd.concat([table, table.assign(task="stimulation", rt_ms=500.0)])
+    found = MEASURES["time_change"](asked(both), "stimulation", "reference")
+    assert found.value == pytest.approx(-100)
+    silent = table.assign(task="stimulation", rt_ms=[500.0] * 100 + [None] * 300)
+    with pytest.raises(Failed):
+        MEASURES["time_change"](asked(pd.concat([table, silent])), "stimulation", "reference")
+
+
+def rates(task, value, role="all", window="late", spread=2.0, count=200):
+    noise = stream(2, task, role, window).normal(0, spread, count)
+    columns = {"task": task, "nucleus": "STN", "window": window, "role": role}
+    return pd.DataFrame({**columns, "trial": range(count), "rate_hz": value + noise})
+
+
+def test_a_change_of_rate_is_paired_or_not_and_may_be_in_percent():
+    table = pd.concat([rates("conflict", 22.0), rates("middle", 20.0)])
+    change = {"nucleus": "STN", "window": "late", "task": "conflict", "minus_task": "middle"}
+    hz = MEASURES["rate_change"](asked(rates=table), **change)
+    assert hz.value == pytest.approx(2, abs=4 * hz.se)
+    percent = MEASURES["rate_change"](asked(rates=table), **change, unit="percent")
+    assert percent.value == pytest.approx(hz.value / 0.2, rel=0.05)
+    apart = pd.concat([table[:200], table[200:].assign(trial=range(500, 700))])
+    assert MEASURES["rate_change"](asked(rates=apart), **change).value == pytest.approx(hz.value)
+
+
+def test_abstract_rates_have_a_sign_and_no_hz():
+    tables = Tables(rates=rates("rest", 20.0, window="rest"), abstract=frozenset({"STN"}))
+    place = {"nucleus": "STN", "window": "rest", "task": "rest"}
+    assert MEASURES["rate"](Asked(tables, TASKS, 1), **place).value == pytest.approx(20, abs=1)
+    with pytest.raises(Unanswered):
+        MEASURES["rate"](Asked(tables, TASKS, 1, in_hz=True), **place)
+
+
+def test_a_race_with_a_fixed_stop_time_has_that_ssrt():
+    rng = stream(4, "race")
+    go = rng.normal(450, 80, 6000)
+    ssd = np.where(rng.random(6000) < 0.5, rng.choice([150.0, 200, 250, 300], 6000), np.nan)
+    parts = []
+    for task, ssrt in (("stop", 200.0), ("stop, STN lesion", 230.0)):
+        stopped = go > ssd + ssrt
+        rt = np.where(stopped, np.nan, go)
+        parts.append(pd.DataFrame({"task": task, "rt_ms": rt, "ssd_ms": ssd, "deadline_ms": 2000}))
+    table = pd.concat(parts)
+    names = ("stop, STN lesion", "stop")
+    found = MEASURES["ssrt_change"](asked(table), *names)
+    assert found.value == pytest.approx(30, abs=3 * found.se)
+    assert found.se < 8
+    more = MEASURES["respond_change"](asked(table), *names)
+    assert 0.05 < more.value < 0.3
+    assert MEASURES["failed_minus_go"](asked(table), "stop").value < -20
+    with pytest.raises(Unanswered):
+        MEASURES["ssrt_change"](asked(table.assign(ssd_ms=np.nan)), *names)
+
+
+def test_times_on_a_line_over_ln_n_have_its_slope():
+    tasks = {"two": 2, "four": 4, "eight": 8}
+    parts = [
+        pd.DataFrame(
+            {"task": name, "rt_ms": stream(1, name).normal(200 + 300 * np.log(n), 50, 500)}
+        )
+        for name, n in tasks.items()
+    ]
+    found = MEASURES["hick_slope"](asked(pd.concat(parts)), "two, four, eight")
+    assert found.value == pytest.approx(300, abs=4 * found.se)
+
+
+def test_too_few_known_resamples_are_no_answer():
+    values = np.full(101, np.nan)
+    values[:50] = 1.0
+    with pytest.raises(Unanswered):
+        Answer.of(values, 10)

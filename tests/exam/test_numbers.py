@@ -1,0 +1,149 @@
+"""The list of the exam: what is refused, and numbers computed again from shipped data."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bgmodel.exam.exam import Exam
+from bgmodel.exam.measures import MEASURES
+from bgmodel.exam.numbers import MARKS, Number, read_numbers, shipped_list
+from bgmodel.tables.shipped import shipped
+from circuits.errors import InputError
+
+GIVEN = {
+    "id": "mine", "about": "a rate", "measure": "rate", "unit": "Hz", "species": "rat",
+    "of": {"nucleus": "STN", "window": "rest", "task": "rest"}, "source": "nobody",
+    "mark": "read", "how": "a test",
+}  # fmt: skip
+OFF_MS = 300.0
+"""Time outside the decision that the list assumes."""
+
+
+def by_id():
+    return {one.id: one for one in shipped_list().numbers}
+
+
+def test_the_shipped_list_has_what_it_promises():
+    numbers = shipped_list().numbers
+    assert 30 <= len(numbers) <= 50
+    assert len({one.source.split(",")[0] for one in numbers}) >= 12
+    assert {one.mark for one in numbers} == set(MARKS)
+    assert all(one.weight == 0.5 for one in numbers if one.mark == "abstract")
+    assert {one.measure for one in numbers} <= set(MEASURES)
+    used = {name for one in numbers for _, name in shipped_list().tasks_of(one)}
+    assert used == set(shipped_list().tasks)
+
+
+def test_the_hash_follows_every_number():
+    first = shipped_list()
+    changed = dataclasses.replace(first.numbers[0], at_least=0.1)
+    other = dataclasses.replace(first, numbers=(changed, *first.numbers[1:]))
+    assert shipped_list().sha256 == first.sha256 != other.sha256
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({}, "value"),
+        ({"value": 3.0}, "value"),
+        ({"low": 1.0}, "value"),
+        ({"low": 1.0, "high": 2.0, "value": 1.5, "se": 0.1}, "value"),
+        ({"low": 2.0, "high": 1.0}, "low"),
+        ({"value": 1.0, "se": 0.0}, "se"),
+        ({"direction": "up", "value": 1.0}, "direction"),
+        ({"direction": "none"}, "at_least"),
+        ({"direction": "up", "at_least": -1.0}, "at_least"),
+        ({"direction": "up", "mark": "memory"}, "mark"),
+        ({"direction": "up", "weight": 0.0}, "weight"),
+    ],
+)
+def test_a_number_is_a_value_with_its_error_or_a_direction(given, field):
+    with pytest.raises(InputError) as refused:
+        Number(**GIVEN | given)
+    assert refused.value.field == field
+
+
+def test_an_interval_counts_as_one_of_95_percent():
+    number = Number(**GIVEN, low=2.0, high=2.0 + 2 * 1.96)
+    assert (number.middle, number.error) == pytest.approx((2 + 1.96, 1.0))
+    assert np.isnan(Number(**GIVEN, direction="up").error)
+
+
+def test_a_file_adds_numbers_and_marks_the_version(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'domain = "mine"\n[[numbers]]\nid = "a.rate"\nabout = "a"\nmeasure = "rate"\n'
+        'of = { nucleus = "STN", window = "rest", task = "rest" }\nunit = "Hz"\nvalue = 20\n'
+        'se = 1\nspecies = "rat"\nsource = "me"\nmark = "read"\nhow = "b"\n'
+    )
+    exam = Exam.shipped().with_numbers(file)
+    assert exam.questions.version == "1+"
+    assert exam.questions.domains[-1] == "mine"
+    with pytest.raises(InputError) as refused:
+        exam.with_numbers(file)
+    assert refused.value.field == "id"
+    file.write_text(file.read_text().replace('"rest" }', '"nap" }'))
+    with pytest.raises(InputError) as refused:
+        Exam.shipped().with_numbers(file)
+    assert refused.value.field == "task"
+    file.write_text(file.read_text().replace('"nap" }', '"rest" }').replace('"rate"', '"mood"'))
+    with pytest.raises(InputError) as refused:
+        Exam.shipped().with_numbers(file)
+    assert refused.value.field == "measure"
+    file.write_text("domain = 1")
+    with pytest.raises(InputError):
+        read_numbers(file)
+
+
+def test_patients_under_conflict_have_the_numbers_of_the_list():
+    table = shipped()["cavanagh_2011"].table
+    by = ["participant_id", "conflict", "stimulation"]
+    means = table.groupby(by)[["rt", "response"]].mean().unstack(["conflict", "stimulation"])
+    rt, right = 1000 * means["rt"], means["response"]
+    base = rt["low"]["off"].mean() - OFF_MS
+    changes = {
+        "conflict.cost": (rt["high"]["off"] - rt["low"]["off"]) / base,
+        "dbs.none": (rt["low"]["on"] - rt["low"]["off"]) / base,
+        "dbs.conflict": (rt["high"]["on"] - rt["high"]["off"])
+        / (rt["high"]["off"].mean() - OFF_MS),
+        "dbs.interaction": (
+            rt["high"]["on"] - rt["high"]["off"] - rt["low"]["on"] + rt["low"]["off"]
+        )
+        / base,
+    }
+    for name, each in changes.items():
+        number = by_id()[name]
+        assert 100 * each.mean() == pytest.approx(number.middle, abs=0.06)
+        assert 100 * each.sem() == pytest.approx(number.error, abs=0.06)
+    change = right["low"]["on"] - right["low"]["off"]
+    number = by_id()["dbs.accuracy.none"]
+    assert (change.mean(), change.sem()) == pytest.approx((number.middle, number.error), abs=6e-4)
+
+
+def skew(times):
+    low, middle, high = np.quantile(times, (0.1, 0.5, 0.9))
+    return (high - middle) / (middle - low)
+
+
+def test_monkeys_and_people_without_evidence_have_the_skewness_of_the_list():
+    monkeys = shipped()["roitman_shadlen_2002"].table
+    still = monkeys[monkeys["coherence"] == 0].groupby("participant_id")["rt"]
+    for name, times in still:
+        assert skew(times) == pytest.approx(by_id()[f"times.skew.{name}"].middle, abs=0.006)
+    people = shipped()["palmer_huk_shadlen_2005"].table
+    each = people[people["coherence"] == 0].groupby("participant_id")["rt"].agg(skew)
+    number = by_id()["times.skew.people"]
+    assert (each.mean(), each.sem()) == pytest.approx((number.middle, number.error), abs=0.002)
+
+
+def test_errors_of_monkeys_have_the_delay_of_the_list():
+    monkeys = shipped()["roitman_shadlen_2002"].table
+    faint = monkeys[np.isclose(monkeys["coherence"].abs(), 0.064)]
+    for name, part in faint.groupby("participant_id"):
+        right = part["correct"] == 1
+        wrong, fine, sd = part["rt"][~right], part["rt"][right], part["rt"].std()
+        number = by_id()[f"times.errors.{name}"]
+        assert (wrong.mean() - fine.mean()) / sd == pytest.approx(number.middle, abs=0.001)
+        se = np.sqrt(wrong.var() / len(wrong) + fine.var() / len(fine)) / sd
+        assert se == pytest.approx(number.error, abs=0.001)

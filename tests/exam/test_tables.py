@@ -1,0 +1,77 @@
+"""Tables from elsewhere: units, names and values that are refused, and others that are read."""
+
+import pandas as pd
+import pytest
+
+from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.tables import Unanswered, read_tables
+from circuits.errors import DataWarning, InputError
+
+TASKS = shipped_list().tasks
+TRIALS = pd.DataFrame({"task": "reference", "rt_ms": [500.0, 700.0, None], "correct": [1, 0, None]})
+RATES = pd.DataFrame({"task": "rest", "nucleus": "STN", "window": "rest", "rate_hz": [12.0, 18.0]})
+
+
+@pytest.mark.parametrize(
+    ("trials", "field"),
+    [
+        (TRIALS.rename(columns={"rt_ms": "rt"}), "rt_ms"),
+        (TRIALS.drop(columns="rt_ms"), "rt_ms"),
+        (TRIALS.assign(rt_s=1.0), "rt_s"),
+        (TRIALS.drop(columns="task"), "task"),
+        (TRIALS.assign(task="nap"), "task"),
+        (TRIALS.assign(correct=0.5), "correct"),
+        (TRIALS.assign(rt_ms="soon"), "rt_ms"),
+        (TRIALS.assign(rt_ms=float("inf")), "rt_ms"),
+        (TRIALS.assign(trial=1), "trial"),
+    ],
+)
+def test_bad_trials_are_refused_by_their_column(trials, field):
+    with pytest.raises(InputError) as refused:
+        read_tables(trials, None, TASKS)
+    assert refused.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("rates", "field"),
+    [
+        (RATES.rename(columns={"rate_hz": "rate"}), "rate_hz"),
+        (RATES.assign(window="noon"), "window"),
+        (RATES.assign(role="boss"), "role"),
+        (RATES.assign(task="nap"), "task"),
+        (RATES.drop(columns="nucleus"), "nucleus"),
+        (RATES.assign(rate_hz=-1.0), "rate_hz"),
+        (RATES.assign(rate_hz=2000.0), "rate_hz"),
+    ],
+)
+def test_bad_rates_are_refused_by_their_column(rates, field):
+    with pytest.raises(InputError) as refused:
+        read_tables(None, rates, TASKS)
+    assert refused.value.field == field
+
+
+def test_nothing_is_refused():
+    with pytest.raises(InputError) as refused:
+        read_tables(None, None, TASKS)
+    assert refused.value.field == "trials"
+
+
+def test_seconds_are_read_as_such_and_suspected_in_ms():
+    seconds = TRIALS.assign(rt_s=TRIALS["rt_ms"] / 1000).drop(columns="rt_ms")
+    read = read_tables(seconds, None, TASKS).trials_of("reference")
+    assert read["rt_ms"].dropna().tolist() == [500, 700]
+    with pytest.warns(DataWarning):
+        read_tables(TRIALS.assign(rt_ms=0.5), None, TASKS)
+
+
+def test_the_populations_of_a_nucleus_are_averaged(tmp_path):
+    both = pd.concat([RATES.assign(nucleus="D1"), RATES.assign(nucleus="D2", rate_hz=[2.0, 4.0])])
+    both.to_csv(tmp_path / "rates.csv", index=False)
+    tables = read_tables(None, tmp_path / "rates.csv", TASKS)
+    assert tables.rates_of("rest", "MSN", "rest", "all").tolist() == [7, 11]
+    assert tables.rates_of("rest", "D1", "rest", "all").tolist() == [12, 18]
+    for place in (("rest", "STN", "rest", "all"), ("rest", "MSN", "late", "all")):
+        with pytest.raises(Unanswered):
+            tables.rates_of(*place)
+    with pytest.raises(Unanswered):
+        tables.trials_of("reference")
