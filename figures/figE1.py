@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -32,8 +33,8 @@ def draw(settings: Settings, numbers: Path, domains: Path, *, output: Path) -> F
     table, whole = read_table(numbers), read_table(domains)
     names = [name for name in FIRST if name in set(table["examinee"])]
     names += [name for name in table["examinee"].unique() if name not in names]
-    figure = plt.figure(figsize=(7.4, 9.6))
-    left, right = figure.subplots(1, 2, width_ratios=(1, 0.62))
+    figure = plt.figure(figsize=(7.4, 9.2), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1, 0.8))
     first = table[table["sitting"] == table["sitting"].min()]
     _answers(left, first, names)
     _shares(right, whole, names)
@@ -80,7 +81,7 @@ def _shares(ax: Axes, whole: pd.DataFrame, names: list[str]) -> None:
                 f"{part['share'].min():.2f}\n{part['share'].max():.2f}" if apart else f"{share:.2f}"
             )
             ax.text(x, y, text, ha="center", va="center", fontsize=4.5)
-    ax.set_yticks(range(len(rows)), [name.replace(" of ", "\nof ") for name in rows], fontsize=5.5)
+    ax.set_yticks(range(len(rows)), [fill(name, 14) for name in rows], fontsize=5.5)
     _columns(ax, names, len(rows))
 
 

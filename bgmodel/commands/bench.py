@@ -11,7 +11,6 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
     Shows,
-    bar,
     check_ending,
     check_whole,
     options_of,
@@ -87,9 +86,9 @@ class BenchRun(Shows):
             return
         if self.circuit:
             examinee(self.circuit, self.edits, self.engine, self.gain)  # refuses unknown names
-            say(f"an exam of {len(exam.questions.numbers)} numbers, list {exam.questions.version}")
-        with bar(len(exam.questions.numbers), "number"):
-            record = self._record(exam)
+            count, version = len(exam.questions.numbers), exam.questions.version
+            say(f"an exam of {count} numbers, list {version}: all of it takes about a minute")
+        record = self._record(exam)
         if self.output is not None:
             self._write(record)
         if self.drawing is not None:

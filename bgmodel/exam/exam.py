@@ -10,21 +10,19 @@ from typing import Any
 import pandas as pd
 
 from bgmodel.exam import measures, of_circuit
+from bgmodel.exam.examinee import Examinee, examinee
 from bgmodel.exam.measures import MEASURES, Answer, Asked
 from bgmodel.exam.numbers import SEED, Number, NumberList, read_numbers, shipped_list
 from bgmodel.exam.record import COLUMNS, ExamRecord, marked
-from bgmodel.exam.sitting import Examinee, Sitting
+from bgmodel.exam.sitting import Sitting
 from bgmodel.exam.tables import Failed, Unanswered, read_tables
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
-from bgmodel.support.progress import advance
-from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
-from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
-__all__ = ["SEED", "Exam", "Examinee", "bench", "measures", "of_circuit"]
+__all__ = ["SEED", "Exam", "Examinee", "bench", "examinee", "measures", "of_circuit"]
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,6 @@ class Exam:
         for one in self.questions.numbers:
             asked = Asked(tables, self.questions.tasks, seed)
             rows.append(_answered(one, name, asked))
-            advance(1)
         record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
         if (record.table["outcome"] == "not answered").all():
             raise InputError(
@@ -165,7 +162,6 @@ class Exam:
         """Return the row of a number of a circuit: only the tasks that it needs are run."""
         names = [task for _, task in self.questions.tasks_of(number)]
         kind = "rates" if "nucleus" in number.of else "trials"
-        advance(1)
         try:
             tables, undone = sitting.tables(**{"trials": [], "rates": [], kind: names})
             if undone:
@@ -207,35 +203,6 @@ def _answered(number: Number, name: str, asked: Asked) -> dict[str, Any]:
     except Failed as reason:
         answer, failed = reason, True
     return marked(number, name, answer, failed)
-
-
-def examinee(
-    circuit: Circuit | str | Path,
-    edits: Iterable[str] = (),
-    engine: str | None = None,
-    gain: float | None = None,
-) -> Examinee:
-    """Return a circuit, given as such, by name or as a file, as an examinee."""
-    if isinstance(circuit, Circuit):
-        fixed = circuit.edited(*edits)
-
-        def build(channels: int) -> Circuit:
-            if channels == fixed.channels:
-                return fixed
-            raise Unanswered(
-                f"the circuit has {fixed.channels} alternatives, {channels} are needed: give its "
-                "name or file, from which others are built"
-            )
-
-        return Examinee(fixed.name, build, engine, gain)
-    lines = Edits(edits)
-    name = Path(circuit).stem if str(circuit).endswith(".toml") else str(circuit)
-
-    def built(channels: int) -> Circuit:
-        return load_circuit(circuit, channels).edited(*lines)
-
-    built(2)  # an unknown name or edit raises here
-    return Examinee(f"{name}, {'; '.join(lines)}" if lines else name, built, engine, gain)
 
 
 def _identities(sitting: Sitting) -> dict[str, dict[str, str]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -296,7 +295,7 @@ def slope_over(asked: Asked, names: list[str]) -> Answer:
     total, variance, count = 0.0, 0.0, 0
     for name, weight in zip(names, about, strict=True):
         (table,), draws = aligned(asked, name)
-        one: Any = Answer.of(times(table, draws), len(table))
+        one = Answer.of(times(table, draws), len(table))
         total, variance = total + weight * one.value, variance + (weight * one.se) ** 2
         count += one.trials
     return Answer(float(total), float(np.sqrt(variance)), count)

@@ -9,9 +9,10 @@ from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
+from bgmodel.exam.examinee import quiet
 from bgmodel.exam.measures import Answer, Asked, measure, slope_over
 from bgmodel.exam.numbers import Z95, Task
-from bgmodel.exam.sitting import Sitting, quiet
+from bgmodel.exam.sitting import Sitting
 from bgmodel.exam.tables import NAMES, Failed, Unanswered
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt

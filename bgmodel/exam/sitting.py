@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Any, TypeVar, cast
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +15,7 @@ from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin
 from bgmodel.evidence import Evidence, expecting, gaussian_evidence
+from bgmodel.exam.examinee import Examinee, once, quiet
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, Tables, Unanswered
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
@@ -42,58 +41,6 @@ TUNING = "tuning"
 """Name of the stream of trials on which thresholds and gains are chosen."""
 FOREPERIOD_MS = 500.0
 MOST_MISSED = 0.5
-
-
-@dataclass(frozen=True)
-class Examinee:
-    """A circuit that takes the exam.
-
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    build : function
-        Takes the number of alternatives and returns the circuit.
-    engine : str, optional
-        Engine; by default populations, or rates without noise for sparse connections.
-    gain : float, optional
-        Nats in the circuit per nat of evidence; by default that of the circuit, or the one of five
-        at which a circuit without nats is fastest for an accuracy of 0.9.
-    """
-
-    name: str
-    build: Callable[[int], Circuit]
-    engine: str | None = None
-    gain: float | None = None
-
-    def engine_for(self, circuit: Circuit) -> str:
-        """Return the name of the engine for a circuit."""
-        if self.engine is not None:
-            return self.engine
-        sparse = any(row.probability < 1 for row in circuit.projections)
-        return "rate" if sparse else "population"
-
-
-Result = TypeVar("Result")
-
-
-def _once(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Compute a method once for its arguments; what it raises is raised again."""
-
-    @wraps(method)
-    def kept(self: Sitting, *given: Any) -> Result:
-        key = (method.__name__, *given)
-        if key not in self.kept:
-            try:
-                self.kept[key] = method(self, *given)
-            except (Unanswered, Failed) as reason:
-                self.kept[key] = reason
-        found = self.kept[key]
-        if isinstance(found, Exception):
-            raise found
-        return cast(Result, found)
-
-    return kept
 
 
 @dataclass(frozen=True)
@@ -131,7 +78,7 @@ class Sitting:
 
         return cls(Examinee("nobody", nobody), tasks, seed)
 
-    @_once
+    @once
     def circuit(self, channels: int) -> Circuit:
         """Return the circuit for a number of alternatives."""
         try:
@@ -139,7 +86,7 @@ class Sitting:
         except InputError as error:
             raise Unanswered(str(error)) from None
 
-    @_once
+    @once
     def tuned(self, channels: int) -> tuple[BasalGanglia, Tradeoff]:
         """Return the unedited model and its decisions on trials that are used for nothing else."""
         circuit = self.circuit(channels)
@@ -151,7 +98,7 @@ class Sitting:
         except ValueError as error:
             raise Failed(str(error)) from None
 
-    @_once
+    @once
     def level(self, channels: int, accuracy: float) -> float:
         """Return the threshold at which the unedited circuit reaches an accuracy.
 
@@ -224,7 +171,7 @@ class Sitting:
                 "alternatives from bad ones"
             )
 
-    @_once
+    @once
     def trials_of(self, name: str) -> pd.DataFrame:
         """Return the trials of a task, with the columns of ``tables.OF_TRIALS``."""
         task = self.tasks[name]
@@ -260,7 +207,7 @@ class Sitting:
         except ValueError as error:
             raise Failed(str(error)) from None
 
-    @_once
+    @once
     def rates_of(self, name: str) -> pd.DataFrame:
         """Return the rates of a task, with the columns of ``tables.OF_RATES``."""
         task = self.tasks[name]
@@ -269,7 +216,8 @@ class Sitting:
             circuit = self.circuit(task.channels)
             engine = engine_of(self.examinee.engine_for(circuit))
             engine = engine.tuned(workers=self.workers, rates=True, sample_ms=5.0)
-            return rest_rows(task, circuit, engine, count, self.seed)
+            with quiet():
+                return rest_rows(task, circuit, engine, count, self.seed)
         level, model = self.level(task.channels, task.accuracy), self.model(task)
         evidence = self.drawn(task, count)
         evidence = replace(
@@ -315,16 +263,6 @@ class Sitting:
                     undone[f"{kind} {name}"] = reason
         whole = {kind: pd.concat(some, ignore_index=True) for kind, some in parts.items() if some}
         return Tables(**whole, abstract=self.abstract), undone
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Silence warnings of the package: what a circuit does in a task is its answer."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", BgmodelWarning)
-        # The mean of no trial is NaN, which is noticed where it is used.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        yield
 
 
 def _reached(swept: Tradeoff) -> Array:

@@ -24,8 +24,8 @@ def test_noise_alone_rests_as_the_circuit(channels):
 
 def test_differences_keep_their_sign_or_do_not():
     rows = [
-        ("x", "a", 3.0, "disagrees"), ("x", "a", 2.5, "disagrees"), ("x", "a", -1.0, "agrees"),
-        ("x", "b", 3.0, "disagrees"), ("x", "b", -2.5, "disagrees"),
+        ("x", "a", 3.0, "disagrees"), ("x", "a", 2.5, "disagrees"), ("x", "a", 1.0, "agrees"),
+        ("x", "b", 3.0, "disagrees"), ("x", "b", -0.5, "agrees"),
         ("x", "c", np.nan, "agrees"), ("x", "c", np.nan, "agrees"),
         ("x", "d", 0.5, "agrees"), ("x", "d", np.nan, "fails"),
     ]  # fmt: skip

@@ -1,0 +1,108 @@
+"""Who takes the exam: a circuit for any number of alternatives, its engine and its gain."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from bgmodel.exam.tables import Failed, Unanswered
+from circuits.anatomy import load_circuit
+from circuits.circuit import Circuit
+from circuits.declaration.edits import Edits
+from circuits.errors import BgmodelWarning
+
+
+@dataclass(frozen=True)
+class Examinee:
+    """A circuit that takes the exam.
+
+    Parameters
+    ----------
+    name : str
+        Its name in tables.
+    build : function
+        Takes the number of alternatives and returns the circuit.
+    engine : str, optional
+        Engine; by default populations, or rates without noise for sparse connections.
+    gain : float, optional
+        Nats in the circuit per nat of evidence; by default that of the circuit, or the one of five
+        at which a circuit without nats is fastest for an accuracy of 0.9.
+    """
+
+    name: str
+    build: Callable[[int], Circuit]
+    engine: str | None = None
+    gain: float | None = None
+
+    def engine_for(self, circuit: Circuit) -> str:
+        """Return the name of the engine for a circuit."""
+        if self.engine is not None:
+            return self.engine
+        sparse = any(row.probability < 1 for row in circuit.projections)
+        return "rate" if sparse else "population"
+
+
+def examinee(
+    circuit: Circuit | str | Path,
+    edits: Iterable[str] = (),
+    engine: str | None = None,
+    gain: float | None = None,
+) -> Examinee:
+    """Return a circuit, given as such, by name or as a file, as an examinee."""
+    if isinstance(circuit, Circuit):
+        fixed = circuit.edited(*edits)
+
+        def build(channels: int) -> Circuit:
+            if channels == fixed.channels:
+                return fixed
+            raise Unanswered(
+                f"the circuit has {fixed.channels} alternatives, {channels} are needed: give its "
+                "name or file, from which others are built"
+            )
+
+        return Examinee(fixed.name, build, engine, gain)
+    lines = Edits(edits)
+    name = Path(circuit).stem if str(circuit).endswith(".toml") else str(circuit)
+
+    def built(channels: int) -> Circuit:
+        return load_circuit(circuit, channels).edited(*lines)
+
+    built(2)  # an unknown name or edit raises here
+    return Examinee(f"{name}, {'; '.join(lines)}" if lines else name, built, engine, gain)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Silence warnings of the package: what a circuit does in a task is its answer."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BgmodelWarning)
+        # The mean of no trial is NaN, which is noticed where it is used.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
+
+
+Result = TypeVar("Result")
+
+
+def once(method: Callable[..., Result]) -> Callable[..., Result]:
+    """Compute a method once for its arguments; what it raises is raised again."""
+
+    @wraps(method)
+    def kept(self: Any, *given: Any) -> Result:
+        key = (method.__name__, *given)
+        if key not in self.kept:
+            try:
+                self.kept[key] = method(self, *given)
+            except (Unanswered, Failed) as reason:
+                self.kept[key] = reason
+        found = self.kept[key]
+        if isinstance(found, Exception):
+            raise found
+        return cast(Result, found)
+
+    return kept
