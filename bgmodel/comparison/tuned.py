@@ -15,7 +15,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.integrators.sprt import Msprt
 from circuits.circuit import Circuit
-from circuits.engines.engine import Engine
+from circuits.engines import Engine
 from circuits.errors import InputError
 
 GAINS = (0.05, 0.1, 0.2, 0.4, 0.8)

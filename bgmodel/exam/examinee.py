@@ -14,7 +14,7 @@ from bgmodel.exam.tables import Failed, Unanswered
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
-from circuits.errors import BgmodelWarning
+from circuits.errors import BgmodelWarning, InputError
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,17 @@ def quiet() -> Iterator[None]:
         # The mean of no trial is NaN, which is noticed where it is used.
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
+
+
+@contextmanager
+def refused() -> Iterator[None]:
+    """Turn the refusal of a task into an answer: it cannot be asked, or an impossible run fails."""
+    try:
+        yield
+    except InputError as error:
+        raise Unanswered(str(error)) from None
+    except ValueError as error:
+        raise Failed(str(error)) from None
 
 
 Result = TypeVar("Result")

@@ -15,7 +15,7 @@ from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin
 from bgmodel.evidence import Evidence, expecting, gaussian_evidence
-from bgmodel.exam.examinee import Examinee, once, quiet
+from bgmodel.exam.examinee import Examinee, once, quiet, refused
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, Tables, Unanswered
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
@@ -192,8 +192,8 @@ class Sitting:
     def _behaviour(
         self, task: Task, model: BasalGanglia, evidence: Evidence, level: float
     ) -> Behaviour:
-        try:
-            stopping = None
+        stopping = None
+        with refused():
             if task.stop_share:
                 self._check_nats("a stop signal in nats")
                 signal = StopTask(
@@ -202,10 +202,6 @@ class Sitting:
                 )  # fmt: skip
                 stopping = decided(signal, model, evidence, level, stream(self.seed, "stops"))
             return behaviour_of(model, evidence, level, FOREPERIOD_MS, stopping)
-        except InputError as error:
-            raise Unanswered(str(error)) from None
-        except ValueError as error:
-            raise Failed(str(error)) from None
 
     @once
     def rates_of(self, name: str) -> pd.DataFrame:
@@ -216,8 +212,8 @@ class Sitting:
             circuit = self.circuit(task.channels)
             engine = engine_of(self.examinee.engine_for(circuit))
             engine = engine.tuned(workers=self.workers, rates=True, sample_ms=5.0)
-            with quiet():
-                return rest_rows(task, circuit, engine, count, self.seed)
+            with quiet(), refused():  # the gain has no effect without evidence
+                return rest_rows(task, BasalGanglia(circuit, engine, 1.0, self.seed), count)
         level, model = self.level(task.channels, task.accuracy), self.model(task)
         evidence = self.drawn(task, count)
         evidence = replace(
@@ -229,12 +225,10 @@ class Sitting:
             self._check_nats("a stop signal in nats")
         if task.stop_share:
             signal = StopSignal(amount_nats=STOP_NATS, delay_ms=STOP_DELAY_MS)
-            try:
+            with refused():
                 model = receiving(model, signal)
-            except InputError as error:
-                raise Unanswered(str(error)) from None
             evidence = with_stop(evidence, np.full(count, task.stop_delays_ms[0]), signal)
-        with quiet():
+        with quiet(), refused():
             return pd.concat(rate_rows(task, model, evidence, level), ignore_index=True)
 
     @cached_property

@@ -13,18 +13,16 @@ from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import OF_RATES
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers, Truths
-from circuits.circuit import Circuit
-from circuits.engines.engine import Engine
 
 REST_MS = 300.0
 STOP_NATS, STOP_DELAY_MS, SIGNAL_MS = 1.0, 60.0, 150.0
 """Input to STN by a stop signal and its delay (assumed), and the window of rates after it."""
 
 
-def rest_rows(task: Task, circuit: Circuit, engine: Engine, count: int, seed: int) -> pd.DataFrame:
+def rest_rows(task: Task, model: BasalGanglia, count: int) -> pd.DataFrame:
     """Return the rates without evidence, for which a circuit needs no threshold."""
     silence = np.zeros((count, 1, task.channels))
-    activity = engine.run(circuit, silence, step_ms=REST_MS, seed=seed)
+    activity = model.run_drive(silence, REST_MS)
     parts = [
         _rows(task, 0, nucleus, "rest", "all", np.asarray(values, float).mean(axis=(1, 2)))
         for nucleus, values in activity.rates_hz.items()
