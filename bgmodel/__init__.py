@@ -15,6 +15,7 @@
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
+    bg.explore(edited)                                # in a notebook: turn a number and watch
 
 A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
 moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
+    from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.stimuli import Stimuli
@@ -71,6 +73,7 @@ LAZY = {
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.compare",
     "compare_models": "bgmodel.fitting.model_comparison",
+    "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.settings",
     "fit_people": "bgmodel.fitting.hierarchy.people",
     "load_circuit": "circuits.anatomy",
@@ -98,6 +101,7 @@ __all__ = [
     "compare",
     "compare_models",
     "engines",
+    "explore",
     "first_crossing",
     "fit",
     "fit_people",

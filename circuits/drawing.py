@@ -317,6 +317,7 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
             lw=1.2,
             ls="-" if left.tolist() == [1] else "--",
             hatch="" if alive else "////",
+            gid=row.name,
             zorder=3,
         )
     )
@@ -338,6 +339,7 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
         va="center",
         fontsize=6 if "\n" in note else 7,
         linespacing=1.0,
+        gid=row.name,
         zorder=4,
         bbox={"facecolor": "w", "edgecolor": "none", "pad": 0.5} if not alive else None,
     )

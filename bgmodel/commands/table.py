@@ -12,6 +12,7 @@ from bgmodel.commands.demo import DemoRun
 from bgmodel.commands.designed import CircuitDesigned
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
+from bgmodel.commands.explore import Explore
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.fits import FitRun
 from bgmodel.commands.stopping import StopRun
@@ -32,6 +33,7 @@ CIRCUIT = {
 # with two commands or more.
 COMMANDS: dict[str, Any] = {
     "demo": DemoRun,
+    "explore": Explore,
     "touch": Touch,
     "watch": Watch,
     "simulate": Simulate,
