@@ -103,7 +103,7 @@ class Experiment(ExperimentRecord):
             return seen_from(path.parent, toml_files.read(path, cls))
         inside = SHIPPED / f"{file}.toml"
         if not inside.is_file():
-            names = ", ".join(_names())
+            names = ", ".join(shipped_names())
             raise InputError(
                 f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
             )
@@ -226,7 +226,7 @@ class Experiment(ExperimentRecord):
 
 def shipped() -> dict[str, Experiment]:
     """Return the included experiments by the names of their files."""
-    return {name: Experiment.from_toml(name) for name in _names()}
+    return {name: Experiment.from_toml(name) for name in shipped_names()}
 
 
 def shipped_text(name: str) -> str:
@@ -234,7 +234,8 @@ def shipped_text(name: str) -> str:
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _names() -> list[str]:
+def shipped_names() -> list[str]:
+    """Return the names of the included experiments."""
     return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import panel as pn
 
-from bgmodel.experiments.experiment import shipped
+from bgmodel.experiments.experiment import shipped_names
 from bgmodel.explorer import rows
 from bgmodel.explorer.state import MOST_TRIALS, State
 from bgmodel.explorer.style import TABLE
-from bgmodel.names import CircuitName
+from circuits.anatomy import CIRCUITS
 
 Change = Callable[[Callable[[State], State]], None]
 """Applies a change to the state that is shown; a refusal is said by the page."""
@@ -75,14 +76,14 @@ class Controls:
         widget = (pn.widgets.IntInput if kind is int else pn.widgets.FloatInput)(
             name=label, step=kind(step), value=None, sizing_mode="stretch_width"
         )
-        self._on(widget, lambda value: lambda s: s.with_setting(name, value))
+        self._on(widget, partial(_setting, name))
         return widget
 
     def _opening(self, open_: Callable[[str], None]) -> Any:
         groups = {
             "": [CHOOSE],
-            "Circuits": list(CircuitName.known()),
-            "Experiments": list(shipped()),
+            "Circuits": [*CIRCUITS],
+            "Experiments": shipped_names(),
         }
         self.preset = pn.widgets.Select(name="Circuit or included experiment", groups=groups)
         self.file = pn.widgets.TextInput(
@@ -111,7 +112,7 @@ class Controls:
             "scale": pn.widgets.FloatInput(name="Scale: weight times", step=0.1, start=0),
         }
         for verb, widget in self.quick.items():
-            self._on(widget, lambda x, v=verb: lambda s: rows.with_amount(s, v, self.row.value, x))
+            self._on(widget, partial(self._amount, verb))
         self.field = pn.widgets.Select(name="Set a field", options=[])
         self.field.param.watch(lambda _: self._show_field(), "value")
         self.value = pn.widgets.TextInput(name="to (then Enter)")
@@ -143,6 +144,10 @@ class Controls:
         self.add = pn.widgets.Button(name="Add pathway", button_type="primary")
         self.add.on_click(lambda _: self._change(self._added))
 
+    def _amount(self, verb: str, number: float) -> Callable[[State], State]:
+        """Return the change by a lesion, a cut or a scaling of the chosen row."""
+        return lambda state: rows.with_amount(state, verb, self.row.value, number)
+
     def _added(self, state: State) -> State:
         return state.edited(
             rows.new_pathway(
@@ -154,14 +159,15 @@ class Controls:
         )
 
     def _stop_widgets(self) -> None:
-        self.stops = pn.widgets.Checkbox(name="Stop signals in a share of the trials")
+        options = {"in no trial": False, "in a share of the trials": True}
+        self.stops = pn.widgets.Select(name="Stop signals", options=options)
         self._on(self.stops, lambda on: lambda s: s.with_setting("stop", on or None))
         self.stop = {
             name: pn.widgets.FloatInput(name=label, step=0.05 if name == "share" else 10)
             for name, label in STOP.items()
         }
         for name, widget in self.stop.items():
-            self._on(widget, lambda x, n=name: lambda s: s.with_setting(f"stop.{n}", x))
+            self._on(widget, partial(_setting, f"stop.{name}"))
 
     # ---- showing a state
 
@@ -229,6 +235,11 @@ class Controls:
         row = rows.values(self._state.circuit.row(self.row.value))
         self.value.value = row.get(self.field.value, "")
         self._showing = was
+
+
+def _setting(name: str, value: Any) -> Callable[[State], State]:
+    """Return the change of a setting."""
+    return lambda state: state.with_setting(name, value)
 
 
 def _usual(fields: list[str]) -> str:

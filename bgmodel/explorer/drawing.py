@@ -133,14 +133,14 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
             "Edited": {"marker": "s"},
         }
         for name, rows in points.items():
-            x, y = rows.loc["mean_ms"], rows.loc["accuracy"]
-            bars = [[[v - low], [high - v]] for v, low, high in (x, y)]
+            x, y = (rows.loc[of].to_numpy(dtype=float) for of in ("mean_ms", "accuracy"))
+            bars = [np.nan_to_num([[v - low], [high - v]]) for v, low, high in (x, y)]
             style = {**(EDITED if name == "Edited" else CONTROL), **shapes[name]}
             ax.errorbar(
-                x["value"], y["value"], np.nan_to_num(bars[1]), np.nan_to_num(bars[0]),
+                x[0], y[0], bars[1], bars[0],
                 ls="", ms=6, capsize=2, elinewidth=1.0, label=name, zorder=4, **style,
             )  # fmt: skip
-        most = max((float(rows.loc["mean_ms", "high"]) for rows in points.values()), default=0.0)
+        most = max((rows["high"].to_dict()["mean_ms"] for rows in points.values()), default=0.0)
         if np.isfinite(most) and most > 0:
             ax.set_xlim(0, 1.6 * most)
         ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
@@ -150,7 +150,7 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
 
 
 def trial(shown: Shown) -> str:
-    """Draw one trial as SVG: OUT with -ln P and the threshold; spikes and rates of every nucleus."""
+    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus."""
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):

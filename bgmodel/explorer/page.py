@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import time
 from collections.abc import Callable
@@ -16,12 +15,14 @@ from panel.custom import JSComponent
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.controls import NUMBERS, Controls
 from bgmodel.explorer.history import History
+from bgmodel.explorer.html import html_of
 from bgmodel.explorer.panels import CIRCUIT, TITLES, Panel
 from bgmodel.explorer.runs import Runs
 from bgmodel.explorer.state import State, opened
 from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
 
 COMPUTING = "Computing…"
+FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
 
 
 class Drawing(JSComponent):
@@ -36,14 +37,18 @@ class Drawing(JSComponent):
       const draw = () => {
         box.innerHTML = model.svg;
         const svg = box.querySelector("svg");
-        if (svg) { svg.setAttribute("role", "img"); svg.setAttribute("aria-label", "Circuit; its rows are in the list under A row of the circuit"); }
+        if (!svg) return;
+        svg.setAttribute("role", "img");
+        svg.setAttribute("aria-label", "The circuit; a list below has its rows");
       };
       draw();
       model.on("svg", draw);
       box.addEventListener("click", (event) => {
-        const names = [];
-        for (let at = event.target; at && at !== box; at = at.parentNode) if (at.id) names.push(at.id);
-        if (names.length) { model.chosen = names[0]; model.clicks += 1; }
+        let at = event.target;
+        while (at !== box && !at.id) at = at.parentNode;
+        if (at === box) return;
+        model.chosen = at.id;
+        model.clicks += 1;
       });
       return box;
     }
@@ -52,6 +57,14 @@ class Drawing(JSComponent):
         "svg { width: 100%; height: auto; display: block; } "
         "g[id] > path, g[id] > text { cursor: pointer; }"
     ]
+
+
+class Page(pn.Template):
+    """A template whose text is short: Panel writes it anew for every part that is added."""
+
+    def __repr__(self, depth: int = 0) -> str:
+        """Return its kind."""
+        return "Page"
 
 
 class Explorer:
@@ -192,7 +205,7 @@ class Explorer:
         self.link.value = state.link(self._address)
         for pane in (*self.panes.values(), self.drawing):
             pane.css_classes = ["busy"]
-        self._say(COMPUTING)
+        self._say(COMPUTING if self.shown else FIRST)
         self.runs.show(state)
 
     def _edits(self, state: State) -> list[Any]:
@@ -239,11 +252,10 @@ class Explorer:
             self._say(f"Up to date after {took:.1f} s.")
 
     def _say(self, text: str) -> None:
-        name = self.state.experiment.name
-        circuit = self.state.experiment.circuit
+        name, circuit = self.state.experiment.name, self.state.experiment.circuit
         self.status.object = (
-            f'<p class="status" role="status" aria-live="polite"><strong>{escape(circuit)}</strong>, '
-            f"{escape(name)}. {escape(text)}</p>"
+            '<p class="status" role="status" aria-live="polite">'
+            f"<strong>{escape(circuit)}</strong>, {escape(name)}. {escape(text)}</p>"
         )
 
     # ---- layout
@@ -278,7 +290,7 @@ class Explorer:
 
     def template(self) -> Any:
         """Return the page for a server."""
-        page = pn.Template(PAGE)
+        page = Page(PAGE)
         page.add_variable("titles", TITLES)
         for name, part in self.parts().items():
             page.add_panel(name, part)
@@ -296,34 +308,3 @@ class Explorer:
                 pn.FlexBox(*(pn.Column(parts[name], width=470) for name in (*TITLES, "export"))),
             ),
         )
-
-
-def html_of(panel: Panel) -> str:
-    """Return a panel as HTML: its figure or table, its words, and the circuit that it shows."""
-    text = escape(panel.text)
-    if panel.refused:
-        body = f'<p class="refused">{text}</p>'
-    else:
-        figure = table = ""
-        if panel.svg and panel.name != CIRCUIT:
-            figure = f'<img src="{uri(panel.svg)}" alt="{text}">'
-        if panel.html:
-            table = f'<div class="scroll">{panel.html}</div>'
-        if panel.name == CIRCUIT:
-            table = f"<details><summary>All rows as tables</summary>{table}</details>"
-        body = f"{figure}{table}<p>{text}</p>"
-    save = (
-        f'<a download="{panel.name}.svg" href="{uri(panel.svg)}">Save as SVG</a>'
-        if panel.svg
-        else ""
-    )
-    return (
-        f'<div data-key="{panel.key}" data-circuit="{panel.digest}">{body}'
-        f"<footer><span>Circuit {panel.digest[:8]}</span>{save}</footer></div>"
-    )
-
-
-def uri(svg: str) -> str:
-    """Return a figure as an address that contains it."""
-    head = '<?xml version="1.0" encoding="utf-8"?>\n'
-    return f"data:image/svg+xml;base64,{base64.b64encode((head + svg).encode()).decode()}"

@@ -118,8 +118,8 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
     """
     key, digest = state.key, state.digest
 
-    def panel(name: str, text: str, notes: list[str], **parts: str) -> Panel:
-        return Panel(name, key, digest, text, warnings=tuple(dict.fromkeys(notes)), **parts)
+    def panel(name: str, text: str, notes: list[str], svg: str = "", html: str = "") -> Panel:
+        return Panel(name, key, digest, text, svg, html, tuple(dict.fromkeys(notes)))
 
     def refused(error: ValueError, *names: str) -> Iterator[Panel]:
         for name in names:
@@ -203,7 +203,8 @@ def msprt_curve(evidence: Evidence, gain: float) -> pd.DataFrame:
 
 def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
     """Return how much later than the MSPRT a circuit reaches its accuracy, in words."""
-    accuracy, mean_ms = (float(rows.loc[of, "value"]) for of in ("accuracy", "mean_ms"))
+    values = rows["value"].to_dict()
+    accuracy, mean_ms = float(values["accuracy"]), float(values["mean_ms"])
     rising = test.sort_values("accuracy")
     within = len(rising) and rising["accuracy"].min() <= accuracy <= rising["accuracy"].max()
     if not within or not np.isfinite(mean_ms):

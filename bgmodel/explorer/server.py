@@ -152,17 +152,34 @@ class Served:
             Whether to open the page in the browser.
         """
         warnings.simplefilter("ignore", BgmodelWarning)  # the page shows them
-        self._server.start()
+        self.start()
         print(f"bgmodel explorer: {self.address}", flush=True)
         print("It is for this machine only; Ctrl-C ends it.", file=sys.stderr, flush=True)
         if browser:
             threading.Thread(target=self._open, daemon=True).start()
         try:
-            self._server.io_loop.start()
+            self.loop.start()
         finally:
-            for explorer in self.explorers:
-                explorer.stop()
-            self._server.stop()
+            self._close()
+
+    @property
+    def loop(self) -> Any:
+        """The event loop of the server."""
+        return self._server.io_loop
+
+    def start(self) -> None:
+        """Listen; answers are given once the loop runs."""
+        self._server.start()
+
+    def end(self) -> None:
+        """End the server and its loop."""
+        self._close()
+        self.loop.stop()
+
+    def _close(self) -> None:
+        for explorer in self.explorers:
+            explorer.stop()
+        self._server.stop()
 
     def _open(self) -> None:
         if not webbrowser.open(self.address):

@@ -23,6 +23,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
 from circuits import DEFAULT
+from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
 from circuits.errors import InputError, require
@@ -252,14 +253,14 @@ def opened(name: str | Path) -> State:
         return State.from_link(text)
     if text.endswith(".toml") and not toml_files.gives(text, "manipulation"):
         return of_circuit(text)
-    if text in CircuitName.known() or not text:
+    if text in CIRCUITS or not text:
         return of_circuit(text or DEFAULT)
     try:
         experiment = Experiment.from_toml(text)
     except InputError as error:
         if text.endswith(".toml"):
             raise
-        known = ", ".join(CircuitName.known())
+        known = ", ".join(CIRCUITS)
         raise InputError(f"{error}, or one of the circuits {known}", "file", text) from None
     return State(_few(experiment))
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from bgmodel.explorer.state import State, opened
 from bgmodel.stimuli import Stimuli
 
-FEW = Stimuli(trials=100, t_max=40, d_prime=1.0)
+FEW = Stimuli(trials=120, t_max=20, d_prime=1.0)
 """A task that is soon run."""
 
 
@@ -35,7 +35,7 @@ SETTINGS = [
     *(("channels", value) for value in (2, 3, 12, 1, None)),
     *(("posterior", value) for value in (0.7, 0.9, 1.5, 0.1)),
     *(("threshold", value) for value in (0.3, -1.0, 9.0)),
-    *(("trials", value) for value in (100, 120, 0, 10**7)),
+    *(("trials", value) for value in (100, 130, 0, 10**7)),
     *(("conflict", value) for value in (0.0, 0.5, 1.0)),
     *(("step_ms", value) for value in (50.0, 0.0)),
     *(("t_max", value) for value in (40, 0)),

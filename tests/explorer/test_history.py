@@ -2,7 +2,8 @@
 
 import pytest
 
-from bgmodel.explorer.history import LONGEST, History
+from bgmodel.explorer.history import History
+from circuits.errors import InputError
 from tests.explorer.helpers import small
 
 
@@ -27,14 +28,17 @@ def test_undo_and_redo_lead_to_the_states_before_and_after():
 
 def test_a_refused_state_leaves_the_one_that_is_shown():
     history = History(small())
-    with pytest.raises(ValueError):
+    with pytest.raises(InputError):
         history.go(history.state.edited("lesion ctx"))
     assert history.state is history.first
     assert not history.can_undo
 
 
-def test_only_so_long_a_history_is_kept():
+def test_only_the_last_states_are_kept(monkeypatch):
+    monkeypatch.setattr("bgmodel.explorer.history.LONGEST", 4)
     history = History(small())
-    for k in range(LONGEST + 5):
-        history.go(history.state.with_setting("trial", 1 + k % 50))
-    assert len(history._states) == LONGEST
+    for k in range(9):
+        history.go(history.state.with_setting("trial", 1 + k))
+    while history.can_undo:
+        history.undo()
+    assert history.state.trial == 6

@@ -31,7 +31,7 @@ def test_values_can_be_set_again_as_they_are_shown():
     state = small()
     for name in (*rows.names(state)["Nuclei"], "STN->GPe"):
         for field, value in rows.values(state.circuit.row(name)).items():
-            if value and field not in ("cite", "published_hz"):
+            if value and field not in ("cell", "cite", "published_hz"):
                 state.circuit.edited(f"set {name}.{field} {value}")
 
 
@@ -41,4 +41,6 @@ def test_a_table_marks_what_differs_and_takes_names_as_text():
     assert "<b>" not in found
     assert "baseline:" in found
     assert "baseline:" not in rows.table(small(), "STN")
-    assert "baseline: none" in rows.table(small().edited(rows.new_pathway("D1", "GPe", -0.1, 4)), "D1->GPe")
+    assert "baseline: none" in rows.table(
+        small().edited(rows.new_pathway("D1", "GPe", -0.1, 4)), "D1->GPe"
+    )

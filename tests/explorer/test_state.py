@@ -53,7 +53,7 @@ def test_every_included_experiment_opens_with_few_enough_trials():
     [
         ("d_prime", -1.0, "d_prime"),
         ("trials", 10**6, "trials"),
-        ("trial", 100, "trial"),
+        ("trial", 120, "trial"),
         ("circuit", "gpr", "unit"),
         ("circuit", "nobody", "circuit"),
         ("posterior", 0.3, None),

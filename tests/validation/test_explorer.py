@@ -12,5 +12,5 @@ pytestmark = [pytest.mark.validate, pytest.mark.filterwarnings("ignore::UserWarn
 
 @given(steps=st.lists(STEPS, max_size=15))
 @settings(max_examples=300, phases=[Phase.generate], suppress_health_check=[*HealthCheck])
-def test_three_hundred_random_sequences(steps, tmp_path, capsys):
-    follow(steps, tmp_path, capsys)
+def test_three_hundred_random_sequences(steps, tmp_path, capsys, monkeypatch):
+    follow(steps, tmp_path, capsys, monkeypatch, drawn=True)
