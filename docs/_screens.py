@@ -24,15 +24,17 @@ def enter(page: Page, label: str, text: str) -> None:
 
 
 def settled(page: Page) -> None:
-    """Wait until the page is up to date."""
-    page.wait_for_timeout(1000)
-    page.get_by_text("Up to date").first.wait_for()
-    page.wait_for_timeout(1000)
+    """Wait until the page has begun to compute, and then until it is up to date."""
+    page.wait_for_timeout(1500)
+    page.get_by_text("Up to date.").first.wait_for()
+    page.wait_for_timeout(1500)
 
 
-def saved(page: Page, name: str, **options: object) -> None:
-    """Write the screen to a small file: few colours."""
-    picture = Image.open(io.BytesIO(page.screenshot(**options))).convert("RGB")
+def saved(page: Page, name: str, left: int, high: int) -> None:
+    """Write the upper part of the page, from a column on, to a small file with few colours."""
+    page.evaluate("window.scrollTo(0, 0)")
+    whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    picture = whole.crop((left, 0, whole.width, high))
     small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
     small.save(FOLDER / f"explore_{name}.png", optimize=True)
 
@@ -41,7 +43,7 @@ def series(page: Page) -> None:
     """Take the pictures of the tutorial, in its order."""
     settled(page)
     enter(page, "Lesion: cells lost (%)", "10")
-    saved(page, "lesion", clip={"x": 0, "y": 0, "width": WIDE, "height": 1130}, full_page=True)
+    saved(page, "lesion", 0, 1130)
     page.get_by_role("button", name="Reset").click()
     settled(page)
     enter(page, "Conflict (0 none, below 1)", "0.7")
@@ -49,18 +51,16 @@ def series(page: Page) -> None:
     page.get_by_role("button", name="Use the edited circuit as the baseline").click()
     settled(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
-    part = page.get_by_label("Results", exact=True)
-    shot = part.bounding_box()
-    saved(page, "conflict", clip=shot | {"height": 760}, full_page=True)
+    saved(page, "conflict", 0, 780)
     page.get_by_role("button", name="Reset").click()
     settled(page)
     enter(page, "New edit (then Enter)", "dopamine 0.3")
-    saved(page, "dopamine", clip=shot | {"height": 620}, full_page=True)
+    saved(page, "dopamine", 360, 420)
     page.get_by_role("button", name="Undo").click()
     enter(page, "New edit (then Enter)", "lesion STN 10%")
-    page.set_viewport_size({"width": PHONE, "height": 1500})
-    page.wait_for_timeout(1000)
-    saved(page, "phone")
+    page.set_viewport_size({"width": PHONE, "height": 800})
+    page.wait_for_timeout(1500)
+    saved(page, "phone", 0, 1500)
 
 
 def main() -> None:

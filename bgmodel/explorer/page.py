@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Callable
 from html import escape
 from typing import Any, ClassVar
@@ -179,9 +178,11 @@ class Explorer:
         )
 
     def _csv(self, table: str) -> io.BytesIO:
-        outcome = self.runs.memory.outcome
-        text = "" if outcome is None else getattr(outcome, table).to_csv(index=False)
-        return io.BytesIO(text.encode())
+        """Return a table of the state that is shown, which is computed unless it is there."""
+        key, outcome = self.runs.memory.outcome or ("", None)
+        if outcome is None or key != self.state.key:
+            outcome = self.state.experiment.run()
+        return io.BytesIO(getattr(outcome, table).to_csv(index=False).encode())
 
     def _circuit_file(self) -> io.BytesIO:
         from circuits.declaration.table_files import text
@@ -192,7 +193,6 @@ class Explorer:
 
     def _show(self) -> None:
         """Show the state, and have its panels computed; until then the old ones are dimmed."""
-        self._begun = time.perf_counter()
         state = self.state
         self.notices.object = ""
         self.controls.show(state)
@@ -214,7 +214,9 @@ class Explorer:
             return [pn.pane.HTML("<p>None: the baseline is shown alone.</p>", stylesheets=[PANEL])]
         found = []
         for line in state.edits:
-            remove = pn.widgets.Button(name=f"Remove {line}", stylesheets=[CHIP])
+            remove = pn.widgets.Button(
+                name=f"Remove {line}", stylesheets=[CHIP], sizing_mode="stretch_width"
+            )
             remove.on_click(lambda _, line=line: self.change(lambda s: s.without(line)))
             found.append(remove)
         return found
@@ -248,8 +250,7 @@ class Explorer:
 
     def _ended(self, state: State) -> None:
         if state == self.state:
-            took = time.perf_counter() - self._begun
-            self._say(f"Up to date after {took:.1f} s.")
+            self._say("Up to date.")
 
     def _say(self, text: str) -> None:
         name, circuit = self.state.experiment.name, self.state.experiment.circuit

@@ -83,8 +83,8 @@ class Memory:
     behaviour: dict[Hashable, Behaviour] = field(default_factory=dict)
     evidence: dict[Hashable, Trials] = field(default_factory=dict)
     tests: dict[Hashable, pd.DataFrame] = field(default_factory=dict)
-    outcome: Outcome | None = None
-    """The outcome that the panels show."""
+    outcome: tuple[str, Outcome] | None = None
+    """The last outcome, and the key of its state."""
 
     def given(self, state: State) -> Trials:
         """Return the evidence of a state."""
@@ -126,17 +126,16 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
             yield Panel(name, key, digest, str(error), refused=True)
 
     try:
-        memory.outcome = None
         with kept_warnings() as notes:
             outcome = state.experiment.run(
                 workers=workers, given=memory.given(state), known=memory.behaviour
             )
-        memory.outcome = outcome
+        memory.outcome = key, outcome
         if state.alike:
             notes = [note for note in notes if "no decision differs" not in note]
         yield panel(MEASURES, _said(outcome, state), notes, html=_measures(outcome, state))
         svg = drawing.times(outcome.trials, edited=not state.alike)
-        yield panel(TIMES, _said(outcome, state), [], svg=svg)
+        yield panel(TIMES, _medians(outcome, state), [], svg=svg)
         svg, text = _tradeoff(outcome, state, memory)
         yield panel(TRADEOFF, text, [], svg=svg)
     except ValueError as error:
@@ -244,6 +243,17 @@ def _two_lines(cell: str) -> str:
     value, bracket, rest = cell.partition(" [")
     interval = f"<small> {escape(bracket[1:] + rest)}</small>" if bracket else ""
     return f"<strong>{escape(value)}</strong>{interval}"
+
+
+def _medians(outcome: Outcome, state: State) -> str:
+    """Return what the distributions show in words."""
+    values = outcome.measures.set_index(["condition", "measure"])["value"]
+    line = "" if state.alike else "; the lines are the baseline"
+    edited = "" if state.alike else f", edited {values['manipulation', 'median_ms']:.0f} ms"
+    return (
+        f"Correct responses are above the axis and errors below it{line}. Median: baseline "
+        f"{values['control', 'median_ms']:.0f} ms{edited}."
+    )
 
 
 def _said(outcome: Outcome, state: State) -> str:

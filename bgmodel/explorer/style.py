@@ -37,7 +37,6 @@ p { margin: 0 0 6px; padding: 8px 12px; font-size: 14px; line-height: 1.4; borde
 """
 """Refusals, warnings, and the status."""
 CHIP = """
-:host { width: 100%; }
 .bk-btn { text-align: left; white-space: normal; background: #eef4f9; border: 1px solid #9dbbd3; }
 """
 """A button that removes an edit."""

@@ -64,13 +64,14 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
     names = {}
     exec(code, names)
     assert names["experiment"] == state.experiment
-    assert names["found"].equals(memory.outcome.summary())
+    assert names["found"].equals(memory.outcome[1].summary())
 
 
 @pytest.mark.usefixtures("shown")
 def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
     (curve,) = memory.tests.values()
-    evidence, gain = memory.outcome.given.evidence, memory.outcome.models[0].gain
+    outcome = memory.outcome[1]
+    evidence, gain = outcome.given.evidence, outcome.models[0].gain
     assert curve["mean_ms"].is_monotonic_increasing
     decision = Msprt(gain).decide(evidence, float(threshold_from_posterior(0.8, 2)))
     late = curve["mean_ms"].searchsorted(decision.time_ms.mean())
