@@ -33,7 +33,6 @@ CIRCUIT = {
 # with two commands or more.
 COMMANDS: dict[str, Any] = {
     "demo": DemoRun,
-    "explore": Explore,
     "touch": Touch,
     "watch": Watch,
     "simulate": Simulate,
@@ -52,6 +51,7 @@ COMMANDS: dict[str, Any] = {
     "data": Data,
     "fit": FitRun,
     "experiment": ExperimentRun,
+    "explore": Explore,
     "sweep": SweepRun,
     "figures": Figures,
 }
