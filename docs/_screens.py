@@ -4,10 +4,11 @@ import io
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, TimeoutError, sync_playwright
 
 FOLDER = Path(__file__).parent / "tutorials"
 COLOURS = 48
@@ -25,7 +26,8 @@ def enter(page: Page, label: str, text: str) -> None:
 
 def settled(page: Page) -> None:
     """Wait until the page has begun to compute, and then until it is up to date."""
-    page.wait_for_timeout(1500)
+    with suppress(TimeoutError):  # a state that is shown already takes no time
+        page.get_by_text("Computing…").first.wait_for(timeout=8000)
     page.get_by_text("Up to date.").first.wait_for()
     page.wait_for_timeout(1500)
 
@@ -54,7 +56,7 @@ def series(page: Page) -> None:
     saved(page, "conflict", 0, 780)
     page.get_by_role("button", name="Reset").click()
     settled(page)
-    enter(page, "New edit (then Enter)", "dopamine 0.3")
+    enter(page, "New edit (then Enter)", "dopamine 0.1")
     saved(page, "dopamine", 360, 420)
     page.get_by_role("button", name="Undo").click()
     enter(page, "New edit (then Enter)", "lesion STN 10%")

@@ -53,7 +53,7 @@ class Drawing(JSComponent):
     }
     """
     _stylesheets: ClassVar[list[str]] = [
-        "svg { width: 100%; height: auto; display: block; } "
+        ":host(.busy) { opacity: .45; } svg { width: 100%; height: auto; display: block; } "
         "g[id] > path, g[id] > text { cursor: pointer; }"
     ]
 

@@ -22,6 +22,9 @@ from circuits.errors import BgmodelWarning, InputError, require
 HOST = "127.0.0.1"
 PORT = 5006
 TOKEN = "token"
+CHECK_MS, UNUSED_MS = 5_000, 60_000
+"""How often closed tabs are looked for, and how long a tab may take to open, ms: a page that is not
+connected by then is taken for closed."""
 
 
 class Token(AuthProvider):
@@ -105,8 +108,8 @@ class Served:
             auth_provider=Token(self.token, self.port),
             start=False,
             show=False,
-            check_unused_sessions_milliseconds=2000,
-            unused_session_lifetime_milliseconds=5000,
+            check_unused_sessions_milliseconds=CHECK_MS,
+            unused_session_lifetime_milliseconds=UNUSED_MS,
         )
 
     @property
