@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
     from bgmodel.conditions import Condition
     from bgmodel.experiments.experiment import Experiment
+    from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
-    from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.stimuli import Stimuli
