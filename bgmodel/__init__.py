@@ -16,6 +16,7 @@
     bg.bench("macaque").summary()                     # an exam of published numbers
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
+    bg.explore(edited)                                # in a notebook: turn a number and watch
 
 A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
 moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from bgmodel.conditions import Condition
     from bgmodel.exam.exam import Exam, bench
     from bgmodel.experiments.experiment import Experiment
+    from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
     from bgmodel.fitting.settings import fit
@@ -75,6 +77,7 @@ LAZY = {
     "bench": "bgmodel.exam.exam",
     "compare": "bgmodel.comparison.compare",
     "compare_models": "bgmodel.fitting.model_comparison",
+    "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.settings",
     "fit_people": "bgmodel.fitting.hierarchy.people",
     "load_circuit": "circuits.anatomy",
@@ -104,6 +107,7 @@ __all__ = [
     "compare",
     "compare_models",
     "engines",
+    "explore",
     "first_crossing",
     "fit",
     "fit_people",

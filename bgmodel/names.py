@@ -15,6 +15,9 @@ from circuits.errors import InputError
 class Name(str):
     """A name from a list that can grow."""
 
+    more = ""
+    """What is allowed besides the names, for messages."""
+
     @classmethod
     def known(cls) -> tuple[str, ...]:
         """Return all names."""
@@ -24,7 +27,8 @@ class Name(str):
     def parse(cls, given: str) -> Self:
         """Return the name; ValueError listing the known names for any other text."""
         if given not in cls.known():
-            raise ValueError(f"it must be one of {', '.join(cls.known())}, got {given!r}")
+            known = ", ".join(cls.known())
+            raise ValueError(f"it must be one of {known}{cls.more}, got {given!r}")
         return cls(given)
 
     @classmethod
@@ -44,6 +48,8 @@ else:
 
     class CircuitName(Name):
         """Name of a circuit, or the path of a .toml file."""
+
+        more = ", or the path of a .toml file"
 
         @classmethod
         def known(cls) -> tuple[str, ...]:
@@ -79,5 +85,4 @@ def check(what: str, given: object, kind: Any) -> None:
         kind.parse(given)
     except (ValueError, TypeError):
         known = ", ".join(kind.known())
-        hint = ", or the path of a .toml file" if kind is CircuitName else ""
-        raise InputError.of(what, f"must be one of {known}{hint}", given) from None
+        raise InputError.of(what, f"must be one of {known}{kind.more}", given) from None

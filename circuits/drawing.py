@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -163,6 +164,15 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
     ends = dict.fromkeys(
         (nucleus(p.source, names), nucleus(p.target, names)) for p in _shown(circuit)
     )
+    return _routed(tuple(ends), tuple(placed.items()))
+
+
+@lru_cache(maxsize=16)
+def _routed(
+    ends: tuple[tuple[str, str], ...], boxes_by_name: tuple[tuple[str, Box], ...]
+) -> dict[tuple[str, str], Curve]:
+    """Return the way of each pathway; cached, because most edits leave the anatomy."""
+    placed = dict(boxes_by_name)
     taken: dict[tuple[str, str], Curve] = {}
     points: list[Array] = []
     ordered = sorted(ends, key=lambda pair: _gap(placed[pair[0]], placed[pair[1]]))
@@ -317,6 +327,7 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
             lw=1.2,
             ls="-" if left.tolist() == [1] else "--",
             hatch="" if alive else "////",
+            gid=row.name,
             zorder=3,
         )
     )
@@ -338,6 +349,7 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
         va="center",
         fontsize=6 if "\n" in note else 7,
         linespacing=1.0,
+        gid=row.name,
         zorder=4,
         bbox={"facecolor": "w", "edgecolor": "none", "pad": 0.5} if not alive else None,
     )

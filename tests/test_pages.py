@@ -32,6 +32,7 @@ MADE = DOCS / "gallery.md"
 
 # Commands that are parsed and not run, by how they begin, and why.
 PARSED = {
+    "bgmodel explore": "it serves a page until it is interrupted; tests of the explorer do so",
     "bgmodel demo": "it takes half a minute; a test of the demo does the same",
     "bgmodel touch": "it trains a decoder; a test of the command does so on fewer taps",
     "bgmodel watch": "it waits for images; a test of the command brings some",

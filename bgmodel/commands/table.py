@@ -13,6 +13,7 @@ from bgmodel.commands.demo import DemoRun
 from bgmodel.commands.designed import CircuitDesigned
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
+from bgmodel.commands.explore import Explore
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.fits import FitRun
 from bgmodel.commands.stopping import StopRun
@@ -51,6 +52,7 @@ COMMANDS: dict[str, Any] = {
     "data": Data,
     "fit": FitRun,
     "experiment": ExperimentRun,
+    "explore": Explore,
     "sweep": SweepRun,
     "bench": BenchRun,
     "figures": Figures,

@@ -6,6 +6,7 @@ and, before anything is run, the direction of each measure's change and the leas
 
 from __future__ import annotations
 
+from collections.abc import Hashable, MutableMapping
 from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
@@ -21,8 +22,10 @@ from bgmodel.bootstrap import (
     interval,
     resampled,
 )
+from bgmodel.conditions import Observed
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
@@ -33,6 +36,7 @@ from bgmodel.experiments.record import (
     uncalibrated,
     unchanged,
 )
+from bgmodel.experiments.writing import python_text, toml_text
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
@@ -40,6 +44,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
+from circuits.declaration.table_files import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
 if TYPE_CHECKING:
@@ -98,13 +103,45 @@ class Experiment(ExperimentRecord):
             return seen_from(path.parent, toml_files.read(path, cls))
         inside = SHIPPED / f"{file}.toml"
         if not inside.is_file():
-            names = ", ".join(_names())
+            names = ", ".join(shipped_names())
             raise InputError(
                 f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
             )
         return toml_files.read(Path(str(inside)), cls)
 
-    def run(self, *, workers: int = 1, given: Trials | None = None) -> Outcome:
+    @classmethod
+    def from_text(cls, text: str, name: str = "the text") -> Experiment:
+        """Read an experiment from the text of a TOML file.
+
+        Parameters
+        ----------
+        text : str
+            The text; its paths are relative to the current folder.
+        name : str
+            What the text is called in errors.
+
+        Raises
+        ------
+        ValueError
+            As ``from_toml``.
+        """
+        return toml_files.read_text(text, cls, name)
+
+    def to_toml(self) -> str:
+        """Return the experiment as the text of a file, from which ``from_text`` makes it again."""
+        return toml_text(self)
+
+    def to_python(self) -> str:
+        """Return Python code that runs the experiment and prints its measures."""
+        return python_text(self)
+
+    def run(
+        self,
+        *,
+        workers: int = 1,
+        given: Trials | None = None,
+        known: MutableMapping[Hashable, Behaviour] | None = None,
+    ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
 
         Parameters
@@ -113,6 +150,9 @@ class Experiment(ExperimentRecord):
             Number of threads, for engines that can use several; it does not affect results.
         given : Trials, optional
             The result of ``given()``, to avoid computing it twice.
+        known : mutable mapping, optional
+            Behaviour of conditions that have been run already; those of this run are added. For
+            programs that edit the manipulation again and again, while the control stays.
 
         Raises
         ------
@@ -148,7 +188,7 @@ class Experiment(ExperimentRecord):
         found: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
-            behaviour = condition.behaviour(model, drive)
+            behaviour = self._behaviour(condition, model, drive, known)
             _check_decided(name, behaviour, self.waited_ms)
             found.append(behaviour.measures(weights))
             about = f"{model.circuit.name} {model.engine}"
@@ -167,10 +207,26 @@ class Experiment(ExperimentRecord):
         whole = pd.concat(trials, ignore_index=True)
         return Outcome(self, given, tuple(models), measures, whole)
 
+    def _behaviour(
+        self,
+        condition: Observed,
+        model: BasalGanglia,
+        evidence: Evidence,
+        known: MutableMapping[Hashable, Behaviour] | None,
+    ) -> Behaviour:
+        """Return the behaviour of a condition, computed unless it is known."""
+        if known is None or self.learnings != (None, None):
+            return condition.behaviour(model, evidence)
+        # A circuit's file may have changed since.
+        key = condition, self.truth, digest(model.circuit)
+        if key not in known:
+            known[key] = condition.behaviour(model, evidence)
+        return known[key]
+
 
 def shipped() -> dict[str, Experiment]:
     """Return the included experiments by the names of their files."""
-    return {name: Experiment.from_toml(name) for name in _names()}
+    return {name: Experiment.from_toml(name) for name in shipped_names()}
 
 
 def shipped_text(name: str) -> str:
@@ -178,7 +234,8 @@ def shipped_text(name: str) -> str:
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _names() -> list[str]:
+def shipped_names() -> list[str]:
+    """Return the names of the included experiments."""
     return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
 
 

@@ -303,16 +303,30 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
         "value [95 % interval, by a bootstrap over trials]",
         f"{'':<{wide}}" + "".join(f"{name:<26}" for name in CONDITIONS),
     ]
+    for measure, cells in measured(table):
+        lines.append(f"{measure:<{wide}}" + "".join(f"{cell:<26}" for cell in cells))
+    said = uncalibrated(experiment, table)
+    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else [])]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def measured(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
+    """Return each measure with the texts of control, manipulation and change, as on a page.
+
+    Parameters
+    ----------
+    table : DataFrame
+        The measures, as in ``Outcome``.
+    """
     # Without missed trials these repeat the measures of decided ones.
     repeated = OF_ALL if not any(_both(table, "missed")) else ()
+    found = []
     for measure in table["measure"].unique():
         rows = table[table["measure"] == measure]
         if measure not in repeated and rows["value"].notna().any():
             cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
-            lines.append(f"{measure:<{wide}}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
-    said = uncalibrated(experiment, table)
-    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else [])]
-    return "\n".join(line.rstrip() for line in lines)
+            found.append((measure, [_cell(measure, *c) for c in cells]))
+    return found
 
 
 def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:

@@ -457,10 +457,14 @@ class BasalGanglia(Facts):
     def batch(self, evidence: Evidence) -> int:
         """Return the number of trials in a batch of ``batches``."""
         check_evidence(evidence)
+        return self.batch_of(evidence.steps, evidence.step_ms)
+
+    def batch_of(self, steps: int, step_ms: float) -> int:
+        """Return the number of trials in a batch, for a number of steps of a length in ms."""
         if self.engine.rates:
             return BATCH
-        samples = self.engine.samples(evidence.steps, evidence.step_ms)
-        most = int(WIDE_NUMBERS / (samples * evidence.hypotheses))
+        samples = self.engine.samples(steps, step_ms)
+        most = int(WIDE_NUMBERS / (samples * self.circuit.channels))
         return max(BATCH, min(WIDE_BATCH, most))
 
     def batches(

@@ -13,7 +13,6 @@ from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import (
-    BATCH,
     NOISE_SHARE,
     ROUNDING_NATS,
     BasalGanglia,
@@ -193,8 +192,9 @@ def behaviour_of(
         early = decision.time_ms < 0
         return Behaviour(decision, posterior, early, evidence.hypotheses, ssd_ms)
     responded = []
-    for first in range(0, evidence.trials, BATCH):
-        silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
+    size = model.batch_of(1, foreperiod_ms)
+    for first in range(0, evidence.trials, size):
+        silence = np.zeros((min(size, evidence.trials - first), 1, evidence.hypotheses))
         # Separate trials: their noise is independent of that of other trials.
         waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(any_crossing(waited, threshold_nats))

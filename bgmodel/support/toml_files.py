@@ -38,6 +38,17 @@ def read(path: str | Path, kind: type[T]) -> T:
     return decoded(_given(path), kind, path.name)
 
 
+def read_text(text: str, kind: type[T], name: str) -> T:
+    """Read the text of a TOML file as a dataclass; ``name`` is what errors call it.
+
+    Raises
+    ------
+    ValueError
+        As for ``read``.
+    """
+    return decoded(_parsed(text, name), kind, name)
+
+
 def gives(path: str | Path, key: str) -> bool:
     """Whether a TOML file has a key at the top level; ValueError as for ``read``."""
     return key in _given(Path(path))
@@ -48,12 +59,16 @@ def _given(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{str(path)!r} can't be read: {error}", "path", path) from None
+    return _parsed(text, path.name)
+
+
+def _parsed(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path.name} is not TOML: {error}", "path", path) from None
+        raise InputError(f"{name} is not TOML: {error}", "path", name) from None
     except RecursionError:
-        raise InputError(f"{path.name} is nested too deeply", "path", path) from None
+        raise InputError(f"{name} is nested too deeply", "path", name) from None
 
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:

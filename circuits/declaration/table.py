@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self, TypeVar
 
 import numpy as np
@@ -255,7 +256,7 @@ class CircuitTable(Network):
         """The circuit without courses: its state before the drive begins."""
         return replace(self, courses=()) if self.courses else self
 
-    @property
+    @cached_property
     def unlesioned(self) -> Self:
         """The circuit with every lesion and cut undone; compensated biases stay."""
         rows = tuple(replace(p, **WHOLE) for p in self.populations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from graphlib import TopologicalSorter
 
 import numpy as np
@@ -49,6 +50,23 @@ def rest_rates(wiring: Wiring) -> Array:
 def rest(wiring: Wiring) -> Array:
     """Return the state (blocks,) at rest, nats."""
     return np.asarray(solve(wiring, np.zeros((1, wiring.circuit.channels)))[0])
+
+
+@lru_cache(maxsize=64)
+def resting_state(circuit: CircuitTable) -> tuple[Array, Array]:
+    """Return the state, nats, and the rates, Hz, of a circuit at rest, (blocks,) each.
+
+    The arrays are cached, because a run in batches asks for them once for each batch; they must
+    not be written to.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has no resting state.
+    """
+    wiring = wired(circuit)
+    x = rest(wiring)
+    return x, wiring.rates(x)
 
 
 def held_drive(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:

@@ -38,8 +38,8 @@ from circuits.cells.cell import Cell, Constants, tick_constants
 from circuits.checks import check_positive, check_range, whole_ticks
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
-from circuits.dynamics.fixed_point import rest
-from circuits.dynamics.wiring import Wiring, wire
+from circuits.dynamics.fixed_point import resting_state
+from circuits.dynamics.wiring import Wiring
 from circuits.errors import EditWarning, InputError, user_level
 
 SPIKE_BITS = 40
@@ -172,12 +172,11 @@ class Scheme:
     def start(self) -> tuple[Array, Array, Array]:
         """Initial units (without constant), block states in nats, and rates in Hz."""
         edited = self.wiring.circuit
-        first = self.wiring if edited.chronic else wire(edited.unlesioned)
-        x = rest(first)
-        rates = first.rates(x)
+        unlesioned = edited.unlesioned
+        x, rates = resting_state(edited if edited.chronic else unlesioned)
         try:
-            if not edited.chronic and edited != edited.unlesioned:
-                rest(self.wiring)
+            if not edited.chronic and edited != unlesioned:
+                resting_state(edited)
         except ValueError:
             warnings.warn(
                 f"{edited.name} has no resting state after these edits: its activity depends "

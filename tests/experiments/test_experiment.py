@@ -21,7 +21,9 @@ from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from circuits import anatomy
+from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
+from circuits.declaration.table_files import write
 from tests.helpers import GOOD, ROOT, behaving, refused, run, told
 
 EFFECT = """[[effects]]
@@ -284,3 +286,27 @@ def test_anticipations_are_judged_over_the_foreperiod_in_which_they_are_counted(
     """An informative foreperiod replaces that without evidence, and may last longer."""
     assert SHIPPED["stn_lesion_anticipation"].waited_ms == 800
     assert SHIPPED["stn_lesion_partial"].waited_ms == 500
+
+
+def test_behaviour_that_is_known_is_not_computed_again_and_changes_nothing(tmp_path):
+    experiment = Experiment.from_text(GOOD)
+    known = {}
+    first = experiment.run(known=known)
+    assert len(known) == 2
+    again = experiment.run(known=known)
+    assert len(known) == 2
+    assert again.measures.equals(experiment.run().measures)
+    assert again.measures.equals(first.measures)
+    assert not replace(experiment, seed=4).run(known=known).measures.equals(first.measures)
+    assert len(known) == 4
+
+
+def test_behaviour_of_a_file_that_has_changed_is_computed_again(tmp_path):
+    file = tmp_path / "mine.toml"
+    known, found = {}, []
+    for edits in ((), ("scale D1->SNr 0.98",)):
+        write(load_circuit("spiking_msprt").edited(*edits), file)
+        text = GOOD.replace('"spiking_msprt"', f'"{file}"')
+        found.append(Experiment.from_text(text).run(known=known).measures)
+    assert len(known) == 4
+    assert not found[0].equals(found[1])

@@ -98,3 +98,15 @@ def test_where_blocks_are_silent_a_step_is_a_fifth_of_the_error_and_later_less(
     found = steps_of(monkeypatch, table, "target", [30.0, 30.0])
     error = -10 - found[1:6]
     np.testing.assert_allclose(np.diff(found[1:6]), error[:-1] / share, rtol=1e-12)
+
+
+def test_the_cached_state_at_rest_is_that_of_a_fresh_solution():
+    for circuit in (
+        anatomy.load_circuit("macaque"),
+        anatomy.load_circuit("macaque").lesion("STN", 0.1),
+    ):
+        wiring = fixed_point.wired(circuit)
+        for _ in range(2):
+            x, rates = fixed_point.resting_state(circuit)
+            assert np.array_equal(x, fixed_point.rest(wiring))
+            assert np.array_equal(rates, fixed_point.rest_rates(wiring))

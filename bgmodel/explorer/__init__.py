@@ -1,0 +1,1 @@
+"""The interactive explorer: edit a circuit, and see it fire, decide and behave."""

@@ -1,0 +1,244 @@
+"""The explorer's figures, narrow enough for a phone; each can be saved as it is on the screen."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.plots import BINS, CORRECT, ERROR
+from bgmodel.support.arrays import Array
+from circuits.plots import (
+    EDITABLE,
+    FROM_ONSET,
+    GREY,
+    PALETTE,
+    ROWS,
+    STYLE,
+    Look,
+    look,
+    raster,
+    smoothed,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bgmodel.explorer.trial import Shown
+    from circuits.circuit import Circuit
+
+WIDE, OF_CIRCUIT = 4.0, 4.6
+"""Width of figures, and of the drawing of the circuit, inches: they fill a phone's screen."""
+LEFT, RIGHT = 0.15, 0.97
+"""Edges of the axes, as fractions of the width."""
+SMOOTH_MS = 15.0
+"""Standard deviation of the kernel that smooths rates, ms."""
+CONTROL: Look = {"color": "k"}
+"""Look of the baseline."""
+EDITED: Look = {"color": PALETTE[0]}
+"""Look of the edited circuit where one colour stands for it."""
+TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
+"""Style, with names of files and nuclei taken as text, not as mathematics."""
+
+
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG, the same text for the same figure."""
+    import matplotlib as mpl
+
+    out = io.StringIO()
+    with mpl.rc_context(TEXT):
+        figure.savefig(out, format="svg", dpi=150, metadata={"Date": None})
+    text = out.getvalue()
+    return text[text.index("<svg") :]
+
+
+def _figure(high: float, wide: float = WIDE) -> Figure:
+    """Return an empty figure that pyplot does not keep."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(wide, high), dpi=96)
+
+
+def times(trials: pd.DataFrame, *, edited: bool) -> str:
+    """Draw the distributions of decision times, errors below correct responses, as SVG.
+
+    Parameters
+    ----------
+    trials : DataFrame
+        As in ``Outcome``: one row per trial and condition.
+    edited : bool
+        Whether the circuit is edited; otherwise the baseline is drawn alone.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(TEXT):
+        figure = _figure(2.7)
+        ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.66))
+        decided = trials[~trials["undecided"] & trials["correct"].notna()]
+        limit = float(decided["rt"].quantile(0.995)) if len(decided) else 1.0
+        ends = float(decided["rt"].min()) if len(decided) else 0.0, max(limit, 1e-3)
+        edges = 1000 * np.linspace(*ends, BINS + 1)
+        for name in ("manipulation", "control"):
+            rows = decided[decided["condition"] == name]
+            if name == "control" or edited:
+                _both_sides(ax, rows, edges, filled=name == "manipulation" or not edited)
+        ax.axhline(0, color="k", lw=0.8)
+        ax.set(xlabel=FROM_ONSET.replace("Time", "Decision time"), ylabel="Trials")
+        ax.set_xlim(edges[0], edges[-1])
+        ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+        ax.locator_params(axis="y", integer=True)
+        _legend(ax, 2)
+        return svg(figure)
+
+
+def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> None:
+    """Draw the histogram of correct responses above the axis, and that of errors below."""
+    for correct, side in ((True, 1), (False, -1)):
+        some = 1000 * rows.loc[(rows["correct"] == 1) == correct, "rt"].to_numpy()
+        counts = side * np.histogram(some, edges)[0]
+        what = f"{'correct' if correct else 'errors'} (n = {len(some)})"
+        if filled:
+            colour = CORRECT if correct else ERROR
+            ax.stairs(counts, edges, fill=True, color=colour, label=what.capitalize())
+        else:
+            style = "-" if correct else "--"
+            ax.stairs(counts, edges, color="k", lw=1.1, ls=style, label=f"Baseline, {what}")
+
+
+def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: float) -> str:
+    """Draw accuracy against mean time with the curve of the MSPRT on the same evidence, as SVG.
+
+    Parameters
+    ----------
+    points : mapping of DataFrame
+        By the name of a condition, its measures: value, low and high by measure.
+    test : DataFrame
+        The MSPRT: mean_ms and accuracy at rising thresholds.
+    chance : float
+        Accuracy by chance.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(TEXT):
+        figure = _figure(2.7)
+        ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.68))
+        ax.axhline(chance, color=GREY, lw=0.8, ls=":", label="Chance")
+        ax.plot(test["mean_ms"], test["accuracy"], color=GREY, lw=1.6, label="Optimal test (MSPRT)")
+        shapes: dict[str, Look] = {
+            "Baseline": {"marker": "o", "mfc": "w"},
+            "Edited": {"marker": "s"},
+        }
+        for name, rows in points.items():
+            x, y = (rows.loc[of].to_numpy(dtype=float) for of in ("mean_ms", "accuracy"))
+            bars = [np.nan_to_num([[v - low], [high - v]]) for v, low, high in (x, y)]
+            style = {**(EDITED if name == "Edited" else CONTROL), **shapes[name]}
+            ax.errorbar(
+                x[0], y[0], bars[1], bars[0],
+                ls="", ms=6, capsize=2, elinewidth=1.0, label=name, zorder=4, **style,
+            )  # fmt: skip
+        most = max((rows["high"].to_dict()["mean_ms"] for rows in points.values()), default=0.0)
+        if np.isfinite(most) and most > 0:
+            ax.set_xlim(0, 1.6 * most)
+        ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
+        ax.set_ylim(min(chance, 1.0) - 0.08, 1.02)
+        _legend(ax, 4)
+        return svg(figure)
+
+
+def trial(shown: Shown) -> str:
+    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(TEXT):
+        names = list(shown.rates_hz)
+        high = 2.45 + 0.5 * len(names)
+        figure = _figure(high)
+        per = 1 / high
+        top = figure.add_axes((LEFT, 1 - 1.62 * per, RIGHT - LEFT, 1.22 * per))
+        _out(top, shown)
+        half = (RIGHT - LEFT - 0.11) / 2
+        for k, name in enumerate(names):
+            y = 0.42 * per + 0.5 * per * (len(names) - 1 - k)
+            left = figure.add_axes((LEFT, y, half, 0.42 * per), sharex=top)
+            right = figure.add_axes((RIGHT - half, y, half, 0.42 * per), sharex=top)
+            _nucleus(left, right, name, shown, last=k == len(names) - 1)
+            if k == 0:
+                left.set_title(f"Spikes of up to {ROWS} cells")
+                right.set_title("Rate (Hz)")
+        return svg(figure)
+
+
+def _out(ax: Axes, shown: Shown) -> None:
+    """Draw OUT of each channel, -ln P of the evidence, the threshold and the decision."""
+    for channel in range(shown.out.shape[1]):
+        style = look(channel)
+        ax.plot(shown.time_ms, shown.out[:, channel], **style, label=f"Alternative {channel}")
+        if shown.test is not None:
+            test_ms, ideal = shown.test
+            ax.plot(test_ms, ideal[:, channel], color=style["color"], lw=0.9, ls=":")
+    if shown.test is not None:
+        ax.plot([], [], color="k", lw=0.9, ls=":", label="−ln P (MSPRT)")
+    ax.axhline(shown.threshold, color=GREY, lw=0.9, ls="--", label="Threshold")
+    if np.isfinite(shown.decided_ms):
+        ax.axvline(shown.decided_ms, color="k", lw=0.9, label="Decision")
+    ax.set_ylabel(f"OUT ({shown.unit})")
+    ax.tick_params(labelbottom=False)
+    ax.set_xlim(min(0.0, shown.time_ms[0]), shown.end_ms)
+    if shown.unit == "nats":
+        ax.set_ylim(bottom=0)
+    _legend(ax, 3)
+
+
+def _nucleus(left: Axes, right: Axes, name: str, shown: Shown, *, last: bool) -> None:
+    """Draw spikes and rates of one nucleus."""
+    rates, spikes = shown.rates_hz[name], shown.spikes.get(name)
+    channels = rates.shape[1]
+    if spikes is not None:
+        raster(left, spikes, channels=channels, neurons=max(2, ROWS // channels), ms=1.1)
+    else:
+        left.text(
+            0.5, 0.5, "no spikes", transform=left.transAxes, ha="center", va="center", color=GREY
+        )
+        left.set(yticks=[])
+    apart_ms = float(np.median(np.diff(shown.time_ms))) if len(shown.time_ms) > 1 else 1.0
+    lines = smoothed(rates, apart_ms, SMOOTH_MS) if len(rates) > 2 else rates
+    for channel in range(channels):
+        style: Look = look(channel) if channels > 1 else {"color": GREY}
+        right.plot(shown.time_ms, lines[:, channel], **style)
+    right.set_ylim(bottom=0)
+    right.locator_params(axis="y", nbins=2)
+    right.locator_params(axis="x", nbins=4)
+    left.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=3)
+    for ax in (left, right):
+        ax.tick_params(labelbottom=last)
+        if np.isfinite(shown.decided_ms):
+            ax.axvline(shown.decided_ms, color="k", lw=0.9)
+        if last:
+            ax.set_xlabel("Time (ms)")
+
+
+def _legend(ax: Axes, columns: int) -> None:
+    """Put the legend above the axes."""
+    ax.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1,
+        handlelength=1.5, columnspacing=0.9, fontsize=7.0,
+    )  # fmt: skip
+
+
+def circuit(edited: Circuit, baseline: Circuit) -> str:
+    """Draw the edited circuit as SVG; rows that differ from the baseline have a star.
+
+    Rows are groups whose ``id`` is the row's name, so that a page can tell which was chosen.
+    """
+    import matplotlib as mpl
+
+    from circuits.drawing import draw
+
+    with mpl.rc_context(TEXT):
+        figure = _figure(4.2, OF_CIRCUIT)
+        draw(edited, figure.add_axes((0.0, 0.12, 1.0, 0.88)), baseline)
+        return svg(figure)

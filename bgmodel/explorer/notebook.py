@@ -1,0 +1,78 @@
+"""The explorer in a notebook."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import platformdirs
+
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.state import State, of_circuit, opened
+from circuits.circuit import Circuit
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    from bgmodel.explorer.page import Explorer
+
+NEEDS = 'the explorer needs Panel: pip install "bgmodel[explore]"'
+
+
+def explore(what: Circuit | Experiment | str | Path = "") -> Any:
+    """Return the interactive explorer, which a notebook shows.
+
+    ``bgmodel explore`` shows the same in the browser.
+
+    Parameters
+    ----------
+    what : Circuit, Experiment, str or path
+        A circuit or an experiment: the record, its name, its .toml file, or a link from the
+        explorer; by default the macaque circuit. A circuit that is not in a file is written to the
+        user's cache folder, so that the experiment's file can name it.
+
+    Returns
+    -------
+    panel.viewable.Viewable
+        The layout; its attribute ``explorer`` has the ``state`` that is shown.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name, or it is refused.
+    ImportError
+        Without Panel: ``pip install "bgmodel[explore]"``.
+    """
+    try:
+        import panel as pn
+    except ImportError as error:
+        raise ImportError(NEEDS) from error
+    from bgmodel.explorer.page import Explorer
+
+    state = state_of(what)
+    pn.extension()
+    found: Explorer = Explorer(state, later=lambda call: pn.state.execute(call))
+    layout = found.layout()
+    layout.explorer = found
+    return layout
+
+
+def state_of(what: Circuit | Experiment | str | Path) -> State:
+    """Return the state of a circuit, of an experiment, or of what is opened by a name."""
+    if isinstance(what, Experiment):
+        return State(what)
+    if isinstance(what, Circuit):
+        return of_circuit(str(_written(what)))
+    if not isinstance(what, (str, Path)):
+        must = "must be a circuit, an experiment, a name or a .toml file"
+        raise InputError.of("what", must, type(what).__name__)
+    return opened(what)
+
+
+def _written(circuit: Circuit) -> Path:
+    """Write a circuit to the cache folder, under its hash, and return the path."""
+    from circuits.declaration.table_files import digest, write
+
+    folder = platformdirs.user_cache_path("bgmodel") / "explored"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{digest(circuit)[:16]}.toml"
+    return path if path.exists() else Path(write(circuit, path))

@@ -1,0 +1,311 @@
+"""The explorer's page: controls and panels, laid out with Panel."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from html import escape
+from typing import Any, ClassVar
+
+import panel as pn
+import param
+from panel.custom import JSComponent
+
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.controls import NUMBERS, Controls
+from bgmodel.explorer.history import History
+from bgmodel.explorer.html import html_of
+from bgmodel.explorer.panels import CIRCUIT, TITLES, Panel
+from bgmodel.explorer.runs import Runs
+from bgmodel.explorer.state import State, opened
+from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
+
+COMPUTING = "Computing…"
+FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
+
+
+class Drawing(JSComponent):
+    """The drawing of the circuit; a click on a nucleus or a pathway reports its name."""
+
+    svg = param.String(default="")
+    chosen = param.String(default="")
+    clicks = param.Integer(default=0)
+    _esm = """
+    export function render({ model }) {
+      const box = document.createElement("div");
+      const draw = () => {
+        box.innerHTML = model.svg;
+        const svg = box.querySelector("svg");
+        if (!svg) return;
+        svg.setAttribute("role", "img");
+        svg.setAttribute("aria-label", "The circuit; a list below has its rows");
+      };
+      draw();
+      model.on("svg", draw);
+      box.addEventListener("click", (event) => {
+        let at = event.target;
+        while (at !== box && !at.id) at = at.parentNode;
+        if (at === box) return;
+        model.chosen = at.id;
+        model.clicks += 1;
+      });
+      return box;
+    }
+    """
+    _stylesheets: ClassVar[list[str]] = [
+        ":host(.busy) { opacity: .45; } svg { width: 100%; height: auto; display: block; } "
+        "g[id] > path, g[id] > text { cursor: pointer; }"
+    ]
+
+
+class Page(pn.Template):
+    """A template whose text is short: Panel writes it anew for every part that is added."""
+
+    def __repr__(self, depth: int = 0) -> str:
+        """Return its kind."""
+        return "Page"
+
+
+class Explorer:
+    """One user's explorer: a history of states, the runs behind it, and its widgets.
+
+    Parameters
+    ----------
+    state : State
+        The first state.
+    address : str
+        The address of the page, to which links lead; empty in a notebook.
+    later : function, optional
+        Runs a function in the thread of the page; by default at once.
+
+    Raises
+    ------
+    ValueError
+        If the state is refused.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        address: str = "",
+        later: Callable[[Callable[[], None]], None] | None = None,
+    ) -> None:
+        self.history = History(state)
+        self._address, self._later = address, later or (lambda call: call())
+        self.shown: dict[str, Panel] = {}
+        self.controls = Controls(self.change, self.open)
+        self._make_widgets()
+        self.runs = Runs(
+            lambda panel: self._later(lambda: self._deliver(panel)),
+            lambda state: self._later(lambda: self._ended(state)),
+        )
+        self._show()
+
+    @property
+    def state(self) -> State:
+        """The state that is shown."""
+        return self.history.state
+
+    # ---- what a user does
+
+    def change(self, made: Callable[[State], State]) -> None:
+        """Apply a change of the state; a refusal is shown, and the state stays."""
+        try:
+            self.history.go(made(self.state))
+        except (ValueError, OSError) as error:
+            self.refuse(str(error))
+            return
+        self._show()
+
+    def open(self, name: str) -> None:
+        """Open a circuit, an experiment or a link."""
+        self.change(lambda _: opened(name))
+
+    def stop(self) -> None:
+        """End the runs: the page is closed."""
+        self.runs.stop()
+
+    def _step(self, move: Callable[[], None]) -> None:
+        move()
+        self._show()
+
+    # ---- widgets
+
+    def _make_widgets(self) -> None:
+        self.undo = pn.widgets.Button(name="Undo", width=70)
+        self.redo = pn.widgets.Button(name="Redo", width=70)
+        self.reset = pn.widgets.Button(name="Reset", width=70)
+        for button, move in (
+            (self.undo, self.history.undo),
+            (self.redo, self.history.redo),
+            (self.reset, self.history.reset),
+        ):
+            button.on_click(lambda _, move=move: self._step(move))
+        self.baseline = pn.widgets.Button(name="Use the edited circuit as the baseline")
+        self.baseline.on_click(lambda _: self.change(State.as_baseline))
+        self.status = pn.pane.HTML("", stylesheets=[NOTICE])
+        self.notices = pn.pane.HTML("", stylesheets=[NOTICE])
+        self.drawing = Drawing()
+        self.drawing.param.watch(lambda _: self.controls.choose(self.drawing.chosen), "clicks")
+        self.panes = {
+            name: pn.pane.HTML(
+                f'<p class="waiting">{COMPUTING}</p>',
+                stylesheets=[PANEL],
+                sizing_mode="stretch_width",
+            )
+            for name in TITLES
+        }
+        self.list = pn.Column(sizing_mode="stretch_width")
+        self._make_export()
+
+    def _make_export(self) -> None:
+        area: dict[str, Any] = {"rows": 8, "sizing_mode": "stretch_width", "max_length": 100_000}
+        self.toml = pn.widgets.TextAreaInput(name="The experiment's file (TOML)", **area)
+        self.python = pn.widgets.TextAreaInput(name="Python", **area)
+        self.link = pn.widgets.TextAreaInput(name="Link", **area | {"rows": 3})
+        self.apply = pn.widgets.Button(name="Show this TOML", button_type="primary")
+        self.apply.on_click(
+            lambda _: self.change(lambda _: State(Experiment.from_text(self.toml.value)))
+        )
+        self.trials_csv = pn.widgets.FileDownload(
+            callback=lambda: self._csv("trials"), filename="trials.csv", label="Trials (CSV)"
+        )
+        self.measures_csv = pn.widgets.FileDownload(
+            callback=lambda: self._csv("measures"), filename="measures.csv", label="Measures (CSV)"
+        )
+        self.circuit_toml = pn.widgets.FileDownload(
+            callback=self._circuit_file, filename="circuit.toml", label="Edited circuit (TOML)"
+        )
+
+    def _csv(self, table: str) -> io.BytesIO:
+        """Return a table of the state that is shown, which is computed unless it is there."""
+        key, outcome = self.runs.memory.outcome or ("", None)
+        if outcome is None or key != self.state.key:
+            outcome = self.state.experiment.run()
+        return io.BytesIO(getattr(outcome, table).to_csv(index=False).encode())
+
+    def _circuit_file(self) -> io.BytesIO:
+        from circuits.declaration.table_files import text
+
+        return io.BytesIO(text(self.state.circuit).encode())
+
+    # ---- showing
+
+    def _show(self) -> None:
+        """Show the state, and have its panels computed; until then the old ones are dimmed."""
+        state = self.state
+        self.notices.object = ""
+        self.controls.show(state)
+        self.undo.disabled = not self.history.can_undo
+        self.redo.disabled = not self.history.can_redo
+        self.baseline.disabled = state.alike
+        self.list[:] = self._edits(state)
+        self.toml.value = state.experiment.to_toml()
+        self.python.value = state.experiment.to_python()
+        self.link.value = state.link(self._address)
+        for pane in (*self.panes.values(), self.drawing):
+            pane.css_classes = ["busy"]
+        self._say(COMPUTING if self.shown else FIRST)
+        self.runs.show(state)
+
+    def _edits(self, state: State) -> list[Any]:
+        """Return a line for each edit, with a button that removes it."""
+        if not state.edits:
+            return [pn.pane.HTML("<p>None: the baseline is shown alone.</p>", stylesheets=[PANEL])]
+        found = []
+        for line in state.edits:
+            remove = pn.widgets.Button(
+                name=f"Remove {line}", stylesheets=[CHIP], sizing_mode="stretch_width"
+            )
+            remove.on_click(lambda _, line=line: self.change(lambda s: s.without(line)))
+            found.append(remove)
+        return found
+
+    def _deliver(self, panel: Panel) -> None:
+        """Show a panel, unless the state has changed since."""
+        if panel.key != self.state.key:
+            return
+        self.shown[panel.name] = panel
+        pane = self.panes[panel.name]
+        pane.object = html_of(panel)
+        pane.css_classes = []
+        if panel.name == CIRCUIT:
+            self.drawing.svg = panel.svg
+            self.drawing.css_classes = []
+        self._warn()
+
+    def _warn(self) -> None:
+        """Show the warnings of the panels of this state."""
+        key = self.state.key
+        said = [note for p in self.shown.values() if p.key == key for note in p.warnings]
+        self.notices.object = "".join(
+            f'<p class="warning" role="status">Warning: {escape(note)}</p>'
+            for note in dict.fromkeys(said)
+        )
+
+    def refuse(self, sentence: str) -> None:
+        """Show why a change was refused, and the state that stays."""
+        self.controls.show(self.state)
+        self.notices.object = f'<p class="refusal" role="alert">Refused: {escape(sentence)}</p>'
+
+    def _ended(self, state: State) -> None:
+        if state == self.state:
+            self._say("Up to date.")
+
+    def _say(self, text: str) -> None:
+        name, circuit = self.state.experiment.name, self.state.experiment.circuit
+        self.status.object = (
+            '<p class="status" role="status" aria-live="polite">'
+            f"<strong>{escape(circuit)}</strong>, {escape(name)}. {escape(text)}</p>"
+        )
+
+    # ---- layout
+
+    def parts(self) -> dict[str, Any]:
+        """Return the parts of the page by name."""
+        c = self.controls
+        column: Callable[..., Any] = lambda *of: pn.Column(*of, sizing_mode="stretch_width")  # noqa: E731
+        of = {
+            group: [c.numbers[n] for n in NUMBERS if NUMBERS[n][1] == group]
+            for group in ("task", "run")
+        }
+        circuit = column(self.drawing, self.panes[CIRCUIT])
+        return {
+            "tools": pn.Row(self.undo, self.redo, self.reset),
+            "status": self.status,
+            "edits": column(self.list, c.line, c.kind, c.dopamine, self.baseline),
+            "row": column(c.row, *c.quick.values(), c.field, c.value, c.about_row),
+            "pathway": column(c.source, c.target, c.weight, c.delay, c.add),
+            "task": column(*of["task"], *of["run"], c.evidence),
+            "stop": column(c.stops, *c.stop.values()),
+            "open": c.open,
+            "notices": self.notices,
+            **self.panes,
+            CIRCUIT: circuit,
+            "trial": column(c.numbers["trial"], self.panes["trial"]),
+            "export": column(
+                pn.FlexBox(self.trials_csv, self.measures_csv, self.circuit_toml),
+                self.toml, self.apply, self.python, self.link,
+            ),
+        }  # fmt: skip
+
+    def template(self) -> Any:
+        """Return the page for a server."""
+        page = Page(PAGE)
+        page.add_variable("titles", TITLES)
+        for name, part in self.parts().items():
+            page.add_panel(name, part)
+        return page
+
+    def layout(self) -> Any:
+        """Return the explorer for a notebook."""
+        parts = self.parts()
+        left = ("edits", "row", "pathway", "task", "stop", "open")
+        return pn.Column(
+            pn.Row(parts["tools"], parts["status"]),
+            parts["notices"],
+            pn.Row(
+                pn.Column(*(parts[name] for name in left), width=320),
+                pn.FlexBox(*(pn.Column(parts[name], width=470) for name in (*TITLES, "export"))),
+            ),
+        )

@@ -1,0 +1,81 @@
+"""Runs in the background: a new state cancels the run of an older one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from bgmodel.explorer.panels import Memory, Panel, panels
+from bgmodel.explorer.state import State
+from bgmodel.support import progress
+
+Deliver = Callable[[Panel], None]
+"""Receives each panel of the newest state, in the thread of the runs."""
+
+
+class Superseded(Exception):
+    """A newer state has been asked for, or nobody looks any more."""
+
+
+class Runs:
+    """One thread that computes the panels of the newest state.
+
+    Parameters
+    ----------
+    deliver : function
+        Called with each panel.
+    ended : function
+        Called with a state when all of its panels have been delivered.
+    workers : int
+        Number of threads of an engine; it does not affect results.
+    """
+
+    def __init__(
+        self, deliver: Deliver, ended: Callable[[State], None], *, workers: int = 2
+    ) -> None:
+        self.memory = Memory()
+        self._deliver, self._ended, self._workers = deliver, ended, workers
+        self._wanted: State | None = None
+        self._stopped = False
+        self._change = threading.Condition()
+        self._thread = threading.Thread(target=self._loop, name="explorer", daemon=True)
+        self._thread.start()
+
+    def show(self, state: State) -> None:
+        """Compute the panels of a state; what is being computed for an older one is cancelled."""
+        with self._change:
+            self._wanted = state
+            self._change.notify()
+
+    def stop(self) -> None:
+        """Cancel what is being computed, and end the thread."""
+        with self._change:
+            self._stopped, self._wanted = True, None
+            self._change.notify()
+
+    def _loop(self) -> None:
+        while (state := self._next()) is not None:
+            try:
+                self._run(state)
+            except Superseded:
+                continue
+
+    def _next(self) -> State | None:
+        """Wait for a state; None at the end."""
+        with self._change:
+            while self._wanted is None and not self._stopped:
+                self._change.wait()
+            state, self._wanted = self._wanted, None
+            return None if self._stopped else state
+
+    def _check(self, _: int = 0) -> None:
+        """End the run if it is no longer wanted; engines call it after each batch of trials."""
+        if self._wanted is not None or self._stopped:
+            raise Superseded
+
+    def _run(self, state: State) -> None:
+        with progress.shown_by(self._check):
+            for panel in panels(state, self.memory, workers=self._workers):
+                self._check()
+                self._deliver(panel)
+        self._ended(state)

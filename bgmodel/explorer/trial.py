@@ -1,0 +1,135 @@
+"""One trial of the edited circuit in spikes, until it decides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.evidence import Evidence
+from bgmodel.explorer.state import State
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.names import EngineName
+from bgmodel.support.arrays import Array
+from circuits.declaration.table import NATS
+
+SPIKES, WITHOUT_SPIKES = EngineName("ensemble"), EngineName("rate")
+"""Engines of the trial: spiking cells, or rates for a circuit without any."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One trial, up to its decision.
+
+    Parameters
+    ----------
+    time_ms : array (ticks,)
+        Times, ms from the onset of evidence.
+    rates_hz : mapping of arrays (ticks, channels)
+        Rates of each nucleus, Hz.
+    out : array (ticks, channels)
+        OUT, in ``unit``.
+    spikes : mapping of DataFrame
+        Spikes of each spiking nucleus: channel, neuron, time_ms.
+    test : tuple of arrays, optional
+        Times and -ln P of the MSPRT at the circuit's gain, on the same evidence; None if the
+        circuit does not work in nats.
+    threshold : float
+        Threshold on OUT.
+    unit : str
+        Unit of OUT.
+    choice : int
+        The alternative that was chosen, -1 if none was.
+    truth : int
+        The true one.
+    decided_ms : float
+        Time of the decision, ms; NaN without one.
+    """
+
+    time_ms: Array
+    rates_hz: Mapping[str, npt.NDArray[np.floating]]
+    out: npt.NDArray[np.floating]
+    spikes: Mapping[str, pd.DataFrame]
+    test: tuple[Array, Array] | None
+    threshold: float
+    unit: str
+    choice: int
+    truth: int
+    decided_ms: float
+
+    @property
+    def end_ms(self) -> float:
+        """Where the time axis ends, ms."""
+        return float(self.time_ms[-1])
+
+    def sentence(self) -> str:
+        """Return the decision in words."""
+        if self.choice < 0:
+            return f"No decision within {self.end_ms:.0f} ms; alternative {self.truth} is true."
+        right = "correct" if self.choice == self.truth else f"an error: {self.truth} is true"
+        return f"Chose alternative {self.choice} ({right}) after {self.decided_ms:.0f} ms."
+
+
+def one_trial(state: State, evidence: Evidence) -> Shown:
+    """Run the trial that a state shows; it has no stop signal.
+
+    Parameters
+    ----------
+    state : State
+        The state.
+    evidence : Evidence
+        Readings of all trials.
+
+    Raises
+    ------
+    ValueError
+        If the circuit cannot be run on the engine of the trial.
+    """
+    condition = state.experiment.conditions[1]
+    spiking = [row.name for row in state.circuit.populations if row.spiking]
+    engine = SPIKES if spiking else WITHOUT_SPIKES
+    model = replace(condition, engine=engine).model(evidence.hypotheses)
+    model = replace(model, engine=model.engine.recording(tuple(spiking)))
+    level = condition.threshold_at(evidence.hypotheses)
+    until = model.until(level - ROUNDING_NATS, rates=True)
+    one = evidence[state.trial : state.trial + 1]
+    activity = until.activity(one, state.trial)
+    trace = until.trace(activity, one)
+    decision = first_crossing(trace, level, forced=False, checked=False)
+    time_ms = np.asarray(trace.time_ms)
+    decided_ms = float(decision.time_ms[0])
+    kept = time_ms <= decided_ms if np.isfinite(decided_ms) else np.ones_like(time_ms, np.bool_)
+    last_ms = float(time_ms[kept][-1])
+    spikes = {
+        name: rows[(rows["time_ms"] >= min(0.0, time_ms[0])) & (rows["time_ms"] <= last_ms)]
+        for name, rows in (activity.spikes or {}).items()
+    }
+    truth = one.truth
+    return Shown(
+        time_ms=time_ms[kept],
+        rates_hz={name: rates[0][kept] for name, rates in activity.rates_hz.items()},
+        out=np.asarray(trace.out_nats[0])[kept],
+        spikes=spikes,
+        test=_ideal(model, one, last_ms),
+        threshold=level,
+        unit=model.circuit.unit,
+        choice=int(decision.choice[0]),
+        truth=-1 if truth is None else int(truth[0]),
+        decided_ms=decided_ms,
+    )
+
+
+def _ideal(model: BasalGanglia, one: Evidence, last_ms: float) -> tuple[Array, Array] | None:
+    """Return times and -ln P of the MSPRT, in steps, up to a time; None without nats."""
+    if model.circuit.unit != NATS:
+        return None
+    trace = Msprt(model.gain).run(one)
+    time_ms = np.asarray(trace.time_ms)
+    held = np.repeat(time_ms, 2)[1:], np.repeat(np.asarray(trace.out_nats[0]), 2, axis=0)[:-1]
+    kept = held[0] <= last_ms
+    return held[0][kept], held[1][kept]

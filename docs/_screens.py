@@ -1,0 +1,87 @@
+"""Pictures of the explorer for its tutorial; ``python docs/_screens.py`` makes them anew."""
+
+import io
+import shutil
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Page, TimeoutError, sync_playwright
+
+FOLDER = Path(__file__).parent / "tutorials"
+COLOURS = 48
+WIDE, PHONE = 1400, 400
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+def enter(page: Page, label: str, text: str) -> None:
+    """Fill a field as a user does, and wait until the page has computed its panels."""
+    field = page.get_by_label(label, exact=True)
+    field.fill(text)
+    field.press("Enter")
+    settled(page)
+
+
+def settled(page: Page) -> None:
+    """Wait until the page has begun to compute, and then until it is up to date."""
+    with suppress(TimeoutError):  # a state that is shown already takes no time
+        page.get_by_text("Computing…").first.wait_for(timeout=8000)
+    page.get_by_text("Up to date.").first.wait_for()
+    page.wait_for_timeout(1500)
+
+
+def saved(page: Page, name: str, left: int, high: int) -> None:
+    """Write the upper part of the page, from a column on, to a small file with few colours."""
+    page.evaluate("window.scrollTo(0, 0)")
+    whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    picture = whole.crop((left, 0, whole.width, high))
+    small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
+    small.save(FOLDER / f"explore_{name}.png", optimize=True)
+
+
+def series(page: Page) -> None:
+    """Take the pictures of the tutorial, in its order."""
+    settled(page)
+    enter(page, "Lesion: cells lost (%)", "10")
+    saved(page, "lesion", 0, 1130)
+    page.get_by_role("button", name="Reset").click()
+    settled(page)
+    enter(page, "Conflict (0 none, below 1)", "0.7")
+    enter(page, "New edit (then Enter)", "lesion STN 5%")
+    page.get_by_role("button", name="Use the edited circuit as the baseline").click()
+    settled(page)
+    enter(page, "New edit (then Enter)", "lesion D1 10%")
+    saved(page, "conflict", 0, 780)
+    page.get_by_role("button", name="Reset").click()
+    settled(page)
+    enter(page, "New edit (then Enter)", "dopamine 0.1")
+    saved(page, "dopamine", 360, 420)
+    page.get_by_role("button", name="Undo").click()
+    enter(page, "New edit (then Enter)", "lesion STN 10%")
+    page.set_viewport_size({"width": PHONE, "height": 800})
+    page.wait_for_timeout(1500)
+    saved(page, "phone", 0, 1500)
+
+
+def main() -> None:
+    """Start the explorer, and drive it in a browser without a window."""
+    command = [sys.executable, "-m", "bgmodel", "explore", "--port", "0", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        address = process.stdout.readline().split()[-1]
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+            page = browser.new_page(viewport={"width": WIDE, "height": 900})
+            page.set_default_timeout(180_000)
+            page.goto(address)
+            series(page)
+            browser.close()
+    finally:
+        process.terminate()
+
+
+if __name__ == "__main__":
+    main()

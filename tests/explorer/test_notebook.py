@@ -1,0 +1,49 @@
+"""The explorer in a notebook, ``bg.explore``."""
+
+import subprocess
+import sys
+
+import pytest
+
+import bgmodel as bg
+from bgmodel.explorer import notebook
+from bgmodel.explorer.notebook import state_of
+from circuits.errors import InputError
+
+
+def test_a_circuit_made_in_python_is_written_to_a_file_that_reads_back(tmp_path, monkeypatch):
+    monkeypatch.setattr(notebook.platformdirs, "user_cache_path", lambda _: tmp_path)
+    circuit = bg.load_circuit("macaque", 3).lesion("STN", 0.1)
+    state = state_of(circuit)
+    assert state.baseline == circuit
+    assert state_of(circuit) == state
+    assert len(list(tmp_path.rglob("*.toml"))) == 1
+
+
+def test_an_experiment_a_name_and_nothing_are_opened():
+    experiment = bg.Experiment.from_toml("stn_conflict")
+    assert state_of(experiment).experiment is experiment
+    assert state_of("gpe_lesion").edits == bg.Experiment.from_toml("gpe_lesion").manipulation.edits
+    assert state_of("").experiment.circuit == "macaque"
+
+
+@pytest.mark.parametrize("given", [3, None, ["macaque"]])
+def test_anything_else_is_refused(given):
+    with pytest.raises(InputError) as refused:
+        state_of(given)
+    assert refused.value.field == "what"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_notebook_gets_a_layout_with_its_state():
+    pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
+    found = bg.explore("bogacz_gurney")
+    assert found.explorer.state.experiment.circuit == "bogacz_gurney"
+    found.explorer.stop()
+    found.explorer.runs._thread.join(60)
+
+
+def test_without_panel_one_sentence_says_what_to_install():
+    code = "import sys; sys.modules['panel'] = None; import bgmodel as bg; bg.explore()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip().splitlines()[-1].startswith("ImportError: the explorer needs Panel")

@@ -1,0 +1,135 @@
+"""The page's widgets and panels, without a browser."""
+
+import time
+
+import pytest
+
+pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
+
+from bgmodel.explorer.page import Explorer
+from bgmodel.explorer.panels import TITLES
+from bgmodel.explorer.state import State
+from tests.explorer.helpers import FEW, small
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+WAIT_S = 120
+
+
+@pytest.fixture(scope="module")
+def explorer():
+    """Return an explorer of a small state; its runs end with the tests."""
+    found = Explorer(small("bogacz_gurney"), "http://127.0.0.1:1/")
+    yield found
+    found.stop()
+
+
+@pytest.fixture(autouse=True)
+def reset(explorer):
+    """Show the first state again."""
+    explorer.history.go(explorer.history.first)
+    explorer.change(lambda state: state)
+
+
+def shown(explorer):
+    """Wait until all panels show the state."""
+    ends = time.monotonic() + WAIT_S
+    while {panel.key for panel in explorer.shown.values()} != {explorer.state.key} or set(
+        explorer.shown
+    ) != set(TITLES):
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    return explorer.shown
+
+
+def test_every_widget_changes_the_state_and_shows_it(explorer):
+    controls = explorer.controls
+    controls.line.value = "lesion STN 10%"
+    assert explorer.state.edits == ("lesion STN 10%",)
+    assert controls.line.value == ""
+    assert controls.quick["lesion"].value == 10
+    controls.quick["lesion"].value = 20
+    controls.row.value = "STN->GPe"
+    controls.quick["scale"].value = 0.5
+    controls.row.value = "GPe->STN"
+    controls.field.value = "weight"
+    controls.value.value = "-0.9"
+    edits = ("lesion STN 20%", "scale STN->GPe 0.5", "set GPe->STN.weight -0.9")
+    assert explorer.state.edits == edits
+    controls.numbers["d_prime"].value = 0.7
+    controls.numbers["trial"].value = 3
+    assert explorer.state.experiment.task.d_prime == 0.7
+    assert explorer.state.trial == 3
+    explorer.undo.clicks += 1
+    explorer.undo.clicks += 1
+    assert controls.numbers["d_prime"].value == FEW.d_prime
+    explorer.redo.clicks += 1
+    assert controls.numbers["d_prime"].value == 0.7
+    assert State.from_link(explorer.link.value) == explorer.state
+    explorer.reset.clicks += 1
+    assert explorer.state.edits == ()
+
+
+def test_a_pathway_is_added_and_an_edit_removed_by_a_button(explorer):
+    controls = explorer.controls
+    controls.source.value, controls.target.value = "D1", "GPe"
+    controls.add.clicks += 1
+    assert explorer.state.edits == ("add D1->GPe weight=-0.1 delay_ms=4",)
+    explorer.list[0].clicks += 1
+    assert explorer.state.edits == ()
+
+
+def test_a_click_in_the_drawing_chooses_its_row(explorer):
+    explorer.drawing.chosen = "GPe->STN"
+    explorer.drawing.clicks += 1
+    assert explorer.controls.row.value == "GPe->STN"
+    explorer.drawing.chosen = "figure_1"
+    explorer.drawing.clicks += 1
+    assert explorer.controls.row.value == "GPe->STN"
+
+
+def test_a_refusal_is_text_and_leaves_state_and_widgets(explorer):
+    before = explorer.state
+    explorer.controls.line.value = "lesion <b>STM</b>"
+    assert explorer.state is before
+    assert "Refused" in explorer.notices.object
+    assert "<b>" not in explorer.notices.object
+    explorer.controls.numbers["d_prime"].value = -1
+    assert explorer.controls.numbers["d_prime"].value == before.experiment.task.d_prime
+    explorer.controls.file.value = "no.toml"
+    assert "can" in explorer.notices.object
+    assert explorer.state is before
+
+
+def test_a_file_that_is_shown_as_text_can_be_edited_there(explorer):
+    explorer.toml.value = explorer.toml.value.replace(
+        "trials = 120", "trials = 120\nd_prime = 0.9"
+    ).replace("d_prime = 1.0\n", "")
+    explorer.apply.clicks += 1
+    assert explorer.state.experiment.task.d_prime == 0.9
+    explorer.toml.value = "name = 3\n= x"
+    explorer.apply.clicks += 1
+    assert "is not TOML" in explorer.notices.object
+
+
+def test_panels_are_dimmed_until_they_show_the_new_state(explorer):
+    shown(explorer)
+    explorer.controls.line.value = "lesion STN 5%"
+    late = [pane for pane in explorer.panes.values() if pane.css_classes == ["busy"]]
+    assert late or {p.key for p in explorer.shown.values()} == {explorer.state.key}
+    panels = shown(explorer)
+    for name, panel in panels.items():
+        assert panel.digest == explorer.state.digest
+        assert f'data-circuit="{panel.digest}"' in explorer.panes[name].object
+
+
+def test_trials_are_saved_with_both_conditions(explorer):
+    explorer.controls.line.value = "lesion STN 5%"
+    table = explorer._csv("trials").read().decode().splitlines()
+    assert len(table) == 1 + 2 * explorer.state.experiment.trials
+    assert "condition" in table[0]
+
+
+def test_the_layouts_of_page_and_notebook_have_every_panel(explorer):
+    assert set(TITLES) <= set(explorer.parts())
+    assert explorer.layout() is not None
+    assert explorer.template() is not None

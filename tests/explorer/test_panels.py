@@ -1,0 +1,137 @@
+"""The panels of a state, as records."""
+
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.panels import CIRCUIT, MEASURES, TITLES, TRADEOFF, TRIAL, Memory, panels
+from bgmodel.explorer.state import State
+from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
+from tests.explorer.helpers import small
+from tests.helpers import run
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+@pytest.fixture(scope="module")
+def memory():
+    return Memory()
+
+
+@pytest.fixture(scope="module")
+def shown(memory):
+    """Return the panels of an edited circuit by name."""
+    state = small("macaque", "population", "lesion STN 10%", "add D1->GPe weight=-0.1 delay_ms=4")
+    return state, {panel.name: panel for panel in panels(state, memory, workers=1)}
+
+
+def test_each_panel_shows_the_circuit_of_the_state(shown):
+    state, by = shown
+    assert set(by) == set(TITLES)
+    assert {(panel.key, panel.digest) for panel in by.values()} == {(state.key, state.digest)}
+
+
+def test_each_figure_is_a_whole_svg_in_which_text_is_text(shown):
+    _, by = shown
+    for panel in by.values():
+        if panel.svg:
+            root = ElementTree.fromstring(panel.svg)
+            assert root.tag.endswith("svg")
+            assert list(root.iter("{http://www.w3.org/2000/svg}text"))
+    ids = {group.get("id") for group in ElementTree.fromstring(by[CIRCUIT].svg).iter()}
+    assert {"STN", "STN->GPe", "D1->GPe"} <= ids
+
+
+def test_the_numbers_are_those_that_the_command_prints(shown, tmp_path, capsys):
+    state, by = shown
+    file = tmp_path / "copied.toml"
+    file.write_text(state.experiment.to_toml())
+    assert run("experiment", file, "--workers", 1) == 0
+    printed = capsys.readouterr().out
+    rows = re.findall(r'title="(\w+)">[^<]+</th>(.+?)</tr>', by[MEASURES].html)
+    assert len(rows) >= 9
+    for measure, cells in rows:
+        texts = re.findall(r"<strong>(.+?)</strong><small> (.+?)</small>", cells)
+        line = re.search(rf"^{measure} .*$", printed, re.MULTILINE)[0]
+        assert line.split(maxsplit=1)[1].split() == " ".join(f"{v} {i}" for v, i in texts).split()
+
+
+def test_the_python_that_is_copied_computes_the_same(shown, memory):
+    state, _ = shown
+    code = state.experiment.to_python().replace("print(", "found = (")
+    names = {}
+    exec(code, names)
+    assert names["experiment"] == state.experiment
+    assert names["found"].equals(memory.outcome[1].summary())
+
+
+@pytest.mark.usefixtures("shown")
+def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
+    (curve,) = memory.tests.values()
+    outcome = memory.outcome[1]
+    evidence, gain = outcome.given.evidence, outcome.models[0].gain
+    assert curve["mean_ms"].is_monotonic_increasing
+    decision = Msprt(gain).decide(evidence, float(threshold_from_posterior(0.8, 2)))
+    late = curve["mean_ms"].searchsorted(decision.time_ms.mean())
+    low, high = curve["accuracy"].iloc[max(0, late - 2)], curve["accuracy"].iloc[late + 1]
+    assert low - 0.02 <= decision.accuracy <= high + 0.02
+
+
+def test_without_edits_the_baseline_is_shown_alone():
+    state = small()
+    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
+    assert "Edited" not in by[MEASURES].html
+    assert by[MEASURES].warnings == ()
+    assert "Edited" not in by[TRADEOFF].text
+
+
+def test_a_run_that_is_refused_says_so_in_the_sentence_of_the_command(tmp_path, capsys):
+    text = small("macaque", "algebra", "dopamine 0.9").experiment.to_toml()
+    few = text.replace("trials = 120", "trials = 60")
+    assert few != text
+    state = State(Experiment.from_text(few))
+    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
+    assert by[MEASURES].refused
+    assert not by[CIRCUIT].refused
+    file = tmp_path / "few.toml"
+    file.write_text(few)
+    assert run("experiment", file) == 2
+    assert capsys.readouterr().err.strip() == f"bgmodel: {by[MEASURES].text}"
+
+
+def test_warnings_are_part_of_the_panels_and_not_printed(recwarn):
+    state = small("macaque", "population", "dopamine 0.1")
+    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
+    assert any("oscillation" in note for panel in by.values() for note in panel.warnings)
+    assert not [one for one in recwarn if "oscillation" in str(one.message)]
+
+
+def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
+    from circuits.anatomy import load_circuit
+    from circuits.declaration.table_files import text
+
+    name = "<script>alert(1)</script> $x^$ & "
+    file = tmp_path / "odd.toml"
+    file.write_text(text(load_circuit("macaque")).replace('name = "macaque"', f'name = "{name}"'))
+    state = small(str(file))
+    for panel in panels(state, Memory(), workers=1):
+        assert not panel.refused
+        assert "<script>" not in panel.svg + panel.html
+
+
+def test_a_trial_of_a_circuit_without_spikes_has_rates():
+    state = small("bogacz_gurney")
+    (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == TRIAL)
+    assert not panel.refused
+    assert panel.svg
+
+
+def test_what_is_remembered_does_not_grow():
+    memory = Memory()
+    for k in range(20):
+        state = small("bogacz_gurney").with_setting("seed", k)
+        memory.given(state)
+        memory.behaviour[k] = memory.tests[k] = None
+    assert max(map(len, (memory.behaviour, memory.evidence, memory.tests))) <= 13

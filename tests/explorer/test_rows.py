@@ -1,0 +1,46 @@
+"""Rows of the circuit as the controls offer them."""
+
+from bgmodel.explorer import rows
+from circuits.declaration.edits import VERBS, parsed
+from tests.explorer.helpers import small
+
+
+def test_every_kind_of_edit_has_an_example_that_is_one():
+    assert {parsed(line).verb for line in rows.EXAMPLES.values()} == set(VERBS)
+
+
+def test_an_amount_writes_replaces_and_removes_its_line():
+    state = rows.with_amount(small(), "lesion", "STN", 12.5)
+    assert state.edits == ("lesion STN 12.5%",)
+    assert rows.amount(state, "lesion", "STN") == 12.5
+    state = rows.with_amount(state, "scale", "STN->GPe", 0.5)
+    state = rows.with_amount(state, "lesion", "STN", 20.0)
+    assert state.edits == ("lesion STN 20%", "scale STN->GPe 0.5")
+    assert rows.with_amount(state, "lesion", "STN", 0.0).edits == ("scale STN->GPe 0.5",)
+    assert rows.amount(state, "cut", "STN->GPe") == 0.0
+    assert rows.amount(state, "scale", "GPe->STN") == 1.0
+
+
+def test_the_level_of_dopamine_is_an_edit_unless_it_is_normal():
+    state = rows.with_dopamine(small(), 0.9)
+    assert rows.dopamine(state) == 0.9
+    assert rows.with_dopamine(state, 1.0).edits == ()
+
+
+def test_values_can_be_set_again_as_they_are_shown():
+    state = small()
+    for name in (*rows.names(state)["Nuclei"], "STN->GPe"):
+        for field, value in rows.values(state.circuit.row(name)).items():
+            if value and field not in ("cell", "cite", "published_hz"):
+                state.circuit.edited(f"set {name}.{field} {value}")
+
+
+def test_a_table_marks_what_differs_and_takes_names_as_text():
+    state = small("macaque", "algebra", "set STN.cite <b>mine</b>")
+    found = rows.table(state, "STN")
+    assert "<b>" not in found
+    assert "baseline:" in found
+    assert "baseline:" not in rows.table(small(), "STN")
+    assert "baseline: none" in rows.table(
+        small().edited(rows.new_pathway("D1", "GPe", -0.1, 4)), "D1->GPe"
+    )

@@ -1,0 +1,73 @@
+"""Runs in the background: the newest state counts."""
+
+import threading
+import time
+
+import pytest
+
+from bgmodel.explorer import runs as module
+from bgmodel.explorer.panels import TITLES
+from bgmodel.explorer.runs import Runs
+from bgmodel.support import progress
+from tests.explorer.helpers import small
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+@pytest.fixture
+def started():
+    """Return a function that starts runs, which are stopped at the end."""
+    found = []
+
+    def start(deliver, ended):
+        found.append(Runs(deliver, ended, workers=1))
+        return found[-1]
+
+    yield start
+    for one in found:
+        one.stop()
+        one._thread.join(20)
+        assert not one._thread.is_alive()
+
+
+def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
+    """The older run waits in its first batch until there is a newer state."""
+    begun, panels, over = threading.Event(), [], threading.Event()
+    first, second = small(), small("macaque", "algebra", "dopamine 0.9")
+
+    def slow(state, memory, workers):
+        if state is first:
+            begun.set()
+            while True:
+                progress.advance(1)
+                time.sleep(0.001)
+        yield from original(state, memory, workers=workers)
+
+    original = module.panels
+    monkeypatch.setattr(module, "panels", slow)
+    runs = started(panels.append, lambda state: over.set())
+    runs.show(first)
+    assert begun.wait(20)
+    runs.show(second)
+    assert over.wait(60)
+    assert {panel.key for panel in panels} == {second.key}
+    assert {panel.name for panel in panels} == set(TITLES)
+
+
+def test_a_closed_page_ends_its_run(started, monkeypatch):
+    begun = threading.Event()
+
+    def endless(state, memory, workers):
+        begun.set()
+        while True:
+            progress.advance(1)
+            time.sleep(0.001)
+        yield
+
+    monkeypatch.setattr(module, "panels", endless)
+    runs = started(lambda panel: None, lambda state: None)
+    runs.show(small())
+    assert begun.wait(20)
+    runs.stop()
+    runs._thread.join(20)
+    assert not runs._thread.is_alive()

@@ -1,0 +1,141 @@
+"""The explorer's server: nobody gets in without the token, and nothing else is served."""
+
+import http.client
+import socket
+import threading
+from urllib.parse import urlsplit
+
+import pytest
+
+pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
+
+from bgmodel.cli import main
+from bgmodel.explorer.server import HOST, Served
+from circuits.errors import InputError
+from tests.explorer.helpers import small
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.fixture(scope="module")
+def served():
+    """Serve a small state in a thread."""
+    ready, found = threading.Event(), []
+
+    def serve():
+        import asyncio
+
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        found.append(Served(small("bogacz_gurney"), port=0))
+        found[0].start()
+        ready.set()
+        found[0].loop.start()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    assert ready.wait(60)
+    yield found[0]
+    found[0].loop.add_callback(found[0].end)
+    thread.join(20)
+    assert not thread.is_alive()
+
+
+def answer(served, path, **headers):
+    """Return the status, the headers and the text of an answer."""
+    connection = http.client.HTTPConnection(HOST, served.port, timeout=60)
+    connection.request("GET", path, headers=headers)
+    found = connection.getresponse()
+    return found.status, found.headers, found.read().decode(errors="replace")
+
+
+SOCKET = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Protocol": "bokeh, none",
+}
+
+
+@pytest.mark.parametrize("query", ["", "token=", "token=wrong", "token=%C3%A9"])
+@pytest.mark.parametrize(
+    "path", ["/?", "/ws?", "/metadata?", "/autoload.js?bokeh-autoload-element=a&"]
+)
+def test_without_the_token_there_is_403(served, path, query):
+    headers = SOCKET | {"Origin": served.root.rstrip("/")} if path == "/ws?" else {}
+    status, _, text = answer(served, path + query, **headers)
+    assert status == 403
+    assert served.token not in text
+
+
+def test_with_the_token_there_is_a_page_and_a_cookie_for_the_rest(served):
+    at = urlsplit(served.address)
+    status, headers, text = answer(served, f"/?{at.query}")
+    assert status == 200
+    assert "<title>bgmodel explorer</title>" in text
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    status, _, _ = answer(served, "/", Cookie=cookie.partition(";")[0])
+    assert status == 200
+    assert answer(served, "/", Cookie="bgmodel=1")[0] == 403
+
+
+def test_everything_that_the_page_loads_is_from_this_machine(served):
+    _, _, text = answer(served, f"/?{urlsplit(served.address).query}")
+    for marker in ('src="http', "src='http", 'href="http', "//cdn", "//unpkg"):
+        assert marker not in text
+
+
+def test_a_socket_from_another_page_is_refused_even_with_the_token(served):
+    query = urlsplit(served.address).query
+    assert answer(served, f"/ws?{query}", **SOCKET, Origin="http://evil.example")[0] == 403
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/etc/passwd", "/../../etc/passwd", "/static/../../../../etc/passwd",
+        "/static/%2e%2e/%2e%2e/%2e%2e/server.py", "/bgmodel/__init__.py",
+        "/static/extensions/panel/../../../../../../etc/passwd", "/components/os/x",
+    ],
+)  # fmt: skip
+def test_other_files_are_not_served(served, path):
+    status, _, text = answer(served, f"{path}?{urlsplit(served.address).query}")
+    assert status in (400, 403, 404)
+    assert "root:" not in text
+
+
+def test_a_link_that_is_refused_leaves_the_first_state(served):
+    status, _, _ = answer(served, f"/?{urlsplit(served.address).query}&state=abc")
+    assert status == 200
+    explorer = served.explorers[-1]
+    assert "the link has no whole state" in explorer.notices.object
+    assert explorer.state == explorer.history.first
+
+
+def test_it_listens_to_this_machine_alone(served):
+    with socket.socket() as probe:
+        other = socket.gethostbyname(socket.gethostname())
+        if other.startswith("127."):
+            pytest.skip("this machine has no other address")
+        assert probe.connect_ex((other, served.port)) != 0
+
+
+def test_a_port_in_use_is_refused_in_one_sentence(served, refusal):
+    with pytest.raises(InputError) as refused:
+        Served(small("bogacz_gurney"), port=served.port)
+    assert refused.value.field == "port"
+    said = refusal("explore", "--port", served.port, "--no-browser")
+    assert len(said.splitlines()) == 1
+    assert f"port {served.port} is in use" in said
+
+
+@pytest.mark.parametrize("given", ["nobody", "no.toml", "gpr"])
+def test_what_cannot_be_opened_is_refused_before_anything_is_served(refusal, given):
+    assert len(refusal("explore", given, "--no-browser").splitlines()) == 1
+
+
+def test_a_port_is_a_number_of_one(refusal):
+    assert "port must be within 0..65535" in refusal("explore", "--port", 70000)
+    assert main(["explore", "--port", "-1"]) == 2

@@ -1,0 +1,108 @@
+"""The state of the explorer: its edits, its settings, and its texts."""
+
+import pytest
+
+from bgmodel.experiments.experiment import Experiment, shipped
+from bgmodel.explorer.state import MOST_TRIALS, State, opened
+from circuits.errors import InputError
+from tests.explorer.helpers import small
+
+
+def test_an_edit_replaces_the_one_of_the_same_target_and_removes_predictions():
+    state = opened("stn_conflict")
+    assert state.experiment.predictions
+    edited = state.edited("lesion STN 5%", "dopamine 0.9")
+    assert edited.edits == ("lesion STN 5%", "dopamine 0.9")
+    assert not edited.experiment.predictions
+    assert not edited.experiment.published
+    assert edited.without("lesion STN 5%").edits == ("dopamine 0.9",)
+
+
+@pytest.mark.parametrize("name", ["macaque", "stn_conflict", "stop_stn_lesion"])
+def test_a_link_has_the_whole_state(name):
+    state = opened(name).with_setting("trial", 3)
+    assert State.from_link(state.link("http://127.0.0.1:1/")) == state
+    assert opened(state.link("http://127.0.0.1:1/")) == state
+
+
+@pytest.mark.parametrize("link", ["?state=", "?state=abc", "?state=eNpNUcFqwzAM", "?other=1", ""])
+def test_a_link_that_is_cut_off_is_refused(link):
+    with pytest.raises(InputError) as refused:
+        State.from_link(link)
+    assert refused.value.field == "link"
+
+
+def test_a_link_that_unpacks_to_much_more_than_an_experiment_is_refused():
+    import base64
+    import zlib
+
+    bomb = base64.urlsafe_b64encode(zlib.compress(b"#" * 10**7)).decode()
+    with pytest.raises(InputError):
+        State.from_link(f"?state={bomb}")
+
+
+def test_every_included_experiment_opens_with_few_enough_trials():
+    for name, experiment in shipped().items():
+        state = opened(name)
+        assert state.experiment.trials <= MOST_TRIALS
+        assert state.experiment.manipulation == experiment.manipulation
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "field"),
+    [
+        ("d_prime", -1.0, "d_prime"),
+        ("trials", 10**6, "trials"),
+        ("trial", 120, "trial"),
+        ("circuit", "gpr", "unit"),
+        ("circuit", "nobody", "circuit"),
+        ("posterior", 0.3, None),
+        ("engine", "spikes", "engine"),
+        ("colour", 1, "name"),
+        ("stop.share", 2.0, "share"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused_and_names_its_field(name, value, field):
+    with pytest.raises(InputError) as refused:
+        small().with_setting(name, value).check()
+    assert field in (refused.value.field, None)
+
+
+def test_a_threshold_takes_the_place_of_a_posterior_and_the_reverse():
+    state = small().with_setting("threshold", 0.3)
+    assert state.experiment.posterior is None
+    assert state.with_setting("posterior", 0.8).experiment.threshold is None
+
+
+def test_the_edited_circuit_becomes_the_baseline():
+    state = small("macaque", "algebra", "lesion STN 10%").as_baseline()
+    assert state.alike
+    more = state.edited("dopamine 0.9")
+    assert more.baseline == state.circuit
+    assert not more.alike
+
+
+def test_the_hash_is_that_of_the_edited_circuit_and_the_key_of_everything():
+    state = small()
+    edited, slower = state.edited("lesion STN 10%"), state.with_setting("d_prime", 0.9)
+    assert edited.digest != state.digest == slower.digest
+    assert len({state.key, edited.key, slower.key}) == 3
+
+
+def test_learning_is_not_for_the_explorer():
+    text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
+    with pytest.raises(InputError) as refused:
+        State(Experiment.from_text(text))
+    assert refused.value.field == "learning"
+
+
+def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
+    from circuits.anatomy import load_circuit
+    from circuits.declaration.table_files import write
+
+    path = write(load_circuit("macaque", 3), tmp_path / "mine.toml")
+    state = opened(path)
+    assert state.experiment.task.channels == 3
+    path.write_text("name = 'x'\n= 3")
+    with pytest.raises(InputError, match="not TOML"):
+        opened(path)

@@ -1,0 +1,164 @@
+"""The explorer in a real browser: what a user sees is what `bgmodel experiment` computes."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+from bgmodel.explorer.panels import TITLES
+from bgmodel.explorer.state import State
+from tests.explorer.helpers import small
+from tests.helpers import run
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+pytestmark = [
+    pytest.mark.filterwarnings("ignore"),
+    pytest.mark.skipif(BROWSER is None, reason=f"there is no browser: {', '.join(BROWSERS)}"),
+    pytest.mark.skipif(
+        not (find_spec("panel") and find_spec("playwright")),
+        reason="the browser is driven by Playwright: pip install '.[explore,browser]'",
+    ),
+]
+WAIT_MS = 120_000
+EVERY = "els => els.map(e => [e.dataset.key, e.dataset.circuit])"
+
+
+@pytest.fixture
+def address(tmp_path):
+    """Start the command; yield the address that it prints, and end it as Ctrl-C does."""
+    command = [sys.executable, "-m", "bgmodel", "explore", "--port", "0", "--no-browser"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    try:
+        yield re.search(r"http://\S+", process.stdout.readline())[0]
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)[1]
+        assert process.returncode == 0
+        assert "Traceback" not in said
+    finally:
+        process.kill()
+
+
+@pytest.fixture
+def page(address):
+    """Open the page; afterwards it has had no error and has asked no other machine."""
+    from playwright.sync_api import sync_playwright
+
+    wrong = []
+    with sync_playwright() as driver:
+        # Chromium's sandbox does not start as root, as in many containers.
+        browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.set_default_timeout(WAIT_MS)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+        page.on("request", lambda asked: wrong.append(asked.url) if elsewhere(asked.url) else None)
+        page.goto(address)
+        yield page
+        browser.close()
+    assert wrong == []
+
+
+def elsewhere(url):
+    return not url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:"))
+
+
+def shown(page, before=None):
+    """Wait until all panels show one state, another than before; return its key and its hash."""
+    page.wait_for_function(
+        """([count, before]) => {
+            const found = [];
+            const look = (root) => root.querySelectorAll("*").forEach((e) => {
+                if (e.dataset && e.dataset.key) found.push(e.dataset.key);
+                if (e.shadowRoot) look(e.shadowRoot);
+            });
+            look(document);
+            return found.length === count && new Set(found).size === 1 && found[0] !== before;
+        }""",
+        arg=[len(TITLES), before],
+    )
+    ((key, circuit),) = set(map(tuple, page.locator("[data-key]").evaluate_all(EVERY)))
+    return key, circuit
+
+
+def enter(page, label, text):
+    field = page.get_by_label(label, exact=True)
+    field.fill(text)
+    field.press("Enter")
+
+
+def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page, tmp_path, capsys):
+    key, first = shown(page)
+    file = tmp_path / "mine.toml"
+    file.write_text(small("macaque", "population").experiment.to_toml())
+    enter(page, "Or a file of either (.toml), or a link", str(file))
+    key, loaded = shown(page, key)
+    assert loaded == first
+    enter(page, "Lesion: cells lost (%)", "10")
+    key, lesioned = shown(page, key)
+    page.get_by_text("Add a pathway").first.click()
+    page.get_by_label("From", exact=True).select_option("D1")
+    page.get_by_label("To", exact=True).select_option("GPe")
+    page.get_by_role("button", name="Add pathway").click()
+    key, added = shown(page, key)
+    enter(page, "Alternatives N", "3")
+    key, three = shown(page, key)
+    assert len({first, lesioned, added, three}) == 4
+    text = page.get_by_label("The experiment's file (TOML)").input_value()
+    copied = tmp_path / "copied.toml"
+    copied.write_text(text)
+    capsys.readouterr()
+    assert run("experiment", copied, "--workers", 1) == 0
+    printed = capsys.readouterr().out
+    compare(page, printed)
+    state = State.from_link(page.get_by_label("Link", exact=True).input_value())
+    assert state.digest == three
+    assert state.edits == ("lesion STN 10%", "add D1->GPe weight=-0.1 delay_ms=4")
+    refuse(page, capsys)
+    on_a_phone(page)
+
+
+def compare(page, printed):
+    """Compare the table on the screen with the numbers that the command printed."""
+    rows = page.get_by_label("Behaviour", exact=True).locator("tbody tr")
+    found = rows.evaluate_all(
+        "rows => rows.map(r => [r.querySelector('th').title, ...[...r.querySelectorAll('td')]"
+        ".map(c => c.textContent)])"
+    )
+    assert len(found) > 6
+    for measure, *cells in found:
+        line = re.search(rf"^{measure} .*$", printed, re.MULTILINE)[0]
+        assert line.split()[1:] == " ".join(cells).split()
+
+
+def refuse(page, capsys):
+    """Make a wrong edit: it is refused in the command's sentence, which is shown as text."""
+    before = page.locator("[data-key]").evaluate_all(EVERY)
+    line = "lesion <b>STM</b> 10%"
+    enter(page, "New edit (then Enter)", line)
+    said = page.get_by_role("alert").first.inner_text()
+    assert run("circuit", "show", "--channels", 3, "--edits", line) == 2
+    sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
+    assert said == f"Refused: {sentence}"
+    assert page.locator("[data-key]").evaluate_all(EVERY) == before
+
+
+def on_a_phone(page):
+    """At 400 pixels nothing is wider than the screen, and every field has a label."""
+    page.set_viewport_size({"width": 400, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    fields = page.locator("input, select, textarea")
+    named = fields.evaluate_all(
+        "els => els.map(e => !!(e.labels && e.labels.length) || !!e.getAttribute('aria-label')"
+        " || e.type === 'submit')"
+    )
+    assert len(named) > 20
+    assert all(named)
