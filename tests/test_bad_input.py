@@ -71,6 +71,8 @@ CALLS = {
     bg.fit: {"data": TRIALS, "model": "constant_gap"},
     bg.fit_people: {"data": TRIALS, "model": "constant_gap"},
     bg.compare_models: {},
+    bg.bench: {},
+    bg.explore: {},
 }
 ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
@@ -127,6 +129,7 @@ FIELDS = {
     "intact": ["circuit"],
     "data": ["source"],
     "deadline": ["deadline_s"],
+    "evidence": ["trial"],  # a column that the trials must have too
 }
 """Fields that an error names in place of the argument."""
 
@@ -148,6 +151,8 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
     for argument in inspect.signature(call).parameters.values():
         name = argument.name
         legal = [*LEGAL.get(name, []), *LEGAL.get(f"{call.__name__} {name}", [])]
+        if argument.kind == argument.VAR_KEYWORD:
+            continue  # Python refuses a name that is none of an option's
         if argument.default is None and name not in CALLS[call]:
             legal.append("None")
         for what, odd in ODD.items():
@@ -161,6 +166,12 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
 
 
 def test_every_function_of_the_front_door_is_in_the_table():
-    tried = {call.__name__ for call in CALLS} | {"Circuit", "Experiment", "Sweep", "Stimuli"}
+    tried = {call.__name__ for call in CALLS} | {
+        "Circuit",
+        "Exam",
+        "Experiment",
+        "Sweep",
+        "Stimuli",
+    }
     results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__", "engines"}
     assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results

@@ -267,7 +267,7 @@ def numbers(options):
             "compare a.csv",
             f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
-        ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001"),
+        ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001 workers=2"),
         ("experiment", "workers=2"),
         ("sweep mine.toml", "workers=2 parts=10"),
         ("figures", "cores=2"),

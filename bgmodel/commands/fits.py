@@ -66,7 +66,7 @@ class FitRun(FitSettings, Shows):
     compare: bool = False
     """Compare the models by how well they predict trials that they were not fitted to: writes
     comparison.csv and comparison.png."""
-    workers: int = 1
+    workers: int = 2
     """Number of processes of a hierarchical fit; the results do not depend on it."""
     task: Literal["choices", "stop"] = "choices"
     """What DATA holds: choices between two alternatives, or stop-signal trials."""

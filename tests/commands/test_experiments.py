@@ -255,9 +255,8 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", experiment_file, files[0], "--workers", 1) == 0
     assert run("experiment", experiment_file, files[1], "--workers", 3) == 0
-    bridge, runner = "integrators.basal_ganglia", "integrators.deciding"
-    for name in (f"{bridge}.BATCH", f"{bridge}.WIDE_BATCH", f"{runner}.BATCH"):
-        monkeypatch.setattr(f"bgmodel.{name}", 37)
+    for name in ("BATCH", "WIDE_BATCH"):
+        monkeypatch.setattr(f"bgmodel.integrators.basal_ganglia.{name}", 37)
     assert run("experiment", experiment_file, files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1
     assert len({provenance_path(path).read_bytes() for path in files}) == 1

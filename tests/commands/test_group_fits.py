@@ -12,6 +12,7 @@ from tests.fitting.conftest import table
 from tests.helpers import run
 
 ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap", "--hierarchical",
+         "--workers", "1",
          "--fix", "t0_sd_s=0.05", "lapse=0.01", "t0_s=0.3"]  # fmt: skip
 
 
