@@ -70,7 +70,7 @@ def _shares(ax: Axes, whole: pd.DataFrame, names: list[str]) -> None:
     """Draw the share of each domain that agrees, mean and range over seeds."""
     rows = list(dict.fromkeys(whole["domain"]))
     for (domain, name), part in whole.groupby(["domain", "examinee"], sort=False):
-        x, y = names.index(name), rows.index(domain)
+        x, y = names.index(str(name)), rows.index(str(domain))
         share = part["share"].mean()
         known = np.isfinite(share)
         colour = plt.get_cmap("Greens")(0.7 * share) if known else "white"

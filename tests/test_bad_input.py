@@ -129,6 +129,7 @@ FIELDS = {
     "intact": ["circuit"],
     "data": ["source"],
     "deadline": ["deadline_s"],
+    "what": ["file"],
     "evidence": ["trial"],  # a column that the trials must have too
 }
 """Fields that an error names in place of the argument."""

@@ -376,8 +376,9 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
             rt_unit=rt_unit, free=_names(free), fix=_numbers(fix), engine=engine, runs=runs,
             seed=seed,
         )  # fmt: skip
-    for option, value in (("step_ms", step_ms), ("forced", forced), ("runs", runs)):
-        if value:
+    unused = (("step_ms", step_ms, None), ("forced", forced, False), ("runs", runs, None))
+    for option, value, default in unused:
+        if value is not default:
             raise InputError(f"{option} needs evidence, the readings of each trial", option)
     need_fit()
     asked = settings_of(
