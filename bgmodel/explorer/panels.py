@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
@@ -40,6 +41,8 @@ LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
 KEPT = 12
 """Largest number of conditions whose behaviour is remembered."""
+
+_turn = threading.RLock()
 
 
 @dataclass(frozen=True)
@@ -217,9 +220,13 @@ def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
 
 @contextmanager
 def kept_warnings() -> Iterator[list[str]]:
-    """Yield a list to which the package's warnings within the block are added, not printed."""
+    """Yield a list to which the package's warnings within the block are added, not printed.
+
+    Filters of warnings are those of the whole process: tabs take turns, or one would keep the
+    warnings of another.
+    """
     kept: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
+    with _turn, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", BgmodelWarning)
         yield kept

@@ -47,11 +47,13 @@ class Runs:
             self._wanted = state
             self._change.notify()
 
-    def stop(self) -> None:
-        """Cancel what is being computed, and end the thread."""
+    def stop(self, *, wait: bool = False) -> None:
+        """Cancel what is being computed, and end the thread; if asked to, wait for its end."""
         with self._change:
             self._stopped, self._wanted = True, None
             self._change.notify()
+        if wait:
+            self._thread.join()
 
     def _loop(self) -> None:
         while (state := self._next()) is not None:

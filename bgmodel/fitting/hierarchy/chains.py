@@ -20,9 +20,9 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.processes import processes
 from bgmodel.support.seeds import stream
 
-CHAINS, WARM_UP, BLOCK, MOST = 4, 200, 200, 2000
-"""Number of chains, sweeps of each that are discarded, sweeps between two checks, and largest
-number of sweeps."""
+CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 200, 200, 2000
+"""Number of chains, rounds of the warm-up, sweeps in each of them, sweeps between two checks, and
+largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
 ARRAYS = ("mean", "sd", "scaled", "log_likelihood")
@@ -101,9 +101,8 @@ def sampled(
     kept = _kept(path)
     if kept is None:
         tell("warm-up")
-        firsts = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
-        with _runner(sampler, workers) as run:
-            kept = _warmed(run(firsts, WARM_UP))
+        states = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
+        kept = _warmed(sampler, states, workers)
     archive, states, draws = kept
     with _runner(replace(sampler, archive=archive), workers) as run:
         while not draws or not _ended(draws, most, tell):
@@ -112,11 +111,20 @@ def sampled(
     return draws
 
 
-def _warmed(found: list[tuple[State, Draws]]) -> Kept:
-    """Return the archive of a warm-up, without its first quarter, and the states at its end."""
-    late = [draws.scaled[len(draws) // 4 :] for _, draws in found]
-    archive = Archive(np.concatenate(late).swapaxes(0, 1))
-    return archive, [state for state, _ in found], []
+def _warmed(sampler: Sampler, states: list[State], workers: int) -> Kept:
+    """Return the archive of a warm-up, and the states at its end.
+
+    In each round proposals are near the draws of the round before, from all chains, so that every
+    chain reaches what any of them has found. The first quarter of a round is left out.
+    """
+    for _ in range(ROUNDS):
+        with _runner(sampler, workers) as run:
+            found = run(states, WARM_UP)
+        states = [state for state, _ in found]
+        late = [draws.scaled[len(draws) // 4 :] for _, draws in found]
+        archive = Archive(np.concatenate(late).swapaxes(0, 1))
+        sampler = replace(sampler, archive=archive)
+    return archive, states, []
 
 
 def _longer(states: list[State], draws: list[Draws], run: Run) -> tuple[list[State], list[Draws]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,11 +116,11 @@ class Sampler:
         kept = []
         for _ in range(sweeps):
             state = self._individual(state)
-            state = State(
-                state.group.drawn(state.scaled, state.rng), state.scaled, state.log, state.rng
-            )
+            state = replace(state, group=state.group.drawn(state.scaled, state.rng))
             state = self._together(state)
             sd = np.sqrt(state.group.variance)
+            # The square of the kept root, so that a chain goes on from it with the same bytes.
+            state = replace(state, group=Group(state.group.mean, sd**2))
             kept.append((state.group.mean, sd, state.scaled, state.log))
         return state, Draws(*(np.array(each) for each in zip(*kept, strict=True)))
 

@@ -1,0 +1,20 @@
+"""No run of the explorer outlives its test."""
+
+import pytest
+
+from bgmodel.explorer import runs
+
+
+@pytest.fixture(autouse=True)
+def _ended_runs(monkeypatch):
+    """End the threads of a test: one that goes on would change how later tests see warnings."""
+    started, begin = [], runs.Runs.__init__
+
+    def recorded(self, *given, **named):
+        begin(self, *given, **named)
+        started.append(self)
+
+    monkeypatch.setattr(runs.Runs, "__init__", recorded)
+    yield
+    for each in started:
+        each.stop(wait=True)
