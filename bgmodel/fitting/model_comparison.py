@@ -36,8 +36,8 @@ SMOOTH = 0.7
 WIDE = 1e4
 """Variance of the nearly flat prior on the scale under which folds are fitted."""
 Tell = Callable[[str], None]
+# A likelihood and the parameters at which it is largest.
 Peak = tuple[Likelihood, Array]
-"""A likelihood and the parameters at which it is largest."""
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 ARRAYS = ("mean", "sd", "scaled", "log_likelihood")
 
 Run = Callable[[list[State], int], list[tuple[State, Draws]]]
+# Archive of the warm-up, and state and draws of each chain.
 Kept = tuple[Archive, list[State], list[Draws]]
-"""Archive of the warm-up, and state and draws of each chain."""
 
 _here: list[Sampler] = []
 
