@@ -1,4 +1,4 @@
-"""The explorer in a real browser: what a user sees is what `bgmodel experiment` computes."""
+"""The explorer in a real browser: its numbers are those of `bgmodel experiment`."""
 
 import os
 import re
@@ -152,7 +152,7 @@ def refuse(page, capsys):
 
 
 def on_a_phone(page):
-    """At 400 pixels nothing is wider than the screen, and every field has a label."""
+    """At 400 pixels no element is wider than the screen, and every field has a label."""
     page.set_viewport_size({"width": 400, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     fields = page.locator("input, select, textarea")

@@ -1,4 +1,4 @@
-"""Fits on known evidence: from how many trials on models are told apart, and what is recovered.
+"""Fits on known evidence: how many trials separate two models, and which parameters are recovered.
 
 Observers are the optimal test, a leaky sum and the default circuit, on Gaussian evidence with two
 alternatives and on designed trials with four. The expected log Bayes factor per trial, on many

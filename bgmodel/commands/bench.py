@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 class BenchRun(Shows):
     """Let a circuit take an exam of published numbers, or mark trials and rates from elsewhere.
 
-    Prints each number beside the circuit's, and the totals of each domain; there is no total over
-    domains. Without a circuit and without tables it lists the numbers.
+    Prints each number with the circuit's answer, and the totals of each domain. There is no total
+    over domains. Without a circuit and without tables it lists the numbers.
 
     Examples: bgmodel bench; bgmodel bench macaque; bgmodel bench mine.toml exam.json --drawing
     exam.pdf; bgmodel bench --trials trials.csv --rates rates.csv; bgmodel bench --tasks

@@ -207,8 +207,18 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure to a .pdf, .svg or .png file, whole or not at all."""
     from circuits.plots import saved
 
+    # Matplotlib adds its version to a .png.
+    more: dict[str, Any] = {"metadata": {"Software": None}} if path.suffix == ".png" else {}
     with files.replacing(path) as partial:
-        saved(figure, partial, format=path.suffix[1:])
+        saved(figure, partial, format=path.suffix[1:], **more)
+
+
+def check_unused(command: Any, used: Iterable[str], option: str) -> None:
+    """Raise ValueError for an option of a command that has no effect together with another one."""
+    for field in fields(command):
+        if field.name not in used and getattr(command, field.name) != field.default:
+            name = field.name.replace("_", "-")
+            raise InputError(f"--{name} has no effect with {option}: leave it out", field.name)
 
 
 def say_of_edits(*edits: Edits) -> None:

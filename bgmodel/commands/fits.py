@@ -102,6 +102,15 @@ class FitRun(FitSettings, Shows):
             return
         if self.restore_delays:
             raise InputError("--restore-delays needs --task stop", "restore_delays")
+        try:
+            self._fit()
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                "Finished fits and simulated trials are kept: the same command resumes there."
+            ) from None
+
+    def _fit(self) -> None:
+        """Fit choices and response times."""
         choices = self.read(self.data)
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = self.people(choices)
@@ -126,12 +135,7 @@ class FitRun(FitSettings, Shows):
             for who, design in designs.items()
         }
         self.note(choices.summary())
-        try:
-            fitted = [kept.person(who, some, likelihoods[who]) for who, some in people]
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                "Finished fits and simulated trials are kept: the same command resumes there."
-            ) from None
+        fitted = [kept.person(who, some, likelihoods[who]) for who, some in people]
         found = [each for person in fitted for each in person]
         parameters = kept.gather(found)
         if self.compare:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import recorded, say
+from bgmodel.commands.checks import recorded, save_figure, say
 from bgmodel.support import files
 from bgmodel.version import __version__
 from circuits.errors import InputError
@@ -238,11 +238,8 @@ def write_comparison(
     found: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
 ) -> None:
     """Write the table and the figure of a comparison of models."""
-    from circuits.plots import saved
-
     files.write_table(found.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
-    with files.replacing(folder / "comparison.png") as partial:
-        saved(found.plot(), partial, format="png", metadata={"Software": None})
+    save_figure(found.plot(), folder / "comparison.png")
 
 
 def _warn(who: str, name: str, piece: Piece) -> None:
@@ -263,8 +260,5 @@ def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
 
 def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:
     from bgmodel.fitting.drawing import draw_fits
-    from circuits.plots import saved
 
-    figure = draw_fits(cells, title)
-    with files.replacing(path) as partial:
-        saved(figure, partial, format="png", metadata={"Software": None})
+    save_figure(draw_fits(cells, title), path)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import recorded
+from bgmodel.commands.checks import kept_warnings, recorded, save_figure, say
+from bgmodel.commands.fitted import write_comparison
 from bgmodel.support import files
 from circuits.errors import InputError
 
@@ -61,7 +60,6 @@ def fit_hierarchically(
     for table, name in ((group, GROUP), (people, PEOPLE)):
         files.write_table(table, folder / name, seed=command.seed, **asked)
     if command.compare:
-        from bgmodel.commands.fitted import write_comparison
         from bgmodel.fitting.model_comparison import compare_models
 
         comparison = compare_models(found)
@@ -85,7 +83,7 @@ def _fit(
     from tqdm import tqdm
 
     from bgmodel.fitting.hierarchy.fit import fit_group
-    from circuits.plots import saved
+    from bgmodel.fitting.pieces import piece_path
 
     first = next(iter(likelihoods.values()))
     key = {
@@ -95,14 +93,17 @@ def _fit(
         "values": [each.start for each in first.freedom.parameters],
         "free": first.freedom.names,
     }
-    text = json.dumps(files.provenance(fit=key)["parameters"], sort_keys=True)
     stem = Path(name).stem
-    kept = folder / "pieces" / f"{stem} {hashlib.sha256(text.encode()).hexdigest()[:10]}.npz"
-    with tqdm(desc=name, bar_format="{desc} {elapsed}{postfix}", disable=None) as bar:
+    kept = piece_path(folder / "pieces", stem, key, "chains.npz")
+    with (
+        tqdm(desc=name, bar_format="{desc} {elapsed}{postfix}", disable=None) as bar,
+        kept_warnings() as cautions,
+    ):
         fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=bar.set_postfix_str)
+    for caution in cautions:
+        say(f"{name}: {caution}")
     fit.to_netcdf(folder / f"{stem}.nc")
-    with files.replacing(folder / f"{stem}.png") as partial:
-        saved(fit.plot(), partial, format="png", metadata={"Software": None})
+    save_figure(fit.plot(), folder / f"{stem}.png")
     return fit
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import UNRECORDED, recorded, say
+from bgmodel.commands.checks import UNRECORDED, check_unused, recorded, save_figure, say
+from bgmodel.fitting.pieces import safe
 from bgmodel.support import files
 from bgmodel.version import __version__
-from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +36,7 @@ def fit_known_evidence(command: Any) -> None:
     command : FitRun
         The command, which imports this module.
     """
-    _check_unused(command)
+    check_unused(command, USED, "--evidence")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in TABLES]
     for path in paths:
@@ -54,18 +53,10 @@ def fit_known_evidence(command: Any) -> None:
         texts.append(text)
         for part, table in zip(parts, tables, strict=True):
             part.append(table)
-        _draw(fits, folder / f"known_{_file(who)}.png")
+        _draw(fits, folder / f"known_{safe(who)}.png")
     tables = _written(command, parts, paths)
     command.show("\n\n".join(texts), tables[0], parameters=tables[1].to_dict("records"))
     command.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
-
-
-def _check_unused(command: Any) -> None:
-    """Raise ValueError for an option that has no effect on known evidence."""
-    for field in fields(command):
-        if field.name not in USED and getattr(command, field.name) != field.default:
-            option = field.name.replace("_", "-")
-            raise InputError(f"--{option} has no effect with --evidence: leave it out", field.name)
 
 
 def _people(command: Any) -> dict[str, KnownTrials]:
@@ -147,16 +138,7 @@ def _draw(fits: dict[str, KnownFit], path: Path) -> None:
     """Draw all models, the best first."""
     from bgmodel.fitting.known.comparison import compared
     from bgmodel.fitting.known.drawing import draw_known
-    from circuits.plots import saved
 
     order = compared(fits)["model"].tolist()
     hazards, kernels = ({n: getattr(fits[n], w)() for n in order} for w in ("hazards", "kernels"))
-    figure = draw_known(hazards, kernels, fits[order[0]].likelihood.trials.title)
-    with files.replacing(path) as partial:
-        saved(figure, partial, format="png", metadata={"Software": None})
-
-
-def _file(who: str) -> str:
-    from bgmodel.fitting.pieces import safe
-
-    return safe(who)
+    save_figure(draw_known(hazards, kernels, fits[order[0]].likelihood.trials.title), path)

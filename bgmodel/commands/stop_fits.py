@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import UNRECORDED, recorded, say
+from bgmodel.commands.checks import UNRECORDED, check_unused, recorded, say
 from bgmodel.support import files
 from circuits.errors import InputError
 
@@ -30,7 +29,7 @@ def fit_stop_signals(command: Any) -> None:
     command : FitRun
         The command, which imports this module.
     """
-    _check_unused(command)
+    check_unused(command, USED, "--task stop")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in (PARAMETERS, PEOPLE)]
     for path in paths:
@@ -45,14 +44,6 @@ def fit_stop_signals(command: Any) -> None:
         files.write_table(table, path, **asked)
     command.show("\n\n".join(texts), parameters)
     command.note(f"-> {folder}: {PARAMETERS}, {PEOPLE}")
-
-
-def _check_unused(command: Any) -> None:
-    """Raise ValueError for an option that has no effect on stop-signal data."""
-    for field in fields(command):
-        if field.name not in USED and getattr(command, field.name) != field.default:
-            option = field.name.replace("_", "-")
-            raise InputError(f"--{option} has no effect with --task stop: leave it out", field.name)
 
 
 def _model(name: str, noise_nats: float) -> StopModel:

@@ -78,7 +78,7 @@ def examinee(
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Silence warnings of the package: what a circuit does in a task is its answer."""
+    """Silence warnings of the package: the behaviour of a circuit in a task is its answer."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BgmodelWarning)
         # The mean of no trial is NaN, which is noticed where it is used.
@@ -101,7 +101,7 @@ Result = TypeVar("Result")
 
 
 def once(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Compute a method once for its arguments; what it raises is raised again."""
+    """Compute a method once for its arguments; an error is raised again at each call."""
 
     @wraps(method)
     def kept(self: Any, *given: Any) -> Result:

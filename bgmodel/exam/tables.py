@@ -46,7 +46,7 @@ WINDOWS = {
 }
 """Windows of rates (those of Branam, Gold & Ding 2024, and of stop signals)."""
 NAMES = {"MSN": ("MSN", "D1", "D2"), "SNr": ("SNr", "GPi")}
-"""Names under which the rows of a nucleus may stand in a table; several are averaged."""
+"""Names that a table may use for the rows of a nucleus; several are averaged."""
 HIGHEST_HZ = 1000.0
 """No cell fires faster."""
 

@@ -56,7 +56,7 @@ def rate_rows(
 
 
 def _inside(window: str, time_ms: Array, response_ms: Array, task: Task) -> Truths:
-    """Return which samples lie in a window, (trials, ticks); none if it is not complete."""
+    """Return which samples are within a window, (trials, ticks); none if it is not complete."""
     response = response_ms[:, None]
     signal = (task.stop_delays_ms or (np.nan,))[0] + STOP_DELAY_MS
     ends: dict[str, tuple[float | Array, float | Array]] = {

@@ -15,7 +15,7 @@ from bgmodel.explorer.style import TABLE
 from circuits.anatomy import CIRCUITS
 
 Change = Callable[[Callable[[State], State]], None]
-"""Applies a change to the state that is shown; a refusal is said by the page."""
+"""Applies a change to the state that is shown; the page shows a refusal."""
 CHOOSE = "(choose)"
 NUMBERS: dict[str, tuple[str, str, type, float]] = {
     "d_prime": ("Discriminability d′ per reading", "task", float, 0.05),

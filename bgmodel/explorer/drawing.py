@@ -1,4 +1,4 @@
-"""The explorer's figures, narrow enough for a phone; each can be saved as it is on the screen."""
+"""The explorer's figures, narrow enough for a phone; they are saved in the size of the screen."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SMOOTH_MS = 15.0
 CONTROL: Look = {"color": "k"}
 """Look of the baseline."""
 EDITED: Look = {"color": PALETTE[0]}
-"""Look of the edited circuit where one colour stands for it."""
+"""Colour of the edited circuit in figures that use a single one for it."""
 TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
 """Style, with names of files and nuclei taken as text, not as mathematics."""
 

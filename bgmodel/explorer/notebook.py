@@ -38,7 +38,7 @@ def explore(what: Circuit | Experiment | str | Path = "") -> Any:
     Raises
     ------
     ValueError
-        If there is none of that name, or it is refused.
+        For an unknown name, or one that is refused.
     ImportError
         Without Panel: ``pip install "bgmodel[explore]"``.
     """

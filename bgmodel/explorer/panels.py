@@ -60,9 +60,9 @@ class Panel:
     text : str
         The same in words, for a screen reader; or why there is nothing to show.
     svg : str
-        The figure, empty if there is none.
+        The figure; empty in panels without one.
     html : str
-        A table, empty if there is none.
+        A table; empty in panels without one.
     warnings : tuple of str
         Warnings of its run.
     refused : bool

@@ -246,7 +246,7 @@ def opened(name: str | Path) -> State:
     Raises
     ------
     ValueError
-        If there is none of that name, or the file is invalid.
+        For an unknown name, or an invalid file.
     """
     text = str(name).strip()
     if f"?{QUERY}=" in text:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,13 +11,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.fit import Fit
-from bgmodel.fitting.hierarchy.approximation import Person
 from bgmodel.fitting.hierarchy.fit import GroupFit
-from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.labels import each_trial
-from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.optimum import Likelihood
-from bgmodel.fitting.simulation import jackknifed
+from bgmodel.fitting.predicted import Predicted, better_by, by_person, predicted
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning, InputError
@@ -25,16 +22,12 @@ from circuits.errors import FitWarning, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FOLDS = 5
-"""Number of parts into which trials are divided, each predicted from a fit to the others."""
 DRAWS = 250
 """Number of draws of each chain for the scores of hierarchical fits."""
 UNCERTAIN = 2.0
 """Difference, in standard errors, up to which two models cannot be told apart."""
 SMOOTH = 0.7
 """Largest Pareto k at which importance sampling is reliable (Vehtari, Gelman & Gabry 2017)."""
-WIDE = 1e4
-"""Variance of the nearly flat prior on the scale under which folds are fitted."""
 Tell = Callable[[str], None]
 # A likelihood and the parameters at which it is largest.
 Peak = tuple[Likelihood, Array]
@@ -46,26 +39,29 @@ class Score:
 
     Parameters
     ----------
-    trials : array (trials,), nats
+    predicted : Predicted
         Log density of each trial under the model fitted without it.
     person : int array (trials,)
         Index of the person of each trial.
     log_likelihood : float, nats
-        Largest log likelihood of all trials, or that of a hierarchy at everyone's medians.
-    numbers : int
-        Number of fitted parameters.
-    parts : array (parts,), nats
-        Log likelihood without each part of a circuit's simulated trials; empty if exact.
+        Largest log likelihood of all trials; NaN for a hierarchy.
+    numbers : float
+        Number of fitted parameters; NaN for a hierarchy, in which people are not free of each
+        other.
     unreliable : int
         Number of trials whose score is unreliable, from importance sampling.
     """
 
-    trials: Array
+    predicted: Predicted
     person: Integers
-    log_likelihood: float
-    numbers: int
-    parts: Array
+    log_likelihood: float = np.nan
+    numbers: float = np.nan
     unreliable: int = 0
+
+    @property
+    def trials(self) -> Array:
+        """Log density of each trial, nats."""
+        return self.predicted.each
 
     @property
     def bic(self) -> float:
@@ -106,11 +102,12 @@ class ModelComparison(Facts):
     def table(self) -> pd.DataFrame:
         """One row per model, the best first.
 
-        Columns log_likelihood, parameters, bic, score (sum over trials of the log density of
-        each, predicted without it, nats), difference (from the best), standard_error (of the
-        difference: from the trials, or from people if there are several, and from a circuit's
-        simulated trials), simulation_error (the part that is due to these), people_better (number
-        of people whom the model predicts better than the best), and verdict.
+        Columns log_likelihood, parameters, bic (the three unknown for hierarchies), score (sum
+        over trials of the log density of each, predicted without it, nats), difference (from the
+        best), standard_error (of the difference: from the trials, or from people if there are
+        several, and from a circuit's simulated trials), simulation_error (the part that is due to
+        these), people_better (number of people whom the model predicts better than the best), and
+        verdict.
         """
         best = self.scores[self.best]
         rows = {
@@ -119,7 +116,7 @@ class ModelComparison(Facts):
                 "parameters": score.numbers,
                 "bic": score.bic,
                 "score": score.trials.sum(),
-                **_apart(score, best, len(self.people)),
+                **_apart(score, best),
             }
             for name, score in self.scores.items()
         }
@@ -152,36 +149,25 @@ class ModelComparison(Facts):
         """Draw each model's difference from the best, in total and for each person."""
         from bgmodel.fitting.drawing import draw_comparison
 
-        best, people = self.scores[self.best], len(self.people)
-        by_person = {
-            name: summed(score.trials - best.trials, score.person, people)
+        best = self.scores[self.best]
+        apart = {
+            name: by_person(score.trials - best.trials, score.person)
             for name, score in self.scores.items()
         }
-        title = f"{len(best.trials)} trials of {people} participants, {self.method}"
-        return draw_comparison(self.table, by_person, title)
+        title = f"{len(best.trials)} trials of {len(self.people)} participants, {self.method}"
+        return draw_comparison(self.table, apart, title)
 
 
-def _apart(score: Score, best: Score, people: int) -> dict[str, float]:
+def _apart(score: Score, best: Score) -> dict[str, float]:
     """Return the difference between a score and the best one, and its errors."""
-    each = score.trials - best.trials
-    by_person = summed(each, score.person, people)
-    # Trials of one person are alike; with several people, these are the sample.
-    sample = by_person if people > 1 else each
-    sampling = np.sqrt(len(sample)) * sample.std(ddof=1)
-    simulated = 0.0
-    if score is not best:
-        simulated = float(np.hypot(jackknifed(score.parts), jackknifed(best.parts)))
+    found = better_by(score.predicted, best.predicted, score.person)
+    each = by_person(score.trials - best.trials, score.person)
     return {
-        "difference": float(each.sum()),
-        "standard_error": float(np.hypot(sampling, simulated)),
-        "simulation_error": simulated,
-        "people_better": float((by_person > 0).sum()),
+        "difference": found.nats,
+        "standard_error": found.error,
+        "simulation_error": found.simulation_error,
+        "people_better": float((each > 0).sum()),
     }
-
-
-def summed(trials: Array, person: Integers, people: int) -> Array:
-    """Return the sum of a quantity over the trials of each person, (people,)."""
-    return np.asarray(np.bincount(person, trials, minlength=people), dtype=np.float64)
 
 
 def compare_models(
@@ -189,9 +175,9 @@ def compare_models(
 ) -> ModelComparison:
     """Compare models fitted to the same trials by how well they predict trials left out.
 
-    Fits to one person, or to several separately, are repeated without each of ``FOLDS`` parts of
-    the trials (cross-validation). For hierarchical fits, importance sampling from the draws does
-    without that (PSIS-LOO; Vehtari, Gelman & Gabry 2017).
+    Fits to one person, or to several separately, are repeated without each of five parts of the
+    trials (cross-validation; see ``predicted``). For hierarchical fits, importance sampling from
+    the draws replaces these repetitions (PSIS-LOO; Vehtari, Gelman & Gabry 2017).
 
     Parameters
     ----------
@@ -269,39 +255,26 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
 
 def _crossvalidated(people: list[Peak]) -> Score:
     """Return the score of fits to single people."""
-    each = [_folded(*peak) for peak in people]
     return Score(
-        np.concatenate(each),
-        np.repeat(np.arange(len(each)), [len(one) for one in each]),
+        _joined([predicted(likelihood, start=vector) for likelihood, vector in people]),
+        _person([likelihood for likelihood, _ in people]),
         sum(likelihood(vector) for likelihood, vector in people),
         sum(len(vector) for _, vector in people),
-        _parts(people),
     )
 
 
-def _folded(likelihood: Likelihood, vector: Array) -> Array:
-    """Return the log density of each trial under the fit without its part of the trials, nats."""
-    freedom = likelihood.freedom
-    scale = Scale.of(freedom)
-    design, fold = likelihood.design, folds(likelihood.design.observed.cell)
-    start = scale.to(vector)
-    flat = Group(np.zeros(len(start)), np.full(len(start), WIDE))
-    found = np.zeros(len(fold))
-    for number in range(FOLDS):
-        rest = replace(likelihood, design=design.part(np.flatnonzero(fold != number)))
-        best = scale.back(Person(rest, scale).peak(flat, start))
-        there = np.flatnonzero(fold == number)
-        found[there] = replace(likelihood, design=design.part(there)).each(best)
-    return found
+def _joined(parts: list[Predicted]) -> Predicted:
+    """Return the predictions of several people's trials as one."""
+    return Predicted(
+        np.concatenate([part.each for part in parts]),
+        np.concatenate([part.without for part in parts], axis=1),
+    )
 
 
-def folds(cell: Integers) -> Integers:
-    """Return the fold of each trial: those of a cell are dealt out in turn, (trials,)."""
-    found = np.zeros(len(cell), dtype=np.int64)
-    for each in np.unique(cell):
-        there = np.flatnonzero(cell == each)
-        found[there] = np.arange(len(there)) % FOLDS
-    return found
+def _person(likelihoods: Iterable[Likelihood]) -> Integers:
+    """Return the index of the person of each trial."""
+    counts = [len(each.design.observed.response) for each in likelihoods]
+    return np.repeat(np.arange(len(counts)), counts)
 
 
 def _left_out(fit: GroupFit) -> Score:
@@ -312,24 +285,17 @@ def _left_out(fit: GroupFit) -> Score:
     places = np.unique(np.linspace(0, draws - 1, min(draws, DRAWS)).astype(int))
     log = each_trial(fit.likelihoods, fit.individual[:, places])
     trials, khat, *_ = array_stats.loo(np.moveaxis(log, 2, 0), chain_axis=1, draw_axis=2)
-    counts = [len(each.design.observed.response) for each in fit.likelihoods.values()]
     medians = np.median(fit.individual, axis=(0, 1))
     vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
-    return Score(
-        np.asarray(trials),
-        np.repeat(np.arange(len(counts)), counts),
-        sum(likelihood(vector) for likelihood, vector in vectors),
-        medians.size,
-        _parts(vectors),
-        int((khat > SMOOTH).sum()),
-    )
-
-
-def _parts(vectors: list[Peak]) -> Array:
-    """Return everyone's log likelihood without each part of a circuit's simulated trials."""
     models = vectors[0][0].model.left_out()
-    return np.array(
-        [sum(replace(each, model=model)(vector) for each, vector in vectors) for model in models]
+    # The error of simulated trials is that of the log likelihood at everyone's medians.
+    without = np.empty((len(models), log.shape[2]))
+    for row, model in zip(without, models, strict=True):
+        row[:] = np.concatenate([replace(one, model=model).each(at) for one, at in vectors])
+    return Score(
+        Predicted(np.asarray(trials), without),
+        _person(fit.likelihoods.values()),
+        unreliable=int((khat > SMOOTH).sum()),
     )
 
 

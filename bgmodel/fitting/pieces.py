@@ -35,7 +35,12 @@ def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
         All its settings.
     """
     try:
-        return Piece(*(files.read_table(_path(folder, title, key, each)) for each in Piece._fields))
+        return Piece(
+            *(
+                files.read_table(piece_path(folder, title, key, f"{each}.parquet"))
+                for each in Piece._fields
+            )
+        )
     except (OSError, ValueError):
         return None
 
@@ -43,7 +48,7 @@ def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
 def write_piece(folder: Path, title: str, key: dict[str, Any], piece: Piece, *, seed: int) -> None:
     """Store a finished fit; arguments as for ``read_piece``, and the seed of its trials."""
     for each, table in zip(Piece._fields, piece, strict=True):
-        path = _path(folder, title, key, each)
+        path = piece_path(folder, title, key, f"{each}.parquet")
         path.parent.mkdir(parents=True, exist_ok=True)
         files.write_table(table, path, seed=seed, fit=key)
 
@@ -60,9 +65,10 @@ def safe(title: str) -> str:
     return plain if plain == title else f"{plain} {_digest(title)}"
 
 
-def _path(folder: Path, title: str, key: dict[str, Any], what: str) -> Path:
+def piece_path(folder: Path, title: str, key: dict[str, Any], name: str) -> Path:
+    """Return the path of a file of a fit: its title, a hash of its settings, and a name."""
     text = json.dumps(files.provenance(fit=key)["parameters"], sort_keys=True)
-    return folder / f"{safe(title)} {_digest(text)} {what}.parquet"
+    return folder / f"{safe(title)} {_digest(text)} {name}"
 
 
 def _digest(text: str) -> str:

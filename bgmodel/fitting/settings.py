@@ -243,7 +243,12 @@ class FitSettings:
         )
 
     def likelihoods(self, designs: Mapping[str, Design], model: Model) -> dict[str, Likelihood]:
-        """Return the likelihood of each person's trials, with the same ranges of parameters."""
+        """Return the likelihood of each person's trials, with the same ranges of parameters.
+
+        For hierarchical fits; ValueError with ``pooled``.
+        """
+        if self.pooled:
+            raise InputError.of("pooled", "must be left out of a hierarchical fit", self.pooled)
         largest = max(float(each.strength.max()) for each in designs.values())
         return {who: self.likelihood(each, model, largest) for who, each in designs.items()}
 
@@ -369,13 +374,16 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     if evidence is not None:
         _check_alone(locals())
         from bgmodel.fitting.known.settings import fit_evidence
+        from bgmodel.fitting.known.table import read_known
 
-        return fit_evidence(
-            data, evidence, model, step_ms=step_ms, forced=forced, participant=participant,
-            upper=upper, rt=rt, response=response, participant_column=participant_column,
-            rt_unit=rt_unit, free=_names(free), fix=_numbers(fix), engine=engine, runs=runs,
-            seed=seed,
+        check_flag("forced", forced)
+        known = read_known(
+            data, evidence, step_ms=step_ms, forced=forced, participant=participant, upper=upper,
+            rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         )  # fmt: skip
+        return fit_evidence(
+            known, model, free=_names(free), fix=_numbers(fix), engine=engine, runs=runs, seed=seed
+        )
     unused = (("step_ms", step_ms, None), ("forced", forced, False), ("runs", runs, None))
     for option, value, default in unused:
         if value is not default:

@@ -7,7 +7,7 @@ from bgmodel.explorer import runs
 
 @pytest.fixture(autouse=True)
 def _ended_runs(monkeypatch):
-    """End the threads of a test: one that goes on would change how later tests see warnings."""
+    """End the threads of a test: one that still runs would change how later tests see warnings."""
     started, begin = [], runs.Runs.__init__
 
     def recorded(self, *given, **named):

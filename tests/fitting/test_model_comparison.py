@@ -1,21 +1,14 @@
 """Models compared on trials that they were not fitted to."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.model_comparison import (
-    FOLDS,
-    ModelComparison,
-    Score,
-    compare_models,
-    folds,
-)
+from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_models
 from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.predicted import Predicted
 from circuits.errors import InputError
 from tests.drawn import TRUTH, drawn
 
@@ -39,11 +32,15 @@ def right(some):
     return fitted(some)
 
 
-def test_folds_share_out_the_trials_of_every_cell():
-    cell = np.repeat([0, 1, 2], [7, 10, 3])
-    found = folds(cell)
-    counts = [np.bincount(found[cell == each], minlength=FOLDS) for each in range(3)]
-    assert all(np.ptp(each) <= 1 for each in counts)
+@pytest.fixture(scope="module")
+def twice(right):
+    return compare_models({"one": right, "two": right})
+
+
+def score(trials, person=None, without=None):
+    person = np.zeros(len(trials), int) if person is None else person
+    parts = np.zeros((0, len(trials))) if without is None else without
+    return Score(Predicted(trials, parts), person, 0.0, 1)
 
 
 def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
@@ -56,15 +53,15 @@ def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
     assert found.table.loc["blind", "bic"] > found.table.loc["right", "bic"]
 
 
-def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(right):
-    score = compare_models({"one": right, "two": right}).scores["one"]
+def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(twice):
+    score = twice.scores["one"]
     lost = score.log_likelihood - score.trials.sum()
     # In expectation k parameters lose k (F / (F - 1) + 1) / 2 nats or so (Stone 1977).
     assert 0 < lost < 12
 
 
-def test_the_same_model_twice_cannot_be_told_apart(right):
-    found = compare_models({"one": right, "two": right})
+def test_the_same_model_twice_cannot_be_told_apart(twice):
+    found = twice
     assert found.table["difference"].tolist() == [0, 0]
     assert found.table["verdict"].tolist()[1].startswith("cannot tell")
 
@@ -73,8 +70,7 @@ def test_error_is_over_people_if_there_are_several():
     rng = np.random.default_rng(SEED)
     person = np.repeat(np.arange(10), 50)
     shift = rng.normal(0, 1, 10)[person]
-    base = Score(np.zeros(500), person, 0.0, 1, np.zeros(0))
-    moved = replace(base, trials=-np.abs(shift))
+    base, moved = score(np.zeros(500), person), score(-np.abs(shift), person)
     table = ModelComparison({"a": base, "b": moved}, list("abcdefghij"), "test").table
     by_person = np.bincount(person, moved.trials)
     expected = np.sqrt(10) * by_person.std(ddof=1)
@@ -82,9 +78,10 @@ def test_error_is_over_people_if_there_are_several():
 
 
 def test_simulated_trials_are_part_of_the_error():
-    base = Score(np.zeros(50), np.zeros(50, int), 0.0, 1, np.zeros(0))
-    parts = np.array([1.0, -1.0] * 8)
-    rough = replace(base, trials=np.full(50, -0.1), parts=parts)
+    base = score(np.zeros(50))
+    parts = np.zeros((16, 50))
+    parts[:, 0] = [1.0, -1.0] * 8
+    rough = score(np.full(50, -0.1), without=parts)
     table = ModelComparison({"a": base, "b": rough}, ["all"], "test").table
     assert table.loc["b", "simulation_error"] == pytest.approx(np.sqrt(15 / 16 * 16))
     assert table.loc["b", "verdict"].startswith("cannot tell")
@@ -114,8 +111,8 @@ def test_fits_to_other_trials_are_refused(some, right):
     assert error.value.field == "fits"
 
 
-def test_the_figure_has_a_row_for_each_model(right):
-    figure = compare_models({"one": right, "two": right}).plot()
+def test_the_figure_has_a_row_for_each_model(twice):
+    figure = twice.plot()
     total, each = figure.axes
     assert [label.get_text() for label in total.get_yticklabels()] == ["one", "two"]
     assert len(each.lines) >= 2

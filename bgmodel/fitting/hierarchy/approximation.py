@@ -18,7 +18,7 @@ ROUNDS = 2
 STEP = 0.02
 """Step of numerical gradients on the scale."""
 FLAT = 100.0
-"""Variance of the Gaussian that stands for the prior of means in proposals."""
+"""Variance of the Gaussian that approximates the prior of means in proposals."""
 HEAVY = 8.0
 """Degrees of freedom of proposals: their tails are heavier than those of a posterior."""
 

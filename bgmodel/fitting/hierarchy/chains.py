@@ -1,4 +1,4 @@
-"""Chains of draws: run side by side until they agree, kept in files to go on from."""
+"""Chains of draws: run side by side until they agree, kept in files from which they continue."""
 
 from __future__ import annotations
 

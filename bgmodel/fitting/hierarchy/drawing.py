@@ -45,6 +45,8 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
         ax.plot(own["median"], place, "ko", ms=3)
         ax.set(title=name, yticks=place, ylim=(-0.8, count - 0.2))
         ax.set_yticklabels(own["participant"], fontsize=5.5)
+    for row in grid:
+        row[0].set_ylabel("Participant")
     for ax in axes[len(group) :]:
         ax.remove()
     figure.suptitle(

@@ -9,7 +9,6 @@ from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.settings import need_fit, seconds_of, settings_of
 from bgmodel.support.checks import path_of, whole
-from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,8 +61,6 @@ def fit_people(
     whole("workers", workers, 1)
     whole("chains_seed", chains_seed, 0)
     asked = settings_of(**options)
-    if asked.pooled:
-        raise InputError.of("pooled", "must be left out of a hierarchical fit", asked.pooled)
     asked.check_parameters({"model": asked.model(model)})
     designs = {who: asked.design(some) for who, some in asked.people(asked.read(data))}
     kept = None if folder is None else path_of(folder, "folder")

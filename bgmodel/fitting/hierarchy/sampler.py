@@ -88,11 +88,11 @@ class Sampler:
     A sweep has three steps. It draws each person's parameters given the group: the proposal is the
     approximate likelihood times the distribution of the group, with heavier tails, or, in a share
     ``SINGLE`` of proposals, one parameter from the distribution of the group, which reaches the
-    long tails of parameters that the trials hardly determine. The exact likelihood accepts or
-    rejects it. It draws the group given its people. And it draws the group's
-    means and standard deviations once more with everyone's standard scores fixed, so that everyone
-    moves with them (interweaving, Yu & Meng 2011): parameters that one person's trials hardly
-    determine would mix slowly without it.
+    long tails of parameters that the trials hardly determine; in the chains proper, half of the
+    others are near draws of the warm-up. The exact likelihood accepts or rejects them. It draws the
+    group given its people. And it draws the group's means and standard deviations once more with
+    everyone's standard scores fixed, so that everyone moves with them (interweaving, Yu & Meng
+    2011): parameters that one person's trials hardly determine would mix slowly without it.
     """
 
     people: list[Person]
@@ -119,7 +119,7 @@ class Sampler:
             state = replace(state, group=state.group.drawn(state.scaled, state.rng))
             state = self._together(state)
             sd = np.sqrt(state.group.variance)
-            # The square of the kept root, so that a chain goes on from it with the same bytes.
+            # The square of the kept root, so that a chain continues from it with the same bytes.
             state = replace(state, group=Group(state.group.mean, sd**2))
             kept.append((state.group.mean, sd, state.scaled, state.log))
         return state, Draws(*(np.array(each) for each in zip(*kept, strict=True)))

@@ -80,7 +80,7 @@ def kernel(
 
 
 def _aligned(trials: KnownTrials, some: Integers, positions: int, align: str) -> Array:
-    """Return readings by position, (trials, positions, alternatives); 0 where there is none."""
+    """Return readings by position, (trials, positions, alternatives); 0 after the last reading."""
     require(align in ALIGNED, "align", f"must be one of {', '.join(ALIGNED)}", align)
     found = np.zeros((len(some), positions, trials.alternatives))
     for k in range(positions):

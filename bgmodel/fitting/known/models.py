@@ -96,7 +96,7 @@ class Exact:
         return np.asarray(found[self.trials.seen_places])
 
     def parts(self) -> list[Outputs]:
-        """Return an empty list: nothing is simulated."""
+        """Return an empty list, since no run is simulated."""
         return []
 
 
@@ -182,7 +182,7 @@ class LeakySum:
 class Runs:
     """A run of equal cues: OUT is minus the number of readings in a row that favour a side.
 
-    Nothing is added up, and how strong a reading is does not count.
+    Readings are not added up, and their strength has no effect.
     """
 
     name: str = "run"

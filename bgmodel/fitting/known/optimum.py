@@ -121,7 +121,7 @@ def at_bound(likelihood: KnownLikelihood, vector: Array) -> Truths:
 def known_optimum(likelihood: KnownLikelihood) -> KnownOptimum:
     """Return the optimum, by L-BFGS-B (Byrd et al. 1995).
 
-    A few iterations are made from each start that follows from the data, and the search goes on
+    A few iterations are made from each start that follows from the data, and the search continues
     from the best point. Steps along the scores of all trials end it, since ridges, such as that
     of threshold and non-decision time, slow a quasi-Newton search down.
     """

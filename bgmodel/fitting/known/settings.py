@@ -10,9 +10,8 @@ from bgmodel.fitting.known.circuit import FEWEST, KnownCircuit
 from bgmodel.fitting.known.fit import KnownFit, fit_known
 from bgmodel.fitting.known.likelihood import known_likelihood, parameters_of
 from bgmodel.fitting.known.models import EXACT, KnownModel
-from bgmodel.fitting.known.table import Source, read_known
 from bgmodel.fitting.known.trials import KnownTrials
-from bgmodel.support.checks import check_flag, whole
+from bgmodel.support.checks import whole
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,33 +87,16 @@ def fit_one(
 
 
 def fit_evidence(
-    data: Source,
-    evidence: Source,
-    model: str | Path | Circuit = "msprt",
+    trials: KnownTrials,
+    model: str | Path | Circuit,
     *,
-    step_ms: float | None = None,
-    forced: bool = False,
-    participant: str | None = None,
-    upper: str | None = None,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-    rt_unit: str = "s",
-    free: Sequence[str] = (),
-    fix: Mapping[str, float] | None = None,
-    engine: str = "population",
-    runs: int | None = None,
-    seed: int | None = None,
+    free: Sequence[str],
+    fix: Mapping[str, float],
+    engine: str,
+    runs: int | None,
+    seed: int | None,
 ) -> KnownFit:
-    """Fit a model to choices and response times on known evidence; see ``fit``.
-
-    Parameters are those of ``table.read_known``, ``known_model`` and ``known_likelihood``.
-    """
-    check_flag("forced", forced)
-    trials = read_known(
-        data, evidence, step_ms=step_ms, forced=forced, participant=participant, upper=upper,
-        rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
-    )  # fmt: skip
+    """Fit a model to choices and response times on known evidence; see ``bgmodel.fit``."""
     made = known_model(model, trials.alternatives, engine=engine, runs=runs, seed=seed)
-    check_known({"model": made}, trials, free, fix or {})
-    return fit_one(made, trials, free, fix or {})
+    check_known({"model": made}, trials, free, fix)
+    return fit_one(made, trials, free, fix)

@@ -85,7 +85,7 @@ def read_known(
     participant : str, optional
         The participant, if there are several.
     upper : str, optional
-        The alternative that response 1 stands for, if there are two and responses are 1 and 0.
+        The alternative coded as response 1, if there are two and responses are 1 and 0.
     rt, response, participant_column : str, optional
         Names of these columns of ``data``, if they have others.
     rt_unit : str
@@ -290,7 +290,7 @@ def _choices(
         said = np.array([{"1": upper, "0": other}.get(each, each) for each in said], dtype=object)
     known = np.isin(said, list(names))
     empty = np.isin(said, ["", "nan", "NA", "None", "<NA>"])
-    hint = ": name the alternative that 1 stands for (upper)" if len(names) == 2 else ""
+    hint = ": name the alternative that is coded as 1 (upper)" if len(names) == 2 else ""
     refuse(~known & ~(empty & missing), column, f"one of {', '.join(names)}", hint)
     index = pd.Index(list(names)).get_indexer(pd.Index(said))
     return np.where(missing, -1, index).astype(np.int64)

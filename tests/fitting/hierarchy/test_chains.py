@@ -1,4 +1,4 @@
-"""Chains: their diagnostics, and how they go on from a file."""
+"""Chains: their diagnostics, and how they continue from a file."""
 
 import numpy as np
 import pytest

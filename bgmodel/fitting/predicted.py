@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,11 +11,11 @@ import numpy as np
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, optimum
 from bgmodel.fitting.simulation import jackknifed, without_parts
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 
-FOLDS = 5
-FOLDS_SEED = 24_301
+FOLDS, FOLDS_SEED = 5, 24_301
+"""Number of parts into which trials are divided, and the seed of the division."""
 
 
 @dataclass(frozen=True)
@@ -98,15 +98,20 @@ def predicted(
     return Predicted(each, without)
 
 
-def better_by(first: Predicted, second: Predicted) -> Better:
+def better_by(first: Predicted, second: Predicted, person: Integers | None = None) -> Better:
     """Return the advantage of one model's predictions over another's, nats.
 
     Parameters
     ----------
     first, second : Predicted
         Predictions of the same trials and folds, with the same evidence in parts of simulations.
+    person : int array (trials,), optional
+        Index of the person of each trial. With several people they are the sample, since trials of
+        one person are alike; by default trials are.
     """
     apart = first.each - second.each
+    if person is not None and person.max() > 0:
+        apart = by_person(apart, person)
     sampling = float(apart.std(ddof=1) * math.sqrt(len(apart)))
     one, other = (
         each.without.sum(axis=1) if len(each.without) else np.zeros(1) for each in (first, second)
@@ -115,7 +120,12 @@ def better_by(first: Predicted, second: Predicted) -> Better:
     return Better(float(apart.sum()), math.hypot(sampling, own), own)
 
 
-def _divided(cell: Sequence[int] | np.ndarray, folds: int, seed: int) -> np.ndarray:
+def by_person(trials: Array, person: Integers) -> Array:
+    """Return the sum of a quantity over the trials of each person, (people,)."""
+    return np.asarray(np.bincount(person, trials), dtype=np.float64)
+
+
+def _divided(cell: Integers, folds: int, seed: int) -> Integers:
     cell = np.asarray(cell)
     order = stream(seed, "folds").permutation(len(cell))
     part = np.empty(len(cell), dtype=np.int64)
