@@ -116,3 +116,27 @@ def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
     _, rest = sampler.run(state, 17)
     assert joined([begun, rest]).scaled.tobytes() == whole.scaled.tobytes()
     assert len(whole) == 30
+
+
+def test_people_given_the_group_have_their_exact_posterior_whatever_earlier_draws_were(people):
+    # Earlier draws that are narrow and off the posterior: only their density corrects for that.
+    middles, errors = ESTIMATES, ERRORS
+    rng = stream(SEED, "archive")
+    spread = np.stack([errors, 3 * errors], axis=1)[:, None]
+    around = np.stack([middles, 0.5 * middles], axis=1)[:, None] + 0.7 * spread
+    earlier = Archive(around + 0.6 * spread * rng.normal(size=(len(middles), 200, 2)))
+    sampler = replace(Sampler(people, expansion(people)), archive=earlier)
+    group = Group(np.zeros(2), np.ones(2))
+    state, kept = sampler.first(group, rng), []
+    for _ in range(3000):
+        state = sampler._individual(state)
+        kept.append(state.scaled)
+    draws_ = np.array(kept)
+    precision = 1 / spread[:, 0] ** 2
+    exact = precision * np.stack([middles, 0.5 * middles], axis=1) / (1 + precision)
+    sd = 1 / np.sqrt(1 + precision)
+    size = array_stats.ess(np.moveaxis(draws_, 0, 2)[:, :, None], chain_axis=2, draw_axis=3)
+    assert size.min() > 300
+    z = (draws_.mean(axis=0) - exact) / (sd / np.sqrt(size))
+    # Twelve numbers, each within 4 errors.
+    assert np.abs(z).max() < 4
