@@ -71,7 +71,7 @@ class Activity:
         """
         circuit = wiring.circuit
         by_name = {
-            row.name: rates[..., wiring.blocks_of(row.name)]
+            row.name: rates[..., wiring.span_of(row.name)]
             for row in circuit.populations
             if rates is not None
         }

@@ -49,7 +49,7 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
     """
     with _LOCK:
         before = numba.config.CACHE_DIR
-        folder = _cache_folder(before)
+        folder = cache_folder(before)
         numba.config.CACHE_DIR = str(folder and folder / sources)
         try:
             return numba.njit(cache=folder is not None, **options)(function)
@@ -58,7 +58,7 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
 
 
 @cache
-def _cache_folder(chosen: str) -> Path | None:
+def cache_folder(chosen: str) -> Path | None:
     """Return the folder for compiled code; warn and return None if it cannot be written."""
     root = Path(chosen).absolute() if chosen else platformdirs.user_cache_path("bgmodel")
     folder = root / "compiled"

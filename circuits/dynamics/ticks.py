@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -117,6 +117,11 @@ class Clock:
     def time_ms(self) -> Array:
         """Time of each sample, ms from the first reading: the end of its averaging window."""
         return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
+
+    @property
+    def from_onset(self) -> Clock:
+        """The same clock without the time at rest."""
+        return replace(self, settle_ms=0.0)
 
     def about(self, seed: int, first_trial: int) -> dict[str, float]:
         """Return the entries of ``Activity.about`` for a run with noise."""

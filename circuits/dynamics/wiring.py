@@ -93,6 +93,11 @@ class Wiring:
         self.circuit.population(name)
         return np.flatnonzero([row.name == name for row in self.rows])
 
+    def span_of(self, name: str) -> slice:
+        """Return the blocks of a population, which are neighbours, as a slice."""
+        blocks = self.blocks_of(name)
+        return slice(int(blocks[0]), int(blocks[-1]) + 1)
+
     def column(self, name: str) -> Array:
         """Return a field of each block's population as an array."""
         return np.array([getattr(row, name) for row in self.rows], dtype=np.float64)

@@ -29,7 +29,7 @@ from numba.extending import intrinsic
 
 from circuits.dynamics import noise
 from circuits.engines.compiling import compiled
-from circuits.engines.ensemble.registers import (
+from circuits.engines.registers import (
     WIDTH,
     bits_before,
     byte_counts,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
 from functools import lru_cache
 
 import numpy as np
@@ -12,8 +13,10 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.cells.cell import Cell, Line, Response
 from circuits.declaration import transfer
+from circuits.engines.compiling import SOURCES
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
+from circuits.kept import Arrays, kept
 from circuits.laws.mixture import mean_rate_hz, mean_response
 
 STATES, STEPS, POINTS = 28, 512, 8192
@@ -114,6 +117,49 @@ class Mixture:
 @lru_cache(maxsize=256)
 def answers(mixture: Mixture, dt_ms: float) -> Answers:
     """Return the responses of a population's cells; ValueError if one is not implemented."""
+    fitted, rate = _fitted(mixture), mixture.rate_hz
+    low, high, top = map(float, fitted["ends"])
+    steps, paces = np.linspace(low, high, STEPS), fitted["paces"]
+    pace = _pace(rate(steps))
+    rows, rough = np.zeros((COEFFICIENTS, STEPS)), ""
+
+    def at_steps(coefficients: Array) -> Array:
+        return np.array([np.interp(pace, paces, column) for column in coefficients.T]).T
+
+    if lags := bool(fitted["following"].size):
+        rows[:FOLLOWING] = filters.propagated(at_steps(fitted["following"]), dt_ms)
+        said = "how its rate follows an input"
+        rough = _rough(mixture.cell, said, fitted["hz"], fitted["following_misfit"])
+    if fitted["colour"].size:
+        # Interpolated as powers of the rate, because those of a pacemaker are such powers.
+        sections = np.exp(at_steps(np.log(fitted["colour"])))
+        rows[FOLLOWING:] = np.concatenate([filters.sampled(sections[:, :4], dt_ms),
+                                           filters.sampled(sections[:, 4:], dt_ms)])  # fmt: skip
+        rough = rough or _rough(mixture.cell, "its noise", fitted["hz"], fitted["colour_misfit"])
+    else:
+        rough = f"{mixture.cell} fires like a clock: the population engine gives it no noise"
+    return Answers(low, high, top, rate(np.linspace(low, top, POINTS)), rows, lags, rough)
+
+
+def _fitted(mixture: Mixture) -> Arrays:
+    """Return the fits of a population's cells, kept between runs if their type is included."""
+    if not type(mixture.cell).__module__.startswith("circuits."):
+        return _fit(mixture)  # the source of another type may have changed
+    fields = [(f.name, getattr(mixture.cell, f.name)) for f in dataclass_fields(mixture.cell)]
+    key = f"{type(mixture.cell).__qualname__} {fields} {mixture.line} {mixture.heterogeneity}"
+    return kept(SOURCES, f"population {key}", lambda: _fit(mixture))
+
+
+def _fit(mixture: Mixture) -> Arrays:
+    """Fit the filters of rate and noise at some inputs.
+
+    Returns
+    -------
+    dict of arrays
+        ``ends``, the fields ``lowest``, ``highest`` and ``top`` of ``Answers``; ``hz`` and
+        ``paces`` (STATES,), the rates there and the positions between which coefficients are
+        interpolated; coefficients and misfits of both filters, empty without lags or noise.
+    """
     rate = mixture.rate_hz
     low, high = _ends(rate, MOST_HZ)
     _, top = _ends(rate, min(TOP_HZ, OF_LIMIT * float(rate(np.array([FAR_NATS]))[0])))
@@ -123,27 +169,22 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
     x = np.interp(paces, pace, steps)
     hz = np.maximum(rate(x), LEAST_HZ)
     found = mixture.response(x, filters.FREQUENCIES_HZ)
-    rows, lags, rough = np.zeros((COEFFICIENTS, STEPS)), bool(np.iscomplexobj(found.gain)), ""
-
-    def kept(coefficients: Array) -> Array:
-        return np.array([np.interp(pace, paces, column) for column in coefficients.T]).T
-
-    if lags:
-        fit = filters.following(found.gain)
-        rows[:FOLLOWING] = filters.propagated(kept(fit.coefficients), dt_ms)
-        rough = _rough(mixture.cell, "how its rate follows an input", hz, fit.misfit)
+    following = colour = filters.Fitted(np.zeros((0, 0)), np.zeros(0))
+    if np.iscomplexobj(found.gain):
+        following = filters.following(found.gain)
     if found.spectrum.max() > 0:
         # Near saturation the theoretical power is a difference of two nearly equal terms.
         power = np.maximum(np.nan_to_num(found.spectrum / hz[:, None], nan=1.0), LEAST_POWER)
-        fit = filters.colour(power, hz)
-        # Interpolated as powers of the rate, because those of a pacemaker are such powers.
-        sections = np.exp(kept(np.log(fit.coefficients)))
-        rows[FOLLOWING:] = np.concatenate([filters.sampled(sections[:, :4], dt_ms),
-                                           filters.sampled(sections[:, 4:], dt_ms)])  # fmt: skip
-        rough = rough or _rough(mixture.cell, "its noise", hz, fit.misfit)
-    else:
-        rough = f"{mixture.cell} fires like a clock: the population engine gives it no noise"
-    return Answers(low, high, top, rate(np.linspace(low, top, POINTS)), rows, lags, rough)
+        colour = filters.colour(power, hz)
+    return {
+        "ends": np.array([low, high, top]),
+        "hz": hz,
+        "paces": paces,
+        "following": following.coefficients,
+        "following_misfit": following.misfit,
+        "colour": colour.coefficients,
+        "colour_misfit": colour.misfit,
+    }
 
 
 @lru_cache(maxsize=64)

@@ -1,13 +1,15 @@
-"""The ticks of the population engine, compiled: many trials run in parallel lanes of registers.
+"""The ticks of the population engine, compiled: neighbouring trials fill a register.
 
-A group of ``LANES`` trials shares every loop, one trial per lane. Lanes are independent: the result
-of a trial is the same to the bit, whatever the others are. A trial that ends is replaced by the
-next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known in
-advance, so each block in turn is advanced through a window of ticks.
+Each of the ``LANES`` trials of a group is a lane of every register. Lanes are independent: the
+result of a trial is the same to the bit, whatever the others are. A trial that ends is replaced by
+the next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known
+in advance, so each block in turn is advanced through a window of ticks with its state in registers.
 
-The compiler vectorises a loop over lanes if it sees that their number is a multiple of ``LANES``,
-that no index is negative (``_at``), and that rows of one array are a fixed distance apart.
+Loops over a row of values are vectorised by the compiler if it sees that their number is a multiple
+of ``LANES``, and that no index is negative.
 """
+
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
 
 from __future__ import annotations
 
@@ -15,203 +17,269 @@ import math
 
 import numba
 import numpy as np
-from llvmlite import ir
-from numba import types
 
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled
-from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
-from circuits.engines.ensemble.registers import instruction
+from circuits.engines.ensemble.lanes import exp32, tick_key
+from circuits.engines.registers import (
+    TRIALS,
+    byte_counts_of_trials,
+    interpolated,
+    later,
+    least,
+    look_up_rows,
+    most,
+    multiply_add,
+    ones_in,
+    root,
+    store,
+    transpose,
+)
+from circuits.engines.registers import load_trials as load
+from circuits.engines.registers import load_words as words
+from circuits.engines.registers import spread_trials as spread
 
-LANES = 64
+LANES = TRIALS
 WHOLE = -LANES
-WINDOW = 4
-"""Most ticks that a block is advanced at a time: those of one key of noise."""
-REFRESH = 16
-"""Ticks between updates of a block's filter coefficients to its state."""
+WINDOWS = {1: (0,), 2: (0, 1), 4: (0, 1, 2, 3)}
+"""Ticks through which a block is advanced at a time, by their number, which the compiler knows from
+the length of the tuple. A byte of noise serves a tick, so that a word serves the longest window."""
+WINDOW = max(WINDOWS)
+WORD_TICKS, KEY_TICKS = 4, 16
+"""Ticks that share a word of noise, and a key."""
 LOOKED_UP = 0
 _NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
 LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
 """Transfers with a dedicated loop; any other law is interpolated in a table."""
-HEARD, ACTIVE, NOISE = range(3)
-"""Rows of a block's working values: its input, its activity, and the noise of its cells."""
-X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND = 0, 1, 2, 3, 4, 5, 8
+X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND, AMPLITUDE = 0, 1, 2, 3, 4, 5, 8, 11
 """Rows of a block's state: its input filter and that filter's last input; the input filtered by the
-cells' lags, its running mean and its slope; three rows for each section of the noise's filter."""
+cells' lags, its running mean and its slope; three rows for each section of the noise's filter; and
+the amplitude of the noise."""
 FOLLOWING, SECTION, COEFFICIENTS = 6, 5, 16
 """Numbers of coefficients: of the rate's filter, of a section of the noise's filter, and of all."""
-VALUE_ROWS, UNIT_ROWS, STATE_ROWS = 3, 2, 11
+UNIT, PASSED = 0, 2
+"""Rows of a unit's state: its filter, that filter's last input, and its activity before it is
+multiplied by a factor."""
+UNIT_ROWS, STATE_ROWS = 3, 12
+OF_LANES = ("trial", "begun", "samples", "reading", "due", "places", "rows")
+"""Whole numbers of each lane."""
 EMPTY = -1
 ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
-SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
-
-
-@instruction(types.float32, types.uint32)
-def ones32(builder, word):
-    """Return the number of ones in a word, as float32."""
-    return builder.uitofp(builder.ctpop(word), ir.FloatType())
+CENTRE = np.float32(-(8.0**0.5))
+_PER_ONE = tuple(np.float32(0.5**0.5 * 256.0**-byte) for byte in range(WORD_TICKS))
+"""Noise of zero mean and unit variance from the ones of a byte, as ``ones_in`` counts them."""
 
 
 @numba.njit(inline="always")
-def _at(row, lane):
-    """Return the index of a lane of a row in a flat array: unsigned, so that it is not wrapped."""
-    return np.uint64(row * LANES + lane)
+def _at(row):
+    """Return where a row begins in a flat array: unsigned, so that it is not wrapped."""
+    return np.uint64(row * LANES)
 
 
 @numba.njit(inline="always")
-def _within(at, last):
-    """Return an index from 0 to the last; NaN maps to 0, so that no index is out of range."""
-    at = at if at > ZERO else ZERO
-    return at if at < last else last
+def _low_passed(gain, before, value, old, last):
+    """Return the next state of a low-pass of values interpolated linearly between ticks."""
+    return multiply_add(gain, value - old, multiply_add(before, last - value, old))
 
 
 @compiled
-def _fill(n, values, row, value):
+def _s_minus_log_s(n, values):
     for i in range(n & WHOLE):
-        values[_at(row, i)] = value
+        x = values[np.uint64(i)]
+        values[np.uint64(i)] = np.float32(x - math.log(x)) if x > ZERO else ZERO
 
 
 @compiled
-def _add(n, weight, values, row, source, place):
-    """Add a weighted row of a source to a row of values."""
+def _exp(n, values):
     for i in range(n & WHOLE):
-        j = _at(row, i)
-        values[j] = fused(weight, source[_at(place, i)], values[j])
+        values[np.uint64(i)] = exp32(values[np.uint64(i)])
 
 
 @compiled
-def _low_pass(n, gain, before, values, row, state, new, last):
-    """Low-pass a row of values in place, interpolated linearly between ticks."""
+def _clip(n, values, highest):
     for i in range(n & WHOLE):
-        value, old = values[_at(row, i)], state[_at(new, i)]
-        moved = fused(gain, value - old, fused(before, state[_at(last, i)] - value, old))
-        state[_at(last, i)] = value
-        state[_at(new, i)] = moved
-        values[_at(row, i)] = moved
+        values[np.uint64(i)] = min(max(values[np.uint64(i)], ZERO), highest)
 
 
 @compiled
-def _s_minus_log_s(n, values, row, into):
-    for i in range(n & WHOLE):
-        x = values[_at(row, i)]
-        values[_at(into, i)] = np.float32(x - math.log(x)) if x > ZERO else ZERO
+def _look_up(n, values, lowest, per, points):
+    """Interpolate a law tabulated at even steps; it is linear beyond the ends."""
+    bottom, step, none = spread(lowest), spread(per), spread(ZERO)
+    last = spread(np.float32(len(points) - 2))
+    for i in range(0, n & WHOLE, LANES):
+        at = (load(values, np.uint64(i)) - bottom) * step
+        store(values, np.uint64(i), interpolated(at, least(most(at, none), last), points))
 
 
 @compiled
-def _exp(n, values, row, into):
-    for i in range(n & WHOLE):
-        values[_at(into, i)] = exp32(values[_at(row, i)])
-
-
-@compiled
-def _clip(n, values, row, into, most):
-    for i in range(n & WHOLE):
-        values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), most)
-
-
-@compiled
-def _apply(n, law, values, row, into, lowest, per, points):
-    """Apply a law to a row of values, and write the result to a row."""
-    if law == LINEAR:
-        for i in range(n & WHOLE):
-            values[_at(into, i)] = values[_at(row, i)]
-    elif law == RECTIFIED:
-        _clip(n, values, row, into, ENDLESS)
+def _apply(n, law, values, lowest, per, points):
+    """Apply a law to values in place."""
+    if law == RECTIFIED:
+        _clip(n, values, ENDLESS)
     elif law == SATURATING:
-        _clip(n, values, row, into, MOST)
+        _clip(n, values, MOST)
     elif law == RAMP:
-        _clip(n, values, row, into, ONE)
+        _clip(n, values, ONE)
     elif law == EXP:
-        _exp(n, values, row, into)
+        _exp(n, values)
     elif law == S_MINUS_LOG_S:
-        _s_minus_log_s(n, values, row, into)
-    else:
-        _look_up(n, values, row, into, lowest, per, points)
+        _s_minus_log_s(n, values)
+    elif law == LOOKED_UP:
+        _look_up(n, values, lowest, per, points)
 
 
 @compiled
-def _look_up(n, values, row, into, lowest, per, points):
-    """Interpolate a law tabulated at even steps, into a row; it is linear beyond the ends."""
-    last = np.float32(len(points) - 2)
-    for i in range(n & WHOLE):
-        at = (values[_at(row, i)] - lowest) * per
-        k = np.int32(_within(at, last))
-        low, high = points[np.uint32(k)], points[np.uint32(k) + np.uint32(1)]
-        values[_at(into, i)] = fused(at - np.float32(k), high - low, low)
-
-
-@compiled
-def _look_up_coefficients(n, table, state, lowest, per, indices, found):
-    """Look up the coefficients nearest to each lane's state in a table."""
+def _refresh(p, work, b):
+    """Look up the coefficients nearest to each lane's state."""
+    block, state = p.blocks[b], work.states[b]
+    table = p.tables[block.table]
     last = np.float32(len(table) // COEFFICIENTS - 1)
-    for i in range(n & WHOLE):
-        at = (state[_at(MEAN, i)] - lowest) * per + HALF
-        indices[np.uint64(i)] = np.int32(_within(at, last)) * np.int32(COEFFICIENTS)
-    for c in range(COEFFICIENTS):
-        for i in range(n & WHOLE):
-            found[_at(c, i)] = table[np.uint32(indices[np.uint64(i)]) + np.uint32(c)]
+    for lane in range(LANES):
+        at = (state[MEAN * LANES + lane] - block.state_lowest) * block.state_per + HALF
+        # Not a number maps to 0, so that no index is out of range.
+        at = at if at > ZERO else ZERO
+        work.rows[lane] = np.int32(at if at < last else last) * COEFFICIENTS
+    look_up_rows(table, work.rows, work.coefficients[b])
 
 
 @compiled
-def _drift(n, slowly, values, state):
+def _derive(work, b, first):
+    """Derive the keys of a block's noise for the next ticks."""
+    for lane in range(LANES):
+        key = tick_key(work.streams[b, lane], (first - work.begun[lane]) // KEY_TICKS)
+        work.keys[b, lane] = np.uint32(key >> np.uint64(32))
+        work.keys[b, LANES + lane] = np.uint32(key)
+
+
+@compiled
+def _hear(p, work, b, ticks):
+    """Write the input of a block in each tick of the window, nats."""
+    block, values = p.blocks[b], work.values
+    for t in range(len(ticks)):
+        x = spread(block.bias)
+        for e in range(block.input, block.inputs):
+            heard = load(work.passed[p.inputs[e].index], _at(t))
+            x = multiply_add(spread(p.inputs[e].weight), heard, x)
+        if block.drive >= 0:
+            x = x + load(work.drive[b], _at(0))
+        store(values, _at(t), x)
+
+
+@compiled
+def _filter(block, state, values, shifts, ticks):
+    """Low-pass a block's input in place."""
+    gain, before = spread(block.gain), spread(block.before)
+    x, last = load(state, _at(X)), load(state, _at(LAST))
+    for t in range(len(ticks)):
+        value = load(values, _at(t))
+        last = _shifted(last, shifts, t)
+        x = _low_passed(gain, before, value, x, last)
+        last = value
+        store(values, _at(t), x)
+    store(state, _at(X), x)
+    store(state, _at(LAST), last)
+
+
+@numba.njit(inline="always")
+def _shifted(last, shifts, t):
+    """Return a filter's last input as it would have been at this tick's factors and courses."""
+    if shifts is None:
+        return last
+    return last + load(shifts, _at(t))
+
+
+@compiled
+def _drift(slowly, state, values, ticks):
     """Update the running mean of the input; it selects coefficients, without following noise."""
-    for i in range(n & WHOLE):
-        old = state[_at(MEAN, i)]
-        state[_at(MEAN, i)] = fused(slowly, values[_at(HEARD, i)] - old, old)
+    mean, slow = load(state, _at(MEAN)), spread(slowly)
+    for t in range(len(ticks)):
+        mean = multiply_add(slow, load(values, _at(t)) - mean, mean)
+    store(state, _at(MEAN), mean)
 
 
 @compiled
-def _follow(n, found, values, state):
+def _follow(found, state, values, shifts, ticks):
     """Filter the input by the cells' lags (``filters.propagated``), in place."""
-    for i in range(n & WHOLE):
-        u, v = values[_at(HEARD, i)], state[_at(SLOPE, i)]
-        middle = HALF * (u + state[_at(LAST, i)])
-        old = state[_at(LOW, i)] - middle
-        low = fused(found[_at(0, i)], old, fused(found[_at(1, i)], v, middle))
-        v = fused(found[_at(2, i)], old, found[_at(3, i)] * v)
-        state[_at(LAST, i)] = u
-        state[_at(LOW, i)] = low
-        state[_at(SLOPE, i)] = v
-        values[_at(HEARD, i)] = fused(found[_at(4, i)], low - u, fused(found[_at(5, i)], v, u))
+    half, last = spread(HALF), load(state, _at(LAST))
+    low, v = load(state, _at(LOW)), load(state, _at(SLOPE))
+    for t in range(len(ticks)):
+        u = load(values, _at(t))
+        last = _shifted(last, shifts, t)
+        middle = half * (u + last)
+        old, last = low - middle, u
+        low = multiply_add(load(found, _at(0)), old, multiply_add(load(found, _at(1)), v, middle))
+        v = multiply_add(load(found, _at(2)), old, load(found, _at(3)) * v)
+        heard = multiply_add(load(found, _at(5)), v, u)
+        store(values, _at(t), multiply_add(load(found, _at(4)), low - u, heard))
+    store(state, _at(LAST), last)
+    store(state, _at(LOW), low)
+    store(state, _at(SLOPE), v)
 
 
 @compiled
-def _draw(n, keys, index, values):
-    """Draw near-Gaussian noise of unit variance: ``noise.bits32``."""
-    for i in range(n & WHOLE):
-        word = word32(index, keys[np.uint64(i)])
-        values[_at(NOISE, i)] = (ones32(word) - SIXTEEN) * ROOT
+def _counts(keys, first, ticks):
+    """Return the ones in the bytes of each lane's word, that of the window's first tick lowest."""
+    index = (first // WORD_TICKS) % (KEY_TICKS // WORD_TICKS)
+    counts = byte_counts_of_trials(index, words(keys, _at(0)), words(keys, _at(1)))
+    return counts if len(ticks) == WORD_TICKS else later(counts, first % WORD_TICKS)
 
 
 @compiled
-def _section(n, found, c, values, state, s):
-    """Filter the noise in place by a second-order section (``filters.sampled``).
+def _noise(found, state, values, counts, ticks):
+    """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
 
-    Except for the response to a constant, the output is a difference between ticks, which sums to
-    zero in the long run even if the coefficients change with the state.
+    Except for the response to a constant, the output of a section (``filters.sampled``) is a
+    difference between ticks, which sums to zero in the long run even if the coefficients change
+    with the state.
     """
-    for i in range(n & WHOLE):
-        e, last, before = values[_at(NOISE, i)], state[_at(s, i)], state[_at(s + 1, i)]
-        new = fused(found[_at(c + 1, i)], e, found[_at(c + 2, i)] * state[_at(s + 2, i)])
-        new = fused(-found[_at(c + 3, i)], last, fused(-found[_at(c + 4, i)], before, new))
-        state[_at(s, i)] = new
-        state[_at(s + 1, i)] = last
-        state[_at(s + 2, i)] = e
-        values[_at(NOISE, i)] = fused(found[_at(c, i)], e, new - last)
+    _white(values, counts, ticks)
+    _section(found, FOLLOWING, state, FIRST, values, ticks)
+    _section(found, FOLLOWING + SECTION, state, SECOND, values, ticks)
+
+
+@numba.njit(inline="always")
+def _white(values, counts, ticks):
+    """Write white noise of zero mean and unit variance."""
+    centre = spread(CENTRE)
+    for t in range(len(ticks)):
+        store(values, _at(t), multiply_add(spread(_PER_ONE[t]), ones_in(counts, t), centre))
+
+
+@numba.njit(inline="always")
+def _section(found, c, state, s, values, ticks):
+    """Filter noise by a second-order section, in place."""
+    held, top, top1 = load(found, _at(c)), load(found, _at(c + 1)), load(found, _at(c + 2))
+    low1, low2 = load(found, _at(c + 3)), load(found, _at(c + 4))
+    last, before, old = load(state, _at(s)), load(state, _at(s + 1)), load(state, _at(s + 2))
+    for t in range(len(ticks)):
+        e = load(values, _at(t))
+        new = multiply_add(top, e, top1 * old) - multiply_add(low1, last, low2 * before)
+        store(values, _at(t), multiply_add(held, e, new - last))
+        last, before, old = new, last, e
+    store(state, _at(s), last)
+    store(state, _at(s + 1), before)
+    store(state, _at(s + 2), old)
 
 
 @compiled
-def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
-    """Turn activity into a rate, with the noise of a finite number of cells."""
-    for i in range(n & WHOLE):
-        ring[_at(place, i)] = max(fused(hz_per_nat, values[_at(ACTIVE, i)], baseline), floor)
-    if noise > ZERO:
-        for i in range(n & WHOLE):
-            rate = ring[_at(place, i)]
-            each = noise * np.float32(math.sqrt(max(rate, ZERO)))
-            ring[_at(place, i)] = fused(each, values[_at(NOISE, i)], rate)
+def _send(block, state, values, noise, ring, first, ticks):
+    """Turn activity into a rate, with the noise of a finite number of cells.
+
+    The amplitude of the noise is that of the rate at the first of the ticks that share a word.
+    """
+    gain, base, floor = spread(block.hz_per_nat), spread(block.baseline), spread(block.floor)
+    each, none, amplitude = spread(block.noise), spread(ZERO), load(state, _at(AMPLITUDE))
+    place = first & (len(ring) // LANES - 1)
+    for t in range(len(ticks)):
+        rate = most(multiply_add(gain, load(values, _at(t)), base), floor)
+        if block.noise > ZERO:
+            if t == 0 and first % WORD_TICKS == 0:
+                amplitude = each * root(most(rate, none))
+            rate = multiply_add(amplitude, load(noise, _at(t)), rate)
+        store(ring, _at(place + t), rate)
+    store(state, _at(AMPLITUDE), amplitude)
 
 
 @numba.njit(inline="always")
@@ -221,44 +289,40 @@ def _place(places, i, t, table):
 
 
 @compiled
-def _scale(n, factors, row, places, t, passed, jumps):
+def _scale(factors, row, places, t, passed, jumps, state):
     """Multiply the output of a unit by its factor; record the size of the jump.
 
     A factor is constant within a tick, so the filters must not interpolate across a jump.
     """
     if factors is None:
         return
-    if row == 0:
-        return
-    for i in range(n & WHOLE):
-        k = _place(places, i, t, factors)
-        factor, active, before = factors[row, k], passed[_at(t, i)], jumps[_at(WINDOW, i)]
-        jumps[_at(t, i)] = (factor - factors[row, k - np.uint64(1)]) * before
-        jumps[_at(WINDOW, i)] = active
-        passed[_at(t, i)] = factor * active
+    for i in range(LANES):
+        k, j = _place(places, i, t, factors), t * LANES + i
+        factor, active, before = factors[row, k], passed[j], state[PASSED * LANES + i]
+        jumps[j] = (factor - factors[row, k - np.uint64(1)]) * before
+        state[PASSED * LANES + i] = active
+        passed[j] = factor * active
 
 
 @compiled
-def _jump(n, factors, p, jumps, b, t, state):
-    """Start a block's filter from the input that it would have had at this tick's factors."""
-    if factors is None:
+def _shift(p, work, shifts, b, ticks):
+    """Add a block's courses to its input; write the jumps that its filter must not interpolate."""
+    if shifts is None:
         return
-    for e in range(p.blocks[b].input, p.blocks[b].inputs):
-        if p.units[p.inputs[e].index].course:
-            _add(n, p.inputs[e].weight, state, LAST, jumps[p.inputs[e].index], t)
-
-
-@compiled
-def _push(n, nats, row, places, t, values, state):
-    """Add the nats of a course to a block in a tick, constant within the tick."""
-    if nats is None:
-        return
-    if row == 0:
-        return
-    for i in range(n & WHOLE):
-        k = _place(places, i, t, nats)
-        values[_at(HEARD, i)] += nats[row, k]
-        state[_at(LAST, i)] += nats[row, k] - nats[row, k - np.uint64(1)]
+    block = p.blocks[b]
+    shifts[:] = ZERO
+    for e in range(block.input, block.inputs):
+        q, weight = p.inputs[e].index, p.inputs[e].weight
+        if p.units[q].course:
+            for i in range(len(ticks) * LANES):
+                shifts[i] += weight * work.jumps[q, i]
+    if block.course:
+        for t in range(len(ticks)):
+            for i in range(LANES):
+                k = _place(work.places, i, t, p.nats)
+                nats = p.nats[block.course, k]
+                work.values[t * LANES + i] += nats
+                shifts[t * LANES + i] += nats - p.nats[block.course, k - np.uint64(1)]
 
 
 @compiled
@@ -270,189 +334,208 @@ def _find_places(factors, places, begun, first):
         places[lane] = first - begun[lane] + 1
 
 
-@numba.njit(inline="always")
-def _arrive(p, work, q, first):
+@compiled
+def _arrive(p, work, q, first, ticks):
     """Advance a unit through a window: filter and transform the output of its sources."""
-    n, mask = len(work.keys), work.ring.shape[1] // LANES - 1
-    unit, passed = p.units[q], work.passed[q]
-    for t in range(p.clock[0].window):
-        _fill(n, passed, t, ZERO)
-        place = (first + t - unit.delay) & mask
+    mask, unit, passed = work.ring.shape[1] // LANES - 1, p.units[q], work.passed[q]
+    state, gain, before = work.units[q], spread(unit.gain), spread(unit.before)
+    constant = spread(unit.constant)
+    low, last = load(state, _at(UNIT)), load(state, _at(UNIT + 1))
+    for t in range(len(ticks)):
+        value, place = spread(ZERO), _at((first + t - unit.delay) & mask)
         for e in range(unit.source, unit.sources):
-            _add(n, p.sources[e].weight, passed, t, work.ring[p.sources[e].index], place)
-        _low_pass(n, unit.gain, unit.before, passed, t, work.units[q], 0, 1)
-        constant = unit.constant
-        for i in range(n & WHOLE):
-            passed[_at(t, i)] += constant
-        if unit.law != LINEAR:
-            _apply(n, unit.law, passed, t, t, unit.lowest, unit.per, p.laws[unit.column])
-        _scale(n, p.factors, unit.course, work.places, t, passed, work.jumps[q])
-
-
-@numba.njit(inline="always")
-def _hear(p, work, b, t):
-    """Write the input of a block in a tick of the window to its row, nats."""
-    n, block, values = len(work.keys), p.blocks[b], work.values
-    _fill(n, values, HEARD, block.bias)
-    for e in range(block.input, block.inputs):
-        _add(n, p.inputs[e].weight, values, HEARD, work.passed[p.inputs[e].index], t)
-    if block.drive >= 0:
-        _add(n, ONE, values, HEARD, work.drive[b], 0)
-    _jump(n, p.factors, p, work.jumps, b, t, work.states[b])
-    _push(n, p.nats, block.course, work.places, t, values, work.states[b])
-    if block.gain < ONE:
-        _low_pass(n, block.gain, block.before, values, HEARD, work.states[b], X, LAST)
-
-
-@numba.njit(inline="always")
-def _noise(work, b, k):
-    """Filter the noise of a tick."""
-    n, values, state, found = len(work.keys), work.values, work.states[b], work.coefficients[b]
-    _draw(n, work.keys, k & 3, values)
-    _section(n, found, FOLLOWING, values, state, FIRST)
-    _section(n, found, FOLLOWING + SECTION, values, state, SECOND)
+            rates = load(work.ring[p.sources[e].index], place)
+            value = multiply_add(spread(p.sources[e].weight), rates, value)
+        low, last = _low_passed(gain, before, value, low, last), value
+        store(passed, _at(t), low + constant)
+    store(state, _at(UNIT), low)
+    store(state, _at(UNIT + 1), last)
+    if unit.law != LINEAR:
+        _apply(len(ticks) * LANES, unit.law, passed, unit.lowest, unit.per, p.laws[unit.column])
+    if unit.course:
+        for t in range(len(ticks)):
+            _scale(p.factors, unit.course, work.places, t, passed, work.jumps[q], state)
 
 
 @compiled
-def _advance(p, work, b, first):
+def _advance(p, work, b, first, ticks):
     """Advance a block through the ticks of a window."""
-    n, mask, block = len(work.keys), work.ring.shape[1] // LANES - 1, p.blocks[b]
-    values, state, keys = work.values, work.states[b], work.keys
-    if block.noise > ZERO:
-        streams, begun = work.streams[b], work.begun
-        for i in range(n & WHOLE):
-            j = np.uint64(i)
-            keys[j] = tick_key(streams[j], (first - begun[j]) >> 2)
+    block, values, state, found = p.blocks[b], work.values, work.states[b], work.coefficients[b]
     if block.table >= 0 and first % p.clock[0].refresh == 0:
-        _look_up_coefficients(n, p.tables[block.table], state, block.state_lowest, block.state_per,
-                              work.indices, work.coefficients[b])  # fmt: skip
-    for k in range(first, first + p.clock[0].window):
-        _hear(p, work, b, k - first)
-        if block.table >= 0:
-            _drift(n, p.clock[0].follow_slowly, values, state)
-        if block.lags:
-            _follow(n, work.coefficients[b], values, state)
-        _apply(n, block.law, values, HEARD, ACTIVE, block.lowest, block.per, p.laws[block.column])
-        if block.noise > ZERO:
-            _noise(work, b, k)
-        _send(n, block.baseline, block.hz_per_nat, block.floor, block.noise, values, work.ring[b],
-              k & mask)  # fmt: skip
+        _refresh(p, work, b)
+    if block.noise > ZERO and first % KEY_TICKS == 0:
+        _derive(work, b, first)
+    _hear(p, work, b, ticks)
+    _shift(p, work, work.shifts, b, ticks)
+    if block.gain < ONE:
+        _filter(block, state, values, work.shifts, ticks)
+    if block.table >= 0:
+        _drift(p.clock[0].follow_slowly, state, values, ticks)
+    if block.lags:
+        _follow(found, state, values, work.shifts, ticks)
+    n = len(ticks) * LANES
+    _apply(n, block.law, values, block.lowest, block.per, p.laws[block.column])
+    if block.noise > ZERO:
+        _noise(found, state, work.noise, _counts(work.keys[b], first, ticks), ticks)
+    _send(block, state, values, work.noise, work.ring[b], first, ticks)
 
 
-@numba.njit(inline="always")
-def _read(p, work, place):
+@compiled
+def _read(p, work, k):
     """Low-pass the read-out (step 4 of the scheme), and sum up rates."""
-    n, gain, before = len(work.keys), p.clock[0].readout_gain, p.clock[0].readout_before
-    past = (place - 1) & (work.ring.shape[1] // LANES - 1)
+    mask = work.ring.shape[1] // LANES - 1
+    gain, before = spread(p.clock[0].readout_gain), spread(p.clock[0].readout_before)
     for c in range(len(p.readout)):
         low, rates = work.low_pass[c], work.ring[p.readout[c]]
-        for i in range(n & WHOLE):
-            j, now = _at(0, i), rates[_at(place, i)]
-            moved = fused(before, rates[_at(past, i)] - now, low[j])
-            low[j] = fused(gain, now - low[j], moved)
+        now, past = load(rates, _at(k & mask)), load(rates, _at((k - 1) & mask))
+        store(low, _at(0), _low_passed(gain, before, now, load(low, _at(0)), past))
     if work.kept:
         for b in range(len(p.blocks)):
-            _add(n, ONE, work.totals[b], 0, work.ring[b], place)
+            total = load(work.totals[b], _at(0)) + load(work.ring[b], _at(k & mask))
+            store(work.totals[b], _at(0), total)
 
 
 @compiled
-def _load(p, work, lane, trial, first, streams):
-    """Start a trial in a lane, at rest."""
+def _load(p, work, state, lane, first, trial, entry):
+    """Start a trial in a lane, in an entry of the initial states."""
+    mask, depth = work.ring.shape[1] // LANES - 1, state.ring.shape[2]
     work.trial[lane], work.begun[lane] = trial, first
-    clock = p.clock[0]
-    work.samples[lane] = -((clock.settle + clock.sample - 1) // clock.sample)
+    work.samples[lane], work.reading[lane], work.due[lane] = 0, 0, first
+    work.soonest[0] = first
     for b in range(len(p.blocks)):
-        block = p.blocks[b]
-        for k in range(work.ring.shape[1] // LANES):
-            work.ring[b, k * LANES + lane] = block.rest_hz
+        for k in range(depth):
+            place = (first - 1 - k) & mask
+            work.ring[b, place * LANES + lane] = state.ring[entry, b, k]
         for k in range(STATE_ROWS):
-            work.states[b, k * LANES + lane] = block.rest_x if k < SLOPE else ZERO
+            work.states[b, k * LANES + lane] = state.blocks[entry, b, k]
         work.totals[b, lane] = ZERO
-        if trial != EMPTY and len(streams):
-            work.streams[b, lane] = streams[trial, b]
     for q in range(len(p.units)):
         for k in range(UNIT_ROWS):
-            work.units[q, k * LANES + lane] = p.units[q].rest
-        work.jumps[q, WINDOW * LANES + lane] = p.units[q].passed
+            work.units[q, k * LANES + lane] = state.units[entry, q, k]
     for c in range(len(p.readout)):
-        work.low_pass[c, lane] = p.blocks[p.readout[c]].rest_hz
+        work.low_pass[c, lane] = state.low_pass[entry, c]
     for b in p.driven:
         work.drive[b, lane] = ZERO
 
 
-@numba.njit(inline="always")
-def _record(p, work, lane, sample, place, out, rates):
-    """Record a sample of a lane; return its lowest OUT, or NaN if rates diverge."""
-    clock, trial, least = p.clock[0], work.trial[lane], np.inf
+@compiled
+def _save(p, work, state, lane, after, ticks):
+    """Save the state of a lane at the end of a window, before tick ``after``."""
+    mask, depth, entry = work.ring.shape[1] // LANES - 1, state.ring.shape[2], work.trial[lane]
     for b in range(len(p.blocks)):
-        if not abs(work.ring[b, place * LANES + lane]) < clock.runaway_hz:
-            return np.nan
+        for k in range(depth):
+            place = (after - 1 - k) & mask
+            state.ring[entry, b, k] = work.ring[b, place * LANES + lane]
+        for k in range(STATE_ROWS):
+            state.blocks[entry, b, k] = work.states[b, k * LANES + lane]
+    for q in range(len(p.units)):
+        for k in range(UNIT_ROWS):
+            state.units[entry, q, k] = work.units[q, k * LANES + lane]
+        state.units[entry, q, PASSED] = work.passed[q, (len(ticks) - 1) * LANES + lane]
     for c in range(len(p.readout)):
-        value = work.low_pass[c, lane]
-        out[trial, sample, c] = (value - clock.readout_baseline) / clock.readout_hz_per_nat
-        least = min(least, out[trial, sample, c])
-    if work.kept:
-        for b in range(len(p.blocks)):
-            rates[trial, sample, b] = work.totals[b, lane] / np.float32(clock.sample)
-    return least
+        state.low_pass[entry, c] = work.low_pass[c, lane]
 
 
 @numba.njit(inline="always")
-def _sample(p, work, place, level, out, rates):
-    """Record a sample of every lane whose evidence has begun.
+def _diverged(p, work, lane, k):
+    """Return whether a rate of a lane is too high, or not a number."""
+    place = (k & (work.ring.shape[1] // LANES - 1)) * LANES + lane
+    found = False
+    for b in range(len(p.blocks)):
+        found |= not abs(work.ring[b, place]) < p.clock[0].runaway_hz
+    return found
+
+
+@compiled
+def _decode(p, work):
+    """Write OUT of every lane, and its lowest value over channels."""
+    lowest, per = spread(ENDLESS), spread(p.clock[0].readout_nats_per_hz)
+    for c in range(len(p.readout)):
+        value = (load(work.low_pass[c], _at(0)) - spread(p.clock[0].readout_baseline)) * per
+        store(work.out[c], _at(0), value)
+        lowest = least(lowest, value)
+    store(work.lowest, _at(0), lowest)
+
+
+@compiled
+def _keep(p, work, rates):
+    """Record the mean rates of every lane since the last sample."""
+    per, blocks = ONE / np.float32(p.clock[0].sample), len(p.blocks)
+    for b in range(0, blocks, LANES):
+        transpose(work.totals, b * LANES, work.square)
+        for lane in range(LANES):
+            trial, sample = work.trial[lane], work.samples[lane]
+            if trial != EMPTY:
+                for k in range(min(LANES, blocks - b)):
+                    rates[trial, sample, b + k] = work.square[lane * LANES + k] * per
+    work.totals[:] = ZERO
+
+
+@compiled
+def _sample(p, work, k, level, out, rates, saved, ticks):
+    """Record a sample of every lane.
 
     Returns the number of trials that ended, or ``-1 - sample`` if rates diverged at that sample.
     """
     over = 0
+    _decode(p, work)
+    if work.kept:
+        _keep(p, work, rates)
     for lane in range(LANES):
-        if work.trial[lane] == EMPTY:
+        trial, sample = work.trial[lane], work.samples[lane]
+        if trial == EMPTY:
             continue
-        sample = work.samples[lane]
         work.samples[lane] = sample + 1
-        if sample >= 0:
-            least = _record(p, work, lane, sample, place, out, rates)
-            if math.isnan(least):
-                return -1 - sample
-            if least < level or sample + 1 == out.shape[1]:
-                out[work.trial[lane], sample + 1 :] = np.nan
-                if work.kept:
-                    rates[work.trial[lane], sample + 1 :] = np.nan
-                work.trial[lane] = EMPTY
-                over += 1
-        if work.kept:
-            for b in range(len(p.blocks)):
-                work.totals[b, lane] = ZERO
+        for c in range(len(p.readout)):
+            out[trial, sample, c] = work.out[c, lane]
+        ended = work.lowest[lane] < level or sample + 1 == out.shape[1]
+        if (ended or (k + 1) % KEY_TICKS == 0) and _diverged(p, work, lane, k):
+            return -1 - sample
+        if ended:
+            out[trial, sample + 1 :] = np.nan
+            if work.kept:
+                rates[trial, sample + 1 :] = np.nan
+            if len(saved.ring):
+                _save(p, work, saved, lane, k + 1, ticks)
+            work.trial[lane] = EMPTY
+            over += 1
     return over
 
 
-@numba.njit(inline="always")
+@compiled
 def _hold(p, work, first, drive):
     """Set each lane's reading for a window; filters must not interpolate across its jump."""
-    clock = p.clock[0]
     _find_places(p.factors, work.places, work.begun, first)
+    if first < work.soonest[0]:
+        return
+    soonest = np.int64(2**62)
     for lane in range(LANES):
-        late = first - work.begun[lane] - clock.settle
-        if work.trial[lane] != EMPTY and late >= 0 and late % clock.step == 0:
-            reading = drive[work.trial[lane], late // clock.step]
+        if work.due[lane] == first and work.trial[lane] != EMPTY:
+            reading = drive[work.trial[lane], work.reading[lane]]
+            work.reading[lane] += 1
+            work.due[lane] += p.clock[0].step
             for b in p.driven:
                 new = np.float32(reading[p.blocks[b].drive] * p.blocks[b].drive_gain)
                 work.states[b, LAST * LANES + lane] += new - work.drive[b, lane]
                 work.drive[b, lane] = new
+        if work.trial[lane] != EMPTY:
+            soonest = min(soonest, work.due[lane])
+    work.soonest[0] = soonest
 
 
 @compiled
-def _window(p, work, first, drive, level, out, rates):
+def _window(p, work, first, drive, level, out, rates, saved, ticks):
     """Run a window of ticks; return the number of trials that ended, or ``-1 - sample``."""
-    clock, mask, ended = p.clock[0], work.ring.shape[1] // LANES - 1, 0
+    ended = 0
     _hold(p, work, first, drive)
     for q in range(len(p.units)):
-        _arrive(p, work, q, first)
+        _arrive(p, work, q, first, ticks)
     for b in range(len(p.blocks)):
-        _advance(p, work, b, first)
-    for k in range(first, first + clock.window):
-        _read(p, work, k & mask)
-        if (k + 1 - clock.settle) % clock.sample == 0:
-            over = _sample(p, work, k & mask, level, out, rates)
+        _advance(p, work, b, first, ticks)
+    for k in range(first, first + len(ticks)):
+        _read(p, work, k)
+        if (k + 1) % p.clock[0].sample == 0:
+            over = _sample(p, work, k, level, out, rates, saved, ticks)
             if over < 0:
                 return over
             ended += over
@@ -460,23 +543,31 @@ def _window(p, work, first, drive, level, out, rates):
 
 
 @compiled
-def trials(p, work, drive, streams, level, out, rates):
+def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ticks):
     """Run trials.
 
     Parameters
     ----------
     p, work : Plan, Work
+    state : State
+        Initial states.
+    entries : array (trials,)
+        The initial state of each trial.
     drive : array (trials, steps, channels), nats
     streams : array (trials, blocks) uint64, or (0, 0) without noise
     level : float
         OUT below which a trial ends.
     out, rates : arrays (trials, samples, channels), (trials, samples, blocks or 0)
         Written here; NaN after the end of a trial.
+    saved : State
+        Final states, written here unless it has no rows.
+    ticks : tuple
+        One of ``WINDOWS``.
 
     Returns
     -------
     int
-        0, or 1 plus the first sample at which rates diverged.
+        0, or 1 plus the sample at which rates had diverged.
     """
     clock, waiting, running, first = p.clock[0], 0, 0, 0
     work.trial[:] = EMPTY
@@ -484,30 +575,35 @@ def trials(p, work, drive, streams, level, out, rates):
         if first % clock.start == 0 and (waiting < len(drive) or first == 0):
             for lane in range(LANES):
                 if work.trial[lane] == EMPTY and (waiting < len(drive) or first == 0):
-                    trial = waiting if waiting < len(drive) else EMPTY
-                    _load(p, work, lane, trial, first, streams)
-                    waiting, running = waiting + (trial != EMPTY), running + (trial != EMPTY)
-        over = _window(p, work, first, drive, level, out, rates)
+                    last = waiting >= len(drive)
+                    trial = EMPTY if last else waiting
+                    _load(p, work, state, lane, first, trial, entries[0 if last else waiting])
+                    if len(streams) and not last:
+                        for b in range(len(p.blocks)):
+                            work.streams[b, lane] = streams[trial, b]
+                    waiting, running = waiting + (not last), running + (not last)
+        over = _window(p, work, first, drive, level, out, rates, saved, ticks)
         if over < 0:
             return -over
         running -= over
-        first += clock.window
+        first += len(ticks)
     return 0
 
 
 @compiled
-def begin(p, work, streams):
-    """Start one trial, at rest, in the first lane."""
-    work.trial[:] = EMPTY
+def begin(p, work, state, entry, streams):
+    """Start one trial in the first lane."""
     for lane in range(LANES):
-        _load(p, work, lane, 0 if lane == 0 else EMPTY, 0, streams)
+        _load(p, work, state, lane, 0, 0 if lane == 0 else EMPTY, entry)
+    for b in range(len(p.blocks) if len(streams) else 0):
+        work.streams[b, 0] = streams[0, b]
 
 
 @compiled
-def go_on(p, work, drive, out, rates, start, end):
+def go_on(p, work, drive, out, rates, saved, start, end, ticks):
     """Run the ticks from ``start`` to ``end``, as ``trials`` runs those of a whole trial."""
-    for first in range(start, end, p.clock[0].window):
-        over = _window(p, work, first, drive, -np.inf, out, rates)
+    for first in range(start, end, len(ticks)):
+        over = _window(p, work, first, drive, -np.inf, out, rates, saved, ticks)
         if over < 0:
             return -over
     return 0

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 SLOW_MS = 50.0
 """Time constant of the running mean of the input that selects the filters' coefficients: slower
 than noise, faster than response times."""
+REFRESH_MS = 8.0
+"""Time between updates of a block's filter coefficients to its state, for any tick."""
 RUNAWAY_HZ = 1e6
 """Rate above which a run is stopped, because a feedback loop is unstable."""
 FEW = 30
@@ -67,7 +69,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     wiring = scheme.wiring
     if engine.noise or engine.by_cells:
         _check(wiring)
-    tables, courses = _Tables(wiring, engine, clock.dt_ms), timed(wiring, clock)
+    tables, courses = _Tables(wiring, engine, clock.dt_ms), timed(wiring, clock.from_onset)
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)
@@ -194,7 +196,6 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
     own = tables.engine.by_cells
     tau_ms = np.array([row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in wiring.rows])
-    _, rest_x, rest_hz = scheme.start
     return filled(
         records.BLOCK,
         wiring.blocks,
@@ -203,8 +204,6 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
         inputs=input_from[1:],
         bias=wiring.bias,
         drive_gain=wiring.drive_gains,
-        rest_x=rest_x,
-        rest_hz=rest_hz,
         course=courses.of_block,
         **columns,
         **_low_pass(tau_ms, scheme.dt_ms),
@@ -215,8 +214,6 @@ def _units(scheme: Scheme, tables: _Tables, courses: Timed, source_from: Any) ->
     wiring = scheme.wiring
     paths = wiring.projections
     of_paths = [tables.transfer(p.transfer) for p in paths]
-    rest = scheme.start[0]
-    active = zip(paths, rest + wiring.constant, strict=True)
     return filled(
         records.UNIT,
         wiring.units,
@@ -224,8 +221,6 @@ def _units(scheme: Scheme, tables: _Tables, courses: Timed, source_from: Any) ->
         source=source_from[:-1],
         sources=source_from[1:],
         constant=wiring.constant,
-        rest=rest,
-        passed=[named(p.transfer)(np.array([x]))[0] for p, x in active],
         course=courses.of_unit,
         **{name: [one[name] for one in of_paths] for name in of_paths[0]},
         **_low_pass(np.array([p.tau_ms for p in paths]), scheme.dt_ms),
@@ -236,25 +231,43 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
     circuit = scheme.wiring.circuit
     readout = circuit.population(circuit.readout)
     read = _low_pass(np.array([circuit.readout_tau_ms]), clock.dt_ms)
-    window, least = kernel.WINDOW, int(scheme.unit_delay.min(initial=kernel.WINDOW))
-    while window > least or clock.step_ticks % window or clock.settle_ticks % window:
-        window //= 2
+    longest = kernel.WINDOW
+    refresh = longest * max(round(REFRESH_MS / clock.dt_ms / longest), 1)
     return filled(
         records.CLOCK,
         1,
-        window=window,
-        settle=clock.settle_ticks,
         step=clock.step_ticks,
         sample=clock.sample_ticks,
-        refresh=kernel.REFRESH,
-        start=lcm(kernel.REFRESH, clock.sample_ticks),
+        refresh=refresh,
+        start=lcm(kernel.KEY_TICKS, clock.sample_ticks, refresh),
         follow_slowly=-np.expm1(-clock.dt_ms / SLOW_MS),
         readout_gain=read["gain"],
         readout_before=read["before"],
         readout_baseline=readout.baseline_hz,
-        readout_hz_per_nat=readout.gain_hz_per_nat,
+        readout_nats_per_hz=1 / readout.gain_hz_per_nat,
         runaway_hz=RUNAWAY_HZ,
     )
+
+
+def window(p: records.Plan) -> tuple[int, ...]:
+    """Return the longest window of ticks that fits the delays and the readings."""
+    least = int(p.units["delay"].min(initial=kernel.WINDOW))
+    fits = [n for n in kernel.WINDOWS if n <= least and p.clock["step"][0] % n == 0]
+    return kernel.WINDOWS[max(fits)]
+
+
+def rest(scheme: Scheme) -> records.State:
+    """Return the resting state, in one entry."""
+    wiring = scheme.wiring
+    units, x, hz = scheme.start
+    active = zip(wiring.projections, units + wiring.constant, strict=True)
+    passed = [named(p.transfer)(np.array([u]))[0] for p, u in active]
+    blocks = np.zeros((wiring.blocks, kernel.STATE_ROWS))
+    blocks[:, : kernel.SLOPE] = x[:, None]
+    ring = np.repeat(hz[:, None], int(scheme.unit_delay.max(initial=1)), axis=1)
+    of_units = np.array([units, units, passed]).T
+    parts = (ring, blocks, of_units, hz[wiring.blocks_of(wiring.circuit.readout)])
+    return records.State(*(np.array(part[None], np.float32, order="C") for part in parts))
 
 
 def workspace(p: records.Plan, *, kept: bool) -> records.Work:
@@ -262,8 +275,8 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
     blocks, units, channels = len(p.blocks), len(p.units), len(p.readout)
     places = 1 << (int(p.units["delay"].max(initial=1)) + kernel.WINDOW).bit_length()
 
-    def rows(count: int, *of: int) -> npt.NDArray[np.float32]:
-        return np.zeros((*of, count * kernel.LANES), np.float32)
+    def rows(count: int, *of: int, kind: type = np.float32) -> npt.NDArray[Any]:
+        return np.zeros((*of, count * kernel.LANES), kind)
 
     return records.Work(
         ring=rows(places, blocks),
@@ -271,17 +284,19 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         states=rows(kernel.STATE_ROWS, blocks),
         coefficients=rows(kernel.COEFFICIENTS, blocks),
         passed=rows(kernel.WINDOW, units),
-        jumps=rows(kernel.WINDOW + 1, units),
-        totals=rows(1, blocks),
-        values=rows(kernel.VALUE_ROWS),
+        jumps=rows(kernel.WINDOW, units),
+        shifts=None if p.factors is None else rows(kernel.WINDOW),
+        totals=rows(1, -(-blocks // kernel.LANES) * kernel.LANES),
+        square=rows(kernel.LANES),
+        values=rows(kernel.WINDOW),
+        noise=rows(kernel.WINDOW),
         drive=rows(1, blocks),
         low_pass=rows(1, channels),
-        streams=np.zeros((blocks, kernel.LANES), np.uint64),
-        keys=np.zeros(kernel.LANES, np.uint64),
-        indices=np.zeros(kernel.LANES, np.int32),
-        trial=np.zeros(kernel.LANES, np.int64),
-        begun=np.zeros(kernel.LANES, np.int64),
-        samples=np.zeros(kernel.LANES, np.int64),
-        places=np.zeros(kernel.LANES, np.int64),
+        out=rows(1, channels),
+        lowest=rows(1),
+        streams=rows(1, blocks, kind=np.uint64),
+        keys=rows(2, blocks, kind=np.uint32),
+        **{name: rows(1, kind=np.int64) for name in kernel.OF_LANES},
+        soonest=np.zeros(1, np.int64),
         kept=kept,
     )

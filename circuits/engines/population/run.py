@@ -26,14 +26,16 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.arrays import Array
+from circuits.arrays import Array, Index
 from circuits.checks import check_positive, is_whole
 from circuits.circuit import Circuit
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
-from circuits.engines.population.plan import plan, tick_ms, workspace
+from circuits.engines.population.plan import plan, tick_ms, window, workspace
+from circuits.engines.population.records import State
+from circuits.engines.population.settled import settled
 from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError, NoiseWarning, user_level
 from circuits.laws.stability import ringing
@@ -43,6 +45,8 @@ if TYPE_CHECKING:
 
 RINGING = 8.0
 """Amplification of fluctuations by feedback loops above which a warning is issued."""
+NOT_SAVED = State(*(np.zeros((0,) * axes, np.float32) for axes in (3, 3, 3, 2)))
+"""Room for the final states of trials, which are not kept."""
 _ringing = lru_cache(maxsize=64)(ringing)
 
 
@@ -75,30 +79,26 @@ def run(
     if not is_whole(first_trial) or first_trial < 0:
         raise InputError.of("first_trial", "must be a whole number >= 0", first_trial)
     check_positive(step_ms=step_ms)
-    noise, times = engine.noise, (step_ms, engine.sample_ms, engine.settle_ms)
-    wiring = wired(circuit)
-    dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
-    clock = Clock(drive.shape[1], step_ms, dt, *times[1:])
-    p = plan(Scheme(wiring, dt), clock, engine)
+    prepared = _Prepared(circuit, engine, drive.shape[1], step_ms)
     warn_beyond_range(circuit, drive)
-    if noise:
+    if engine.noise:
         _warn_of_ringing(circuit)
-    names = wiring.names if noise else []
-    streams = noises.stream_keys(seed or 0, first_trial + np.arange(len(drive)), names)
+    clock, wiring, seed = prepared.clock, prepared.scheme.wiring, int(seed or 0)
     out, kept = engine.outputs(len(drive), clock.samples, wiring)
-    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), engine)
+    given = drive, *prepared.begin(seed, first_trial + np.arange(len(drive))), out, kept
+    late = _trials(prepared, given, engine)
     if late:
         when_ms = late * engine.sample_ms
         raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
-    about: dict[str, Any] = {"dt_ms": dt, "settle_ms": engine.settle_ms}
-    about |= {"laws": engine.laws, "noise": noise}
+    about: dict[str, Any] = {"dt_ms": clock.dt_ms, "settle_ms": engine.settle_ms}
+    about |= {"laws": engine.laws, "noise": engine.noise}
     return Activity.from_blocks(
         wiring,
         kept if engine.rates else None,
         clock.time_ms,
         engine=engine.id,
         output_nats=out,
-        about=about | ({"seed": int(seed or 0), "first_trial": first_trial} if noise else {}),
+        about=about | ({"seed": seed, "first_trial": first_trial} if engine.noise else {}),
     )
 
 
@@ -112,21 +112,18 @@ def stream(
     trial: int = 0,
 ) -> Stream:
     """Begin a trial of populations; the arguments are those of ``Engine.stream``."""
-    times = (step_ms, engine.sample_ms, engine.settle_ms)
-    wiring = wired(circuit)
-    dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
-    clock = Clock(steps, step_ms, dt, *times[1:])
-    p = plan(Scheme(wiring, dt), clock, engine)
-    names = wiring.names if engine.noise else []
-    keys = noises.stream_keys(seed or 0, np.array([trial]), names)
-    work = workspace(p, kept=False)
-    rates = np.empty((1, clock.samples, 0), dtype=np.float32)
+    prepared = _Prepared(circuit, engine, steps, step_ms)
+    p, clock, ticks = prepared.plan, prepared.clock, prepared.ticks
+    streams, state, entries = prepared.begin(int(seed or 0), np.array([trial]))
+    work, rates = workspace(p, kept=False), np.empty((1, clock.samples, 0), dtype=np.float32)
+    settle = clock.settle_ticks
 
     def begin(drive: Array, out: Array) -> Onward:
-        kernel.begin(p, work, keys if engine.noise else keys[:0])
+        kernel.begin(p, work, state, entries[0], streams)
 
         def onward(first: int, last: int) -> None:
-            if late := kernel.go_on(p, work, drive[None], out[None], rates, first, last):
+            given = (p, work, drive[None], out[None], rates, NOT_SAVED)
+            if late := kernel.go_on(*given, max(first - settle, 0), last - settle, ticks):
                 when_ms = late * engine.sample_ms
                 raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
 
@@ -135,25 +132,62 @@ def stream(
     return Stream(circuit, clock, begin)
 
 
-def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
-    """Run all trials; return 0, or 1 plus the first sample at which rates diverged.
+class _Prepared:
+    """A circuit with an engine and times, in the kernel's format."""
+
+    def __init__(
+        self, circuit: Circuit, engine: PopulationsEngine, steps: int, step_ms: float
+    ) -> None:
+        times = (step_ms, engine.sample_ms, engine.settle_ms)
+        wiring = wired(circuit)
+        dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
+        self.engine, self.clock = engine, Clock(steps, step_ms, dt, *times[1:])
+        self.scheme = Scheme(wiring, dt)
+        self.plan = plan(self.scheme, self.clock, engine)
+        self.ticks = window(self.plan)
+
+    def begin(self, seed: int, trials: Index) -> tuple[npt.NDArray[np.uint64], State, Index]:
+        """Return the keys of the trials' noise, initial states, and the number of that of each."""
+        names = self.scheme.wiring.names if self.engine.noise else []
+        streams = noises.stream_keys(seed, trials, names)
+        start = settled(self.plan, self.scheme, self.clock, self.engine, trials, seed)
+        return streams if names else streams[:0], *start
+
+
+def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
+    """Run all trials; return 0, or 1 plus the first sample at which rates had diverged.
 
     Parameters
     ----------
-    p : Plan
+    prepared : _Prepared
         The circuit.
     arrays : tuple
-        Drive, keys of noise, OUT and rates, one row per trial; the last two are written.
+        Drive, keys of noise, initial states and their numbers, OUT and rates; all but the states
+        have one row per trial, and the last two are written.
     engine : PopulationsEngine
         Number of threads, and the OUT below which a trial ends.
     """
-    workers = int(engine.workers)
-    edges = np.linspace(0, len(arrays[0]), workers + 1).astype(int)
+    drive, streams, state, entries, out, kept = arrays
+    workers, p = int(engine.workers), prepared.plan
+    edges = np.linspace(0, len(drive), workers + 1).astype(int)
 
     def task(k: int) -> int:
-        drive, streams, out, kept = (array[edges[k] : edges[k + 1]] for array in arrays)
-        work = workspace(p, kept=bool(kept.shape[2]))
-        return int(kernel.trials(p, work, drive, streams, engine.level_nats, out, kept))
+        here = slice(edges[k], edges[k + 1])
+        return int(
+            kernel.trials(
+                p,
+                workspace(p, kept=bool(kept.shape[2])),
+                state,
+                entries[here],
+                drive[here],
+                streams[here],
+                engine.level_nats,
+                out[here],
+                kept[here],
+                NOT_SAVED,
+                prepared.ticks,
+            )
+        )
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         ended = [sample for sample in pool.map(task, range(workers)) if sample]

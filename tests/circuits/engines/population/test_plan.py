@@ -7,7 +7,8 @@ from circuits import anatomy
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.wiring import wire
 from circuits.engines import Population
-from circuits.engines.population.plan import plan, tick_ms
+from circuits.engines.population import kernel
+from circuits.engines.population.plan import plan, rest, tick_ms
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
     """Tone and pathways that bend included."""
     wiring = wire(anatomy.load_circuit(name, 3))
     scheme = Scheme(wiring, 0.5)
-    laid = plan(scheme, Clock(1, 50, 0.5), Population(laws="lines", noise=False))
-    arrives = wiring.weight @ laid.units["passed"] + wiring.bias
-    np.testing.assert_allclose(arrives, laid.blocks["rest_x"], rtol=1e-5, atol=1e-5)
+    state = rest(scheme)
+    arrives = wiring.weight @ state.units[0, :, kernel.PASSED] + wiring.bias
+    np.testing.assert_allclose(arrives, state.blocks[0, :, kernel.X], rtol=1e-5, atol=1e-5)
     assert (wiring.constant != 0).any()

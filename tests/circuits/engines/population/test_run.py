@@ -17,7 +17,6 @@ from circuits.declaration import transfer
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import cell_factors
 from circuits.engines import run
-from circuits.engines.population import kernel
 from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
@@ -384,7 +383,7 @@ def test_coefficients_that_are_never_looked_up_anew_are_those_of_a_state_that_st
     given = {"step_ms": 200, "settle_ms": 0, "noise": False}
     moved = populations(FULL, drive, **given).output_nats
     with monkeypatch.context() as patch:
-        patch.setattr(kernel, "REFRESH", 2**20)
+        patch.setattr(layout, "REFRESH_MS", 2.0**19)
         once = populations(FULL, drive, **given).output_nats
     monkeypatch.setattr(layout, "SLOW_MS", 1e12)
     still = populations(FULL, drive, **given).output_nats

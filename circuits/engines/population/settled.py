@@ -1,0 +1,187 @@
+"""Settled states: where trials begin, simulated once per circuit and seed instead of in each trial.
+
+A trial begins in the state of the circuit after ``settle_ms`` at rest. Without noise it is the same
+in all trials. With noise, trials share states, and trial t has number ``t % n``, where n grows with
+t from ``FEWEST`` to ``MOST_STATES`` (``number_of``). The noise of a state depends only on the seed
+and on its number, so that circuits are compared from the same noise, and no trial depends on its
+neighbours. Trials that share a state have separate noise and evidence from the onset on. Their
+decision times correlate by 0.001 to 0.003 (``benchmarks/scores/population.py``), so that the
+standard error of a mean over 50 000 trials is 3 % larger than that of independent trials.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Index
+from circuits.dynamics import noise
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.engines.population import kernel, records
+from circuits.engines.population.plan import rest, window, workspace
+
+if TYPE_CHECKING:
+    from circuits.engines.shipped import PopulationsEngine
+
+FEWEST, MOST_STATES = 512, 8192
+"""Least and largest number of states of a circuit and a seed."""
+SHARED = 16
+"""Number of trials that share a state before there are more states."""
+FIRST = 2**63
+"""Number of the first state's trial in the keys of noise, which no other trial reaches."""
+MOST_BYTES = 2**26
+"""Memory of all kept states; the oldest circuit's are dropped first."""
+
+
+class Bank:
+    """Settled states of one circuit and seed, simulated when they are first needed."""
+
+    def __init__(self, initial: records.State) -> None:
+        self.initial = initial
+        self.made = np.zeros(0, dtype=bool)
+        self.states = _room(initial, 0)
+
+    def grow(self, count: int) -> None:
+        """Make room for a number of states."""
+        if count > len(self.made):
+            new = _room(self.initial, count)
+            for part, old in zip(new, self.states, strict=True):
+                part[: len(old)] = old
+            self.states, self.made = (
+                new,
+                np.append(self.made, np.zeros(count - len(self.made), bool)),
+            )
+
+    @property
+    def nbytes(self) -> int:
+        """Memory, bytes."""
+        return sum(part.nbytes for part in self.states)
+
+
+def number_of(trials: Index) -> Index:
+    """Return the number of the state in which each trial begins."""
+    doublings = np.ceil(np.log2(trials // (SHARED * FEWEST) + 1.0)).astype(np.int64)
+    return np.asarray(trials % np.minimum(FEWEST << doublings, MOST_STATES))
+
+
+def _room(like: records.State, entries: int) -> records.State:
+    """Return room for a number of states."""
+    return records.State(*(np.zeros((entries, *part.shape[1:]), np.float32) for part in like))
+
+
+_BANKS: OrderedDict[bytes, Bank] = OrderedDict()
+_LOCK = threading.Lock()
+
+
+def settled(
+    p: records.Plan,
+    scheme: Scheme,
+    clock: Clock,
+    engine: PopulationsEngine,
+    trials: Index,
+    seed: int,
+) -> tuple[records.State, Index]:
+    """Return initial states, and the number of that of each trial.
+
+    Parameters
+    ----------
+    p : Plan
+        The circuit.
+    scheme : Scheme
+        The circuit as arrays, and its tick.
+    clock : Clock
+        Times of the run.
+    engine : PopulationsEngine
+        The engine with its options.
+    trials : array of int
+        Numbers of the trials.
+    seed : int
+        Key of the noise.
+    """
+    initial = rest(scheme)
+    if not clock.settle_ticks:
+        return initial, np.zeros(len(trials), dtype=np.intp)
+    entries = number_of(trials) if engine.noise else np.zeros_like(trials)
+    at_rest = _at_rest(p, clock.settle_ticks)
+    with _LOCK:
+        bank = _bank(at_rest, initial, seed)
+        bank.grow(int(entries.max()) + 1)
+        missing = np.unique(entries[~bank.made[entries]])
+        if len(missing):
+            _settle(bank, at_rest, scheme, engine, missing, seed)
+        return bank.states, entries.astype(np.intp)
+
+
+def _at_rest(p: records.Plan, ticks: int) -> records.Plan:
+    """Return the plan of a run at rest, with one reading and one sample at the end."""
+    clock, units, blocks = p.clock.copy(), p.units.copy(), p.blocks.copy()
+    clock["step"], clock["sample"] = ticks, ticks
+    units["course"], blocks["course"] = 0, 0
+    return p._replace(clock=clock, units=units, blocks=blocks, factors=None, nats=None)
+
+
+def _bank(p: records.Plan, initial: records.State, seed: int) -> Bank:
+    """Return the states of a circuit and a seed, made earlier or still to be made."""
+    digest = hashlib.sha1(f"{seed}".encode(), usedforsecurity=False)
+    for part in (*p, *initial):
+        if part is not None:
+            # The bytes of records include padding, which is arbitrary.
+            named = part.dtype.names is not None
+            digest.update(repr(part.tolist()).encode() if named else part.tobytes())
+    key = digest.digest()
+    bank = _BANKS.pop(key, None) or Bank(initial)
+    _BANKS[key] = bank
+    while len(_BANKS) > 1 and sum(each.nbytes for each in _BANKS.values()) > MOST_BYTES:
+        _BANKS.popitem(last=False)
+    return bank
+
+
+def _settle(
+    bank: Bank,
+    p: records.Plan,
+    scheme: Scheme,
+    engine: PopulationsEngine,
+    missing: Index,
+    seed: int,
+) -> None:
+    """Simulate the missing states of a bank."""
+    names = scheme.wiring.names if engine.noise else []
+    streams = noise.stream_keys(seed, np.uint64(FIRST) + missing.astype(np.uint64), names)
+    groups = np.array_split(np.arange(len(missing)), -(-len(missing) // kernel.LANES))
+    work = [workspace(p, kept=False) for _ in range(int(engine.workers))]
+
+    def task(k: int) -> None:
+        for group in groups[k :: len(work)]:
+            keys = streams[group if names else []]
+            _settle_group(bank, p, work[k], missing[group], keys, scheme.wiring.circuit.name)
+
+    with ThreadPoolExecutor(max_workers=len(work)) as pool:
+        list(pool.map(task, range(len(work))))
+    bank.made[missing] = True
+
+
+def _settle_group(
+    bank: Bank,
+    p: records.Plan,
+    work: records.Work,
+    entries: Index,
+    streams: npt.NDArray[np.uint64],
+    name: str,
+) -> None:
+    """Simulate states in neighbouring lanes; ``name`` is that of the circuit in the error."""
+    count, channels = len(entries), len(p.readout)
+    drive = np.zeros((count, 1, 1 + int(p.blocks["drive"].max(initial=0))))
+    out, rates = np.empty((count, 1, channels)), np.empty((count, 1, 0), np.float32)
+    saved = _room(bank.initial, count)
+    begin = np.zeros(count, dtype=np.intp)
+    given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, window(p)
+    if kernel.trials(*given):
+        raise ValueError(f"rates of {name} run away before the onset of evidence")
+    for part, found in zip(bank.states, saved, strict=True):
+        part[entries] = found

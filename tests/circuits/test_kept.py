@@ -1,0 +1,59 @@
+"""Arrays kept between runs."""
+
+import numpy as np
+import pytest
+
+from circuits import kept as module
+from circuits.kept import kept
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    return tmp_path
+
+
+def counted():
+    calls = []
+
+    def make():
+        calls.append(1)
+        return {"x": np.arange(3.0), "none": np.zeros((0, 0))}
+
+    return calls, make
+
+
+def test_arrays_are_made_once_for_a_key_and_a_version(folder):
+    calls, make = counted()
+    for sources, key in (("a", "k"), ("a", "k"), ("b", "k"), ("a", "other")):
+        found = kept(sources, key, make)
+        np.testing.assert_array_equal(found["x"], [0, 1, 2])
+        assert found["none"].shape == (0, 0)
+    assert len(calls) == 3
+    assert len(list(folder.rglob("*.npz"))) == 3
+
+
+@pytest.mark.parametrize("content", [b"", b"no file of arrays", b"PK\x03\x04 cut short"])
+def test_a_file_that_cannot_be_read_is_made_anew(folder, content):
+    calls, make = counted()
+    kept("a", "k", make)
+    (path,) = folder.rglob("*.npz")
+    path.write_bytes(content)
+    np.testing.assert_array_equal(kept("a", "k", make)["x"], [0, 1, 2])
+    kept("a", "k", make)
+    assert len(calls) == 2
+
+
+def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
+    def full(*_, **__):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    calls, make = counted()
+    for _ in range(2):
+        np.testing.assert_array_equal(kept("a", "k", make)["x"], [0, 1, 2])
+    assert len(calls) == 2
+    assert not [path for path in folder.rglob("*") if path.is_file()]
+    monkeypatch.setattr(module, "cache_folder", lambda _: None)
+    kept("a", "k", make)
+    assert len(calls) == 3
