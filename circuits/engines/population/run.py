@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 RINGING = 8.0
 """Amplification of fluctuations by feedback loops above which a warning is issued."""
+PIECES = 4
+"""Parts of the trials per thread."""
 NOT_SAVED = State(*(np.zeros((0,) * axes, np.float32) for axes in (3, 3, 3, 2)))
 """Room for the final states of trials, which are not kept."""
 _ringing = lru_cache(maxsize=64)(ringing)
@@ -169,7 +171,9 @@ def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEng
     """
     drive, streams, state, entries, out, kept = arrays
     workers, p = int(engine.workers), prepared.plan
-    edges = np.linspace(0, len(drive), workers + 1).astype(int)
+    # Decisions take different times, so that halves would keep one thread waiting for the other.
+    pieces = 1 if workers == 1 else min(PIECES * workers, -(-len(drive) // kernel.LANES))
+    edges = np.linspace(0, len(drive), pieces + 1).astype(int)
 
     def task(k: int) -> int:
         here = slice(edges[k], edges[k + 1])
@@ -190,7 +194,7 @@ def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEng
         )
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        ended = [sample for sample in pool.map(task, range(workers)) if sample]
+        ended = [sample for sample in pool.map(task, range(pieces)) if sample]
     return min(ended, default=0)
 
 
