@@ -56,7 +56,7 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
     low, high = working_range(table, threshold)
     found = [
         stopping_posterior(table, level, threshold, gain)
-        for level in levels_between(1.01 * low, 0.99 * high, 12)
+        for level in levels_between(1.01 * low, 0.99 * high, 5)
     ]
     assert np.all(np.diff(found) < 0)
     assert found[-1] < 0.75
