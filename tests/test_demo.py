@@ -11,6 +11,9 @@ from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, run
 
 
+pytestmark = pytest.mark.usefixtures("no_check_of_noise")
+
+
 @pytest.fixture(scope="module")
 def found():
     return demos.demo(seed=1)

@@ -16,6 +16,7 @@ from bgmodel.touch import Story, page, story
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
+pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 SD_DEG = 3.0
 
 

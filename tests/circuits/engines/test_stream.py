@@ -33,7 +33,7 @@ def streamed(circuit, engine, drive, trial, step_ms=STEP_MS):
 @pytest.mark.parametrize("name", TABLES)
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
 def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
-    circuit, made = TABLES[name], engine_of(engine)
+    circuit, made = TABLES[name], engine_of(engine, **({"settle_ms": 20} if engine == "plain" else {}))
     if engine in ("rate", "population") and name == "sparse":
         pytest.skip("populations have no connections of single cells")
     if engine == "plain" and name != "macaque":
