@@ -25,7 +25,8 @@ def mine(tmp_path, monkeypatch):
     monkeypatch.setattr(chains, "WARM_UP", 10)
     monkeypatch.setattr(chains, "LARGEST_RHAT", 10.0)
     monkeypatch.setattr(chains, "FEWEST_EFFECTIVE", 5.0)
-    table({who: PERSONS[who] for who in ("anna", "cleo", "dora")}, trials=20).to_csv("mine.csv", index=False)
+    three = {who: PERSONS[who] for who in ("anna", "cleo", "dora")}
+    table(three, trials=20).to_csv("mine.csv", index=False)
     return tmp_path
 
 

@@ -69,9 +69,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     assert "--periods-mm 5 --yaw-deg -45 15 75" in capsys.readouterr().err
 
 
-def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(
-    tmp_path, monkeypatch
-):
+def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path, monkeypatch):
     monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=1))
     shown = hexagon()
     images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 175, 320)]

@@ -284,9 +284,7 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
-    fine, coarse = (
-        shipped(Orientations(count, period_mm=period), 0) for period in (1.0, 2.0)
-    )
+    fine, coarse = (shipped(Orientations(count, period_mm=period), 0) for period in (1.0, 2.0))
     with pytest.warns(
         CalibrationWarning, match=f"distinguish the {count} hypotheses at a period of 1 mm"
     ):

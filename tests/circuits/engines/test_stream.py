@@ -33,7 +33,7 @@ def streamed(circuit, engine, drive, trial, step_ms=STEP_MS):
 @pytest.mark.parametrize("name", TABLES)
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
 def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
-    circuit, made = TABLES[name], engine_of(engine, **({"settle_ms": 20} if engine == "plain" else {}))
+    circuit, made = TABLES[name], engine_of(engine)
     if engine in ("rate", "population") and name == "sparse":
         pytest.skip("populations have no connections of single cells")
     if engine == "plain" and name != "macaque":
@@ -41,6 +41,7 @@ def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
     trials, steps, step_ms = 3, STEPS, STEP_MS
     if engine == "plain":
         circuit, trials, steps, step_ms = circuit.with_neurons(8), 1, 2, 5.0
+        made = engine_of(engine, settle_ms=20)
     drive = np.stack([drive_of(circuit, seed, steps) for seed in range(trials)])
     whole = made.run(circuit, drive, step_ms=step_ms, seed=7, first_trial=4)
     for trial in {0, trials - 1}:
