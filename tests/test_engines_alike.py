@@ -33,9 +33,9 @@ def all_of(circuit, drive, engine, **options):
 
 
 def held(circuit, engine):
-    """Return the run of a drive that stays for 200 ms, twenty of the longest time constants."""
+    """Return the run of a drive that stays for 400 ms, forty of the longest time constants."""
     given = {"settle_ms": 0} if engine in TIMED else {}
-    return all_of(circuit, np.repeat(CENTRED[:, None, :], 2, axis=1), engine, **given)
+    return all_of(circuit, np.repeat(CENTRED[:, None, :], 4, axis=1), engine, **given)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
