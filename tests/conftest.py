@@ -23,6 +23,32 @@ settings.register_profile(
 settings.load_profile("bgmodel")
 
 
+@pytest.fixture(scope="module")
+def brief_search():
+    """Search for optima with fewer points: tests/fitting/test_optimum.py has the usual search.
+
+    Still to a fiftieth of a nat, far below what a test of fits tells apart.
+    """
+    from bgmodel.fitting import optimum
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(optimum, "POPULATION", 8)
+        patch.setattr(optimum, "TOLERANCE_NATS", 0.02)
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_check_of_noise():
+    """Run no trials without evidence before those of spiking cells: only a warning needs them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bgmodel.integrators.basal_ganglia.BasalGanglia.warn_of_noise", _nothing)
+        yield
+
+
+def _nothing(*_):
+    pass
+
+
 @pytest.fixture
 def refusal(capsys):
     """Return a function that runs a command that must fail, and returns its stderr."""

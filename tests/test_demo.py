@@ -10,6 +10,8 @@ from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, run
 
+pytestmark = pytest.mark.usefixtures("no_check_of_noise")
+
 
 @pytest.fixture(scope="module")
 def found():

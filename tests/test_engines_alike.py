@@ -177,7 +177,7 @@ def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_l
     npt.assert_allclose(found, expected, atol=CLOSE[engine], rtol=0)
 
 
-SHORT = {"step_ms": 70, "settle_ms": 20, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
+SHORT = {"step_ms": 40, "settle_ms": 20, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
 
 
 @cache
@@ -233,18 +233,20 @@ def edited(number):
 @pytest.mark.parametrize(
     "circuit",
     [
-        FULL,
-        FULL.add(LOOP),
-        FULL.dopamine(1.1),
-        FULL.add(*COURSES),
-        *map(edited, range(4)),
+        pytest.param(FULL, id="shipped"),
+        pytest.param(FULL.add(LOOP), id="GPe->D2", marks=pytest.mark.validate),
+        pytest.param(FULL.dopamine(1.1), id="dopamine", marks=pytest.mark.validate),
+        pytest.param(FULL.add(*COURSES), id="courses", marks=pytest.mark.validate),
+        pytest.param(edited(0), id="loop"),
+        pytest.param(edited(1), id="lesion"),
+        pytest.param(edited(2), id="irregular"),
+        pytest.param(edited(3), id="spread"),
     ],
-    ids=["shipped", "GPe->D2", "dopamine", "courses", "loop", "lesion", "irregular", "spread"],
 )
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 2, circuit.channels)).cumsum(axis=1)
     names = tuple(row.name for row in circuit.populations if row.spiking)
-    given = {"step_ms": 50, "settle_ms": 0, "seed": 1, "spikes": names}
+    given = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
     fast = run(circuit, walk, engine="ensemble", **given)
     plain = run(circuit, walk, engine="brian2", **given)
     order = ["trial", "channel", "time_ms", "neuron"]

@@ -14,7 +14,7 @@ DRIVE = np.random.default_rng(1).normal(0, 0.3, (2, STEPS, 2)).cumsum(axis=1)
 
 def driven(circuit, engine, columns):
     drive = np.concatenate([DRIVE, columns], axis=2)
-    return run(circuit, drive, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+    return run(circuit, drive, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
 
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
@@ -25,7 +25,7 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
     out = driven(BASE.with_inputs("STN"), engine, columns)
     course = BASE.add(f"STN amount=0.7 from_ms={2 * STEP_MS:g}")
     with_course, without = (
-        run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+        run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
         for table in (course, BASE)
     )
     np.testing.assert_allclose(out[0], with_course[0], atol=2e-6)
@@ -35,10 +35,10 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
 def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
-    plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+    plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
     table = BASE.with_inputs("STN", "GPe[1]")
     np.testing.assert_array_equal(driven(table, engine, np.zeros((2, STEPS, 2))), plain)
-    without = run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3).output_nats
+    without = run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
     np.testing.assert_array_equal(without, plain)
 
 
@@ -46,7 +46,7 @@ def test_an_input_of_one_channel_reaches_that_channel():
     """GPe inhibits its own channel's output: with more of it, OUT of that channel falls most."""
     columns = np.full((2, STEPS, 1), 0.5)
     out = driven(BASE.with_inputs("GPe[1]"), "rate", columns)
-    plain = run(BASE, DRIVE, engine="rate", step_ms=STEP_MS).output_nats
+    plain = run(BASE, DRIVE, engine="rate", step_ms=STEP_MS, settle_ms=20).output_nats
     change = (out - plain)[:, -1].mean(axis=0)
     assert change[1] < change[0] - 0.05
 

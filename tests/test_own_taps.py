@@ -41,10 +41,10 @@ def gratings(tmp_path):
     [
         (("decide",), FEW),
         (("circuit", "run"), (*FEW, *ALGEBRA)),
-        (("compare",), ("--trials", 400, "--t-max", 40, "--accuracies", 0.8, *ALGEBRA)),
+        (("compare",), ("--trials", 120, "--t-max", 20, "--accuracies", 0.8, *ALGEBRA)),
         (
             ("circuit", "compare-edits"),
-            ("lesion STN 10%", "--trials", 400, "--t-max", 40, "--accuracies", 0.8, *ALGEBRA),
+            ("lesion STN 10%", "--trials", 120, "--t-max", 20, "--accuracies", 0.8, *ALGEBRA),
         ),
         (("learn",), ("--runs", 1, "--learner.episodes", 500)),
         (
@@ -75,8 +75,8 @@ task = "edge-direction"
 channels = 4
 step_deg = 10
 taps = "edges.csv"
-trials = 200
-t_max = 20
+trials = 100
+t_max = 12
 """
     (tmp_path / "one.toml").write_text(
         'name = "Own taps"\nsource = "none"\npublished = ""\nnote = ""\nengine = "algebra"\n'

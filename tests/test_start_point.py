@@ -15,6 +15,7 @@ from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 TRUE = {"sensitivity": 10.0, "bound": 0.7, "start": 0.25}
 RESPONSES = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 STRENGTHS = np.array([-0.3, -0.1, 0.0, 0.1, 0.3])

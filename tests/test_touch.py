@@ -1,5 +1,6 @@
 """The story of one sensor: what its taps say, and who decides how on them."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,11 +10,13 @@ from scipy.stats import norm
 
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_table
+from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
 from bgmodel.touch import Story, page, story
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
+pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 SD_DEG = 3.0
 
 
@@ -90,6 +93,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr("bgmodel.touch.Learner", partial(Learner, episodes=500))
+    monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=8))
     shown, folders = hexagon(), []
     for name, count in (("train", 320), ("held", 360)):
         yaws = np.linspace(-180, 179, count) + 0.3 * (name == "held")

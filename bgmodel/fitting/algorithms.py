@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -121,7 +122,7 @@ class GapModel:
         settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
         found = np.zeros((len(strength), 2, grid.bins))
         time_s, width_s, first = _parts(grid.bins)
-        for setting in np.unique(settings, axis=0):
+        for setting in _distinct(settings):
             cells = (settings == setting).all(axis=1)
             share, bound, spread, *falls = map(float, setting)
             starts, weights = _starts(bound * share, spread * bound * (1 - share))
@@ -157,6 +158,12 @@ class GapModel:
         return {"model": self.name}
 
 
+def _distinct(settings: Array) -> Array:
+    """Return the distinct rows; cells mostly have one setting, and sorting rows is slow."""
+    same = (settings == settings[0]).all()
+    return settings[:1] if same else np.unique(settings, axis=0)
+
+
 def _starts(mean: float, half: float) -> tuple[Array, Array]:
     """Return starts in the range of some half width around a mean, sqrt(s), and their weights."""
     if half == 0:
@@ -165,6 +172,7 @@ def _starts(mean: float, half: float) -> tuple[Array, Array]:
     return mean + half * nodes, weights / 2
 
 
+@lru_cache(maxsize=64)
 def _parts(bins: int) -> tuple[Array, Array, Integers]:
     """Return middles and widths of the parts of all bins, s, and the first part of each bin."""
     parts = np.where(np.arange(bins) < EARLY, PARTS, 2)

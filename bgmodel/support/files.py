@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -222,6 +223,7 @@ def check_writable(folder: str | Path) -> Path:
     return folder
 
 
+@cache
 def _version(package: str) -> str | None:
     try:
         return metadata.version(package)

@@ -31,7 +31,7 @@ ADEX = AdEx(
 DRIVE = np.zeros((2, 2, 2))
 DRIVE[0, :, 0] = DRIVE[1, :, 1] = np.array([0, 1.4])
 DRIVE -= DRIVE.mean(axis=2, keepdims=True)
-GIVEN = {"step_ms": 40.0, "seed": 3, "settle_ms": 20.0}
+GIVEN = {"step_ms": 25.0, "seed": 3, "settle_ms": 20.0}
 
 
 def with_cell(circuit, name, cell):

@@ -66,7 +66,7 @@ def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys
         ("appendix_b", [], ()),
         ("appendix_b", ["--rest"], (cells,)),
         ("spiking_msprt", [], ()),
-        ("spiking_msprt", ["--rest"], (rest,)),
+        ("spiking_msprt", ["--rest", "--edits", "neurons 30"], (rest,)),
     ):
         assert run("circuit", "show", table, *asked) == 0
         said = capsys.readouterr().out

@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands import fitted
 from bgmodel.commands.fitted import TABLES, Kept
+from bgmodel.fitting import optimum
 from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
@@ -46,6 +48,21 @@ def mine(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     GOOD.to_csv("mine.csv", index=False)
     return tmp_path / "mine.csv"
+
+
+@pytest.fixture
+def whole():
+    """Search and draw as for users."""
+
+
+@pytest.fixture(autouse=True)
+def brief(request, monkeypatch):
+    """Search coarsely and draw nothing: tests of optima and figures are elsewhere."""
+    if "whole" not in request.fixturenames:
+        monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
+        monkeypatch.setattr(optimum, "POPULATION", 8)
+        monkeypatch.setattr(fitted, "save_figure", lambda figure, path: path.touch())
+        monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
 
 
 def fails(capsys, *arguments):
@@ -182,7 +199,7 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     )
 
 
-def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
+def test_each_participant_gets_a_row_per_number_and_a_figure(whole, tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
@@ -412,14 +429,14 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     asked += ["--engine", "rate", "--trials", "16"]
     real, done = module.optimum, []
 
-    def optimum(likelihood, **given):
+    def searched(likelihood, **given):
         if len(done) == 3:
             likelihood(likelihood.freedom.start)
             raise KeyboardInterrupt
         done.append(likelihood)
         return real(likelihood, **given)
 
-    monkeypatch.setattr(module, "optimum", optimum)
+    monkeypatch.setattr(module, "optimum", searched)
     assert run("fit", *asked) == 130
     shown = capsys.readouterr()
     assert "stopped. Finished fits and simulated trials are kept: the same" in shown.err

@@ -8,6 +8,7 @@ import pytest
 from bgmodel.commands.group_fits import GROUP, PEOPLE
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.support.files import read_provenance
+from tests.fitting.conftest import PEOPLE as PERSONS
 from tests.fitting.conftest import table
 from tests.helpers import run
 
@@ -24,7 +25,8 @@ def mine(tmp_path, monkeypatch):
     monkeypatch.setattr(chains, "WARM_UP", 10)
     monkeypatch.setattr(chains, "LARGEST_RHAT", 10.0)
     monkeypatch.setattr(chains, "FEWEST_EFFECTIVE", 5.0)
-    table(trials=20).to_csv("mine.csv", index=False)
+    three = {who: PERSONS[who] for who in ("anna", "cleo", "dora")}
+    table(three, trials=20).to_csv("mine.csv", index=False)
     return tmp_path
 
 
@@ -33,7 +35,7 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     assert "bound" in capsys.readouterr().out
     group, people = (pd.read_csv(mine / "out" / name) for name in (GROUP, PEOPLE))
     assert group["parameter"].tolist() == ["sensitivity", "bound"]
-    assert len(people) == 8
+    assert len(people) == 6
     assert {path.suffix for path in (mine / "out").iterdir()} > {".nc", ".png", ".csv"}
     assert read_provenance(mine / "out" / GROUP)["parameters"]["trials"]
     assert run("fit", *ASKED) == 2

@@ -203,7 +203,7 @@ def finished(shards):
 
 @pytest.mark.parametrize("kills", [1, pytest.param(12, marks=pytest.mark.validate)])
 def test_a_sweep_that_is_killed_goes_on_to_the_same_bytes(tmp_path, kills):
-    path, folder = written(tmp_path, "population", 300), tmp_path / "killed"
+    path, folder = written(tmp_path, "population", 150), tmp_path / "killed"
     assert run("sweep", path, tmp_path / "alone", "--workers", 1) == 0
     command = [sys.executable, "-m", "bgmodel", "sweep", str(path), str(folder)]
     rng, before = random.Random(kills), {}

@@ -1,12 +1,13 @@
 """The commands `simulate`, `train` and `decode`."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
 from bgmodel.commands.taps import _taps
 from bgmodel.support.files import checksum, read_provenance, read_table
-from bgmodel.tactile.decoder import Decoder
+from bgmodel.tactile.decoder import EDGE, Decoder
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -68,7 +69,8 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     assert "--periods-mm 5 --yaw-deg -45 15 75" in capsys.readouterr().err
 
 
-def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path):
+def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=1))
     shown = hexagon()
     images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 175, 320)]
     folder = write(tmp_path / "my_taps", images, "dev-data")

@@ -37,6 +37,8 @@ EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
 MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
+POPULATIONS = replace(MODEL, engine=engine_of("population"))
+"""For controls that must fail by far: with the noise of its cells, and faster."""
 
 
 def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", **more):
@@ -78,12 +80,13 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
 
 
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
-def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
+def test_the_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
     """Negative controls: the circuit gets something else than the test."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
-    found = decide_at_thresholds(MODEL, wrong, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    given = thresholds_about(test)
+    found = decide_at_thresholds(POPULATIONS, wrong, given, decoder_tau_ms=None)[CIRCUIT]
     # The posterior is that of the right evidence.
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
     chosen = known[np.arange(EVIDENCE.trials), found.choice]
@@ -93,13 +96,14 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
     assert np.isnan(agreement) or agreement < 0.5
 
 
-def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
+def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
         "GPe": TABLE.clamp("GPe"),
         "shuffled": shuffled_stn(TABLE),
     }
-    found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
+    given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
+    found = compare_edits(POPULATIONS, edited, EVIDENCE, **given)
     rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
     assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
     assert np.isnan(rows["shuffled", "agreement"])  # it never is right that often
@@ -116,11 +120,11 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     """Below the lowest threshold a trial is over, unless the decoder has not got there."""
     given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
-    # Batches of 10: a trial that is run again has the noise of its place among all.
-    monkeypatch.setattr(basal_ganglia, "BATCH", 10)
-    dropped = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
+    # Batches of 6: a trial that is run again has the noise of its place among all.
+    monkeypatch.setattr(basal_ganglia, "BATCH", 6)
+    dropped = decide_at_thresholds(model, EVIDENCE[:12], given, decoder_tau_ms=tau_ms)
     monkeypatch.setattr(Ensemble, "until", lambda engine, level_nats, rates: engine)
-    whole = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
+    whole = decide_at_thresholds(model, EVIDENCE[:12], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():
         for field in ("choice", "time_ms", "forced", "posterior"):

@@ -101,6 +101,6 @@ def follow(steps, tmp_path, capsys, monkeypatch, *, drawn):
 
 
 @given(steps=st.lists(STEPS, max_size=6))
-@settings(max_examples=20, phases=[Phase.generate], suppress_health_check=[*HealthCheck])
-def test_twenty_random_sequences(steps, tmp_path, capsys, monkeypatch):
+@settings(max_examples=7, phases=[Phase.generate], suppress_health_check=[*HealthCheck])
+def test_random_sequences(steps, tmp_path, capsys, monkeypatch):
     follow(steps, tmp_path, capsys, monkeypatch, drawn=False)

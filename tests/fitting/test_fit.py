@@ -19,6 +19,7 @@ from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
 FREE = ["sensitivity", "bound", "t0_s"]
 
@@ -49,7 +50,7 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
     import bgmodel.fitting.fit as module
 
     monkeypatch.setattr(
-        module, "posterior", lambda *a, tell, **k: real(*a, tell=tell, most_steps=200, **k)
+        module, "posterior", lambda *a, tell, **k: real(*a, tell=tell, most_steps=120, **k)
     )
     from bgmodel.fitting.posterior import posterior as real
 
@@ -60,7 +61,7 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
     width = (table["high"] - table["low"]) / table["standard_error"]
     assert width.to_numpy() == pytest.approx(2 * 1.645, rel=0.35)
     assert told[0] == "optimum"
-    assert told[-1] == "posterior 200"
+    assert told[-1] == "posterior 120"
 
 
 def test_cells_hold_data_beside_the_model(found, likelihood):

@@ -13,6 +13,7 @@ from bgmodel.fitting.settings import FitSettings
 from tests.helpers import refused
 from tests.test_start_point import drawn, fitted
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 FALLING = [gap for gap in GAPS.values() if gap is not CONSTANT]
 EACH = pytest.mark.parametrize("gap", FALLING, ids=lambda gap: gap.name)
 GRID, STRENGTHS = Grid(400), np.array([-0.3, 0.0, 0.2])

@@ -12,6 +12,7 @@ from bgmodel.fitting.predicted import Predicted
 from circuits.errors import InputError
 from tests.drawn import TRUTH, drawn
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
 SEED = 24_331
 HELD = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}

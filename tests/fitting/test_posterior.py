@@ -98,7 +98,7 @@ def test_with_many_trials_the_posterior_is_as_wide_as_the_errors_say():
     likelihood = likelihood_of(model, design_of(some), fixed=held)
     best = optimum(likelihood).vector
     there = directions(likelihood, best)
-    found = posterior(likelihood, there, most_steps=300, steps=300)
+    found = posterior(likelihood, there, most_steps=200, steps=200)
     assert found.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
     assert np.abs((found.mean - best) / there.standard_errors).max() < 0.5
 

@@ -1,5 +1,7 @@
 """Trials predicted by a fit to others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,6 +14,7 @@ from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, pr
 from bgmodel.support.seeds import stream
 from tests.drawn import TRUTH, drawn
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
 VALUES = {"sensitivity": 12.0, "bound": 0.6}
 HELD = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
@@ -41,10 +44,18 @@ def likelihood(choices, **given):
     return likelihood_of(MODEL, design_of(choices), fixed={**HELD, **given})
 
 
-def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothing(some):
+@pytest.fixture(scope="module")
+def predictions(some):
+    """Return predictions of the right model and of one that hears nothing, and what was told."""
     told = []
     own = predicted(likelihood(some), folds=3, tell=told.append)
-    deaf = predicted(likelihood(some, sensitivity=0.06), folds=3)
+    return own, predicted(likelihood(some, sensitivity=0.06), folds=3), told
+
+
+def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothing(
+    some, predictions
+):
+    own, deaf, told = predictions
     assert told == [1, 2, 3]
     assert len(own.each) == some.trials
     found = better_by(own, deaf)
@@ -53,18 +64,13 @@ def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothin
     assert better_by(deaf, own) == Better(-found.nats, found.error, 0.0)
 
 
-def test_what_is_predicted_is_no_more_likely_than_what_is_fitted(some):
-    asked = likelihood(some)
-    assert predicted(asked, folds=3).each.sum() < optimum(asked).log_likelihood
+def test_what_is_predicted_is_no_more_likely_than_what_is_fitted(some, predictions):
+    assert predictions[0].each.sum() < optimum(likelihood(some)).log_likelihood
 
 
-def test_shuffled_responses_lose_the_advantage(some):
-    from dataclasses import replace
-
+def test_shuffled_responses_lose_the_advantage(some, predictions):
     shuffled = replace(some, response=stream(52, "shuffle").permutation(some.response))
-    gain = better_by(
-        predicted(likelihood(some), folds=3), predicted(likelihood(some, sensitivity=0.06), folds=3)
-    ).nats
+    gain = better_by(*predictions[:2]).nats
     left = better_by(
         predicted(likelihood(shuffled), folds=3),
         predicted(likelihood(shuffled, sensitivity=0.06), folds=3),

@@ -18,6 +18,7 @@ from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulation import jackknifed, simulation_error, without_parts
 from tests.drawn import TRUTH, drawn, ideal
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 THRESHOLDS = np.log1p(np.exp(-np.linspace(2.0, 0.4, 20)))
 PARTS = 12
 SEEDS = range(16)

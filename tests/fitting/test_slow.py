@@ -12,6 +12,7 @@ from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.slow import slow_trials
 from tests.drawn import drawn, slowed
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL, SEED = GapModel(), 84
 CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SEED, seconds=4.0, sensitivity=12.0, bound=0.7)
 SLOWED = slowed(CLEAN, SEED)
@@ -25,15 +26,20 @@ def fitted(some, **given):
     return found, [str(each.message) for each in caught if "slower" in str(each.message)]
 
 
+@pytest.fixture(scope="module")
+def slow_fit():
+    return fitted(SLOWED)
+
+
 def test_a_clean_set_has_no_slow_trials():
     found, said = fitted(CLEAN)
     assert said == []
     assert slow_trials(found.optimum).gain_nats < 0.5
 
 
-def test_a_tail_of_slow_trials_is_said_with_their_number():
+def test_a_tail_of_slow_trials_is_said_with_their_number(slow_fit):
     """Of 600 trials 5 % have an exponential delay, and lapses take up a part of them."""
-    found, (text,) = fitted(SLOWED)
+    found, (text,) = slow_fit
     slow = slow_trials(found.optimum)
     assert slow.gain_nats > 1
     assert text.startswith(f"all, constant_gap: about {round(600 * slow.share)} of 600 trials are")
@@ -42,19 +48,17 @@ def test_a_tail_of_slow_trials_is_said_with_their_number():
     assert "free lapse, which" not in text
 
 
-def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps():
+def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps(slow_fit):
     held, (text,) = fitted(SLOWED, fixed={"lapse": 0.001})
     assert "free lapse, which" in text
-    free, _ = fitted(SLOWED)
+    free, _ = slow_fit
     off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
     assert off[0] < off[1] / 2
 
 
 @pytest.mark.parametrize("scale", [0.25, 4])
-def test_slow_trials_are_those_of_the_density_whatever_the_unit_of_strength(scale):
-    one, other = (
-        slow_trials(fitted(each)[0].optimum)
-        for each in (SLOWED, replace(SLOWED, strength=scale * SLOWED.strength))
-    )
+def test_slow_trials_are_those_of_the_density_whatever_the_unit_of_strength(slow_fit, scale):
+    scaled, _ = fitted(replace(SLOWED, strength=scale * SLOWED.strength))
+    one, other = (slow_trials(each.optimum) for each in (slow_fit[0], scaled))
     assert other.share == one.share
     assert other.gain_nats == pytest.approx(one.gain_nats, abs=0.1)

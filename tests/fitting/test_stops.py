@@ -66,8 +66,14 @@ def test_differences_between_people_are_seen_in_the_likelihood(people, unknown):
     assert set(shared.errors) == {"ssrt_ms", "ssrt_trial_sd_ms", "failures"}
 
 
-def test_one_half_predicts_the_other_if_the_race_is_right(people, unknown):
-    for fit, found in halves(people, slowed=False, go=unknown).values():
+@pytest.fixture(scope="module")
+def both_halves(people, unknown):
+    """Return fits of either half of the trials, and what they predict of the other."""
+    return halves(people, slowed=False, go=unknown)
+
+
+def test_one_half_predicts_the_other_if_the_race_is_right(people, both_halves):
+    for fit, found in both_halves.values():
         assert abs(found.bias) < 0.03
         assert found.p > 0.01
         assert found.largest < 0.11
@@ -77,7 +83,7 @@ def test_one_half_predicts_the_other_if_the_race_is_right(people, unknown):
         )
 
 
-def test_shuffled_delays_are_not_predicted(people, unknown):
+def test_shuffled_delays_are_not_predicted(people, unknown, both_halves):
     """Negative control: outcomes that do not depend on the delay contradict the closed form."""
     rng = np.random.default_rng(5)
     shuffled = {}
@@ -85,7 +91,7 @@ def test_shuffled_delays_are_not_predicted(people, unknown):
         ssd = trials.ssd_ms.copy()
         ssd[trials.stop] = rng.permutation(ssd[trials.stop])
         shuffled[who] = replace(trials, ssd_ms=ssd)
-    fit, _ = halves(people, slowed=False, go=unknown)["odd"]
+    fit, _ = both_halves["odd"]
     worse, prediction = halves(shuffled, slowed=False, go=unknown)["odd"]
     assert worse.log_likelihood < fit.log_likelihood - 100
     assert prediction.deciles["predicted"].std() < 0.1

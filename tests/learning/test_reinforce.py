@@ -56,8 +56,15 @@ def run_from(start, sign=1.0, policy=None, runs=4, seed=5):
     )
 
 
-@pytest.mark.parametrize("start", [0.5, 7.5])
-@pytest.mark.parametrize("policy", [GaussianPolicy(), BernoulliPolicy()])
+@pytest.mark.parametrize(
+    ("start", "policy"),
+    [
+        (0.5, BernoulliPolicy()),
+        (7.5, GaussianPolicy()),
+        pytest.param(0.5, GaussianPolicy(), marks=pytest.mark.validate),
+        pytest.param(7.5, BernoulliPolicy(), marks=pytest.mark.validate),
+    ],
+)
 def test_learning_approaches_the_exact_optimum(start, policy):
     pair = gaussian_pair(D)
     best = optimal_delta(*pair, XI, t_max=T_MAX)

@@ -28,8 +28,12 @@ def draw(pins, *, specks=(), radius=3.0, size=SIZE):
     """Grey image of bright discs at the pins, smooth at the edges, in uneven light."""
     y, x = np.mgrid[:size, :size]
     apart = np.full(x.shape, np.inf)
-    for column, row in pins:
-        np.minimum(apart, np.hypot(x - column, y - row), out=apart)
+    reach = radius + 1.0  # farther from its centre a disc adds nothing
+    for pin in pins:
+        first, last = (np.clip(pin + side, 0, size).astype(int) for side in (-reach, reach + 1))
+        near = (slice(first[1], last[1]), slice(first[0], last[0]))
+        away = np.hypot(x[near] - pin[0], y[near] - pin[1])
+        apart[near] = np.minimum(apart[near], away)
     image = 20 + 120 * x / size + 100 * np.clip(radius + 0.5 - apart, 0, 1)
     for column, row in specks:
         image[row : row + 4, column : column + 4] = 220

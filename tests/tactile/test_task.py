@@ -3,6 +3,7 @@
 import json
 import warnings
 from dataclasses import asdict
+from functools import cache
 from importlib import resources
 
 import numpy as np
@@ -29,6 +30,18 @@ from circuits.errors import CalibrationWarning
 from tests.helpers import refused, run
 
 TAPS = held_out_taps()
+
+
+@cache
+def shipped(task, fold=0):
+    """Return readings of the shipped taps; fitted once for all tests."""
+    return source(TAPS, task, fold=fold)
+
+
+@cache
+def pairs(period_mm):
+    """Return readings of pairs of the shipped taps, fold by fold."""
+    return fold_sources(TAPS, period_mm)
 
 
 def test_the_shipped_table_is_small_and_says_where_it_is_from():
@@ -59,7 +72,7 @@ def test_the_shipped_taps_are_of_every_grating_that_the_default_library_holds():
 
 @pytest.mark.parametrize("period", [3.0, 4.0, 5.0])
 def test_coarse_gratings_are_decided_by_one_reading(period):
-    for readings in fold_sources(TAPS, period):
+    for readings in pairs(period):
         test = sprt(*increments(readings), 0.0, t_max=30)
         assert test.error_rate < 0.01
         assert test.mean_steps == pytest.approx(1)
@@ -67,13 +80,13 @@ def test_coarse_gratings_are_decided_by_one_reading(period):
 
 def test_fine_gratings_need_more_readings():
     for period, at_least in ((1.5, 0.2), (2.0, 0.1)):
-        test = sprt(*increments(fold_sources(TAPS, period)[0]), [0.0, 4.0], t_max=30)
+        test = sprt(*increments(pairs(period)[0]), [0.0, 4.0], t_max=30)
         assert test.error_rate[0] - test.error_rate[1] > at_least
         assert test.mean_steps[1] > 1.5
 
 
 def test_a_smooth_plate_gives_no_evidence():
-    for readings in fold_sources(TAPS, 0.0):
+    for readings in pairs(0.0):
         error = sprt(*increments(readings), [0.0, 4.0, 8.0], t_max=30).error_rate
         assert np.abs(error - 0.5).max() < 0.1
 
@@ -82,7 +95,7 @@ def test_a_smooth_plate_tells_no_orientation():
     """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
     accuracy = []
     for fold in range(6):
-        readings = source(TAPS, Orientations(8, period_mm=0.0), fold=fold)
+        readings = shipped(Orientations(8, period_mm=0.0), fold)
         evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
         accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
     assert abs(np.mean(accuracy) - 1 / 8) < 0.05
@@ -94,7 +107,7 @@ def test_a_smooth_plate_tells_no_orientation():
 
 def test_scored_taps_fit_nothing():
     """Whatever the scored fold holds, the likelihood is the same; other taps do change it."""
-    first = source(TAPS, SameDifferent(period_mm=2.0), fold=2).likelihood
+    first = shipped(SameDifferent(period_mm=2.0), 2).likelihood
     here = np.flatnonzero(np.isclose(TAPS["period_mm"], 2.0) & np.isclose(TAPS["yaw_deg"], 45))
     for fold, same in ((2, True), (3, False)):
         changed = TAPS.copy()
@@ -104,7 +117,7 @@ def test_scored_taps_fit_nothing():
 
 
 def test_shuffled_truth_is_at_chance():
-    readings = fold_sources(TAPS, 2.5)[0]
+    readings = pairs(2.5)[0]
     evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
     trace = Sprt().run(evidence)
     right = tally(trace, evidence.truth, [sprt_threshold_from_gap(4.0)]).accuracy[0]
@@ -116,7 +129,7 @@ def test_shuffled_truth_is_at_chance():
 
 @pytest.mark.parametrize("count", [2, 4, 8])
 def test_orientations_are_identified(count):
-    readings = source(TAPS, Orientations(count, period_mm=3.0), fold=1)
+    readings = shipped(Orientations(count, period_mm=3.0), 1)
     evidence = readings.draw(4000, 30, rng=stream(3, "orientations", count))
     accuracy = tally(Msprt().run(evidence), evidence.truth, -np.log([0.9, 0.99])).accuracy
     assert accuracy[1] > 0.9
@@ -124,7 +137,7 @@ def test_orientations_are_identified(count):
 
 
 def test_draws_are_paired_and_reproducible():
-    readings = fold_sources(TAPS, 2.0)[0]
+    readings = pairs(2.0)[0]
     a, b = (readings.draw(50, 5, rng=stream(1, "draw")) for _ in range(2))
     assert np.array_equal(a.log_likelihood, b.log_likelihood)
     assert a.truth.tolist() == [0, 1] * 25
@@ -194,13 +207,13 @@ def test_taps_belong_to_a_yaw_within_a_hundredth_of_a_degree():
     ("call", "says"),
     [
         (lambda: source(TAPS, SameDifferent(period_mm=2.0), fold=6), "fold"),
-        (lambda: source(TAPS, SameDifferent(period_mm=2.2), fold=0), "period_mm must be one of"),
+        (lambda: shipped(SameDifferent(period_mm=2.2), 0), "period_mm must be one of"),
         (
-            lambda: source(TAPS, SameDifferent(b_deg=9, period_mm=2.0), fold=0),
+            lambda: shipped(SameDifferent(b_deg=9, period_mm=2.0), 0),
             "taps --yaw-deg -45 9",
         ),
         (
-            lambda: fold_sources(TAPS, 2.0)[0].draw(0, 5, rng=stream(1)),
+            lambda: pairs(2.0)[0].draw(0, 5, rng=stream(1)),
             "trials must be",
         ),
         (
@@ -254,7 +267,7 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
 
 def test_orientations_repeat_after_half_a_turn():
     """A grating turned by 180 degrees is itself; an angle between them counts the shorter way."""
-    likelihood = source(TAPS, Orientations(4, period_mm=3.0), fold=1).likelihood
+    likelihood = shipped(Orientations(4, period_mm=3.0), 1).likelihood
     assert likelihood.period_deg == 180
     readings = np.array([-89.0, 0.0, 45.0, 89.9])
     np.testing.assert_allclose(likelihood(readings + 180), likelihood(readings), atol=1e-9)
@@ -271,9 +284,7 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
-    fine, coarse = (
-        source(TAPS, Orientations(count, period_mm=period), fold=0) for period in (1.0, 2.0)
-    )
+    fine, coarse = (shipped(Orientations(count, period_mm=period), 0) for period in (1.0, 2.0))
     with pytest.warns(
         CalibrationWarning, match=f"distinguish the {count} hypotheses at a period of 1 mm"
     ):

@@ -41,6 +41,7 @@ def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
     trials, steps, step_ms = 3, STEPS, STEP_MS
     if engine == "plain":
         circuit, trials, steps, step_ms = circuit.with_neurons(8), 1, 2, 5.0
+        made = engine_of(engine, settle_ms=20)
     drive = np.stack([drive_of(circuit, seed, steps) for seed in range(trials)])
     whole = made.run(circuit, drive, step_ms=step_ms, seed=7, first_trial=4)
     for trial in {0, trials - 1}:

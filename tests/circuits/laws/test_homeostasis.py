@@ -131,7 +131,7 @@ def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
     assert not circuit.unlesioned.chronic
 
 
-@pytest.mark.parametrize("channels", CHANNELS)
+@pytest.mark.parametrize("channels", [2, pytest.param(4, marks=pytest.mark.validate), 8])
 @pytest.mark.parametrize(
     ("name", "edit"),
     [

@@ -29,7 +29,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
     np.testing.assert_allclose(bands, 1, atol=0.1)
 
 
-@pytest.mark.parametrize("level", [1.0, 0.5])
+@pytest.mark.parametrize("level", [pytest.param(1.0, marks=pytest.mark.validate), 0.5])
 def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, in which every cell has a different rate, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
@@ -53,7 +53,10 @@ def test_power_of_cells_without_what_arrives_is_another():
     assert (np.abs(rate_spectrum(TABLE, "STN", frequency) / alone - 1) > 0.1).all()
 
 
-@pytest.mark.parametrize("edit", [{}, {"neurons": 900}, {"without": "STN"}])
+@pytest.mark.parametrize(
+    "edit",
+    [{}, pytest.param({"neurons": 900}, marks=pytest.mark.validate), {"without": "STN"}],
+)
 def test_out_scatters_as_computed(edit):
     """Means of 50 ms, 40 a trial."""
     table = TABLE.with_neurons(edit.get("neurons", 300))

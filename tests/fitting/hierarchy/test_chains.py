@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from bgmodel.fitting.hierarchy import chains
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
-from bgmodel.fitting.hierarchy.chains import BLOCK, CHAINS, agreement, sampled
+from bgmodel.fitting.hierarchy.chains import CHAINS, agreement, sampled
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.support.seeds import stream
@@ -51,22 +52,32 @@ def test_effective_size_counts_draws_that_repeat_only_once():
     assert agreement(sticky).effective[0] < 400
 
 
-def test_an_interrupted_run_goes_on_with_the_same_bytes(tmp_path):
+FEW = 40
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Make blocks and the warm-up short: their length changes nothing of how runs go on."""
+    monkeypatch.setattr(chains, "BLOCK", FEW)
+    monkeypatch.setattr(chains, "WARM_UP", FEW)
+
+
+def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
     path = tmp_path / "pieces" / "chains.npz"
-    whole = sampled(SAMPLER, START, seed=SEED, most=3 * BLOCK)
-    sampled(SAMPLER, START, seed=SEED, most=2 * BLOCK, path=path)
+    whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW)
+    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, path=path)
     assert path.is_file()
     told = []
-    rest = sampled(SAMPLER, START, seed=SEED, most=3 * BLOCK, path=path, tell=told.append)
+    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path, tell=told.append)
     assert not any("warm-up" in each for each in told)
     assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
 
 @pytest.mark.parametrize("content", [b"", b"PK damaged", None], ids=["empty", "damaged", "absent"])
-def test_a_file_that_cannot_be_read_is_made_anew(tmp_path, content):
+def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
     path = tmp_path / "chains.npz"
     if content is not None:
         path.write_bytes(content)
-    found = sampled(SAMPLER, START, seed=SEED, most=BLOCK, path=path)
+    found = sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
     assert len(found) == CHAINS
     assert not list(tmp_path.glob(".*partial*"))

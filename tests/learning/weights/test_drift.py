@@ -42,7 +42,8 @@ def test_readings_change_linearly_from_the_first_trial_of_the_drift_to_its_last(
     assert drifting.at_trial(999) is pool
     for number, share in ((1000, 0.0), (1250, 0.5), (1500, 1.0), (9000, 1.0)):
         seen = drifting.at_trial(number).readings[1]
-        assert seen == pytest.approx((1 - 0.4 * share) * pool.readings[1] + 10 * share)
+        wanted = (1 - 0.4 * share) * pool.readings[1] + 10 * share
+        np.testing.assert_allclose(seen, wanted, rtol=1e-6, atol=1e-12)
     abrupt = DriftingSensor(pool, scale=0.6, begins=1000)
     assert np.array_equal(abrupt.at_trial(1000).readings[0], abrupt.after.readings[0])
 
