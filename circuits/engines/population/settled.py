@@ -4,9 +4,8 @@ A trial begins in the state of the circuit after ``settle_ms`` at rest. Without 
 in all trials. With noise, trials share states, and trial t has number ``t % n``, where n grows with
 t from ``FEWEST`` to ``MOST_STATES`` (``number_of``). The noise of a state depends only on the seed
 and on its number, so that circuits are compared from the same noise, and no trial depends on its
-neighbours. Trials that share a state have separate noise and evidence from the onset on. Their
-decision times correlate by 0.001 to 0.003 (``benchmarks/scores/population.py``), so that the
-standard error of a mean over 50 000 trials is 3 % larger than that of independent trials.
+neighbours. Trials that share a state have separate noise and evidence from the onset on; the
+correlation of their decisions is measured by ``benchmarks/scores/settled.py``.
 """
 
 from __future__ import annotations
