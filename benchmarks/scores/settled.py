@@ -35,7 +35,7 @@ RESAMPLES = 1000
 
 
 def correlation(values: Array, state: Array) -> tuple[float, float, float]:
-    """Return the mean correlation of pairs that share a state, and its 95 % interval over states."""
+    """Return the mean correlation of pairs that share a state, with its 95 % interval."""
     z = (values - values.mean()) / values.std()
     count = np.bincount(state)
     products = np.bincount(state, z) ** 2 - np.bincount(state, z**2)
