@@ -1,0 +1,249 @@
+"""Search for the task that tells two models apart with the fewest trials, and check it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.discriminating.designs import Design, Told, row, shares_of, told
+from bgmodel.discriminating.models import Model, model_of, same_rule
+from bgmodel.discriminating.result import Discrimination, needed
+from bgmodel.discriminating.search import Place, search
+from bgmodel.discriminating.sequential import experiments
+from bgmodel.discriminating.space import Space, check_space
+from bgmodel.discriminating.trials import Trials
+from bgmodel.exam.examinee import quiet
+from bgmodel.integrators.sprt import Integrator
+from bgmodel.support.checks import whole
+from bgmodel.support.seeds import stream
+from circuits.circuit import Circuit
+from circuits.errors import EditWarning, InputError, require
+
+SEED, CHECK_SEED = 99_101, 99_201
+"""Default seeds of the search and of the check of the best task; simulated experiments have the
+one after that of the check."""
+REPEATS = 200
+"""Simulated experiments for each of the two models."""
+Tell = Callable[[str], None]
+
+
+def discriminate(
+    first: Circuit | Integrator | str | Path,
+    second: Circuit | Integrator | str | Path | None = None,
+    *,
+    first_edits: Iterable[str] = (),
+    second_edits: Iterable[str] = (),
+    space: Space | str | Path | None = None,
+    thresholds: Literal["matched", "free"] = "matched",
+    non_decision: Literal["same", "free"] | None = None,
+    trials: int = 1000,
+    check_trials: int = 4000,
+    evaluations: int = 64,
+    seed: int = SEED,
+    check_seed: int = CHECK_SEED,
+    engine: str = "population",
+    workers: int = 1,
+    tell: Tell = lambda _: None,
+) -> Discrimination:
+    """Search for the task that tells two models apart with the fewest trials.
+
+    Parameters
+    ----------
+    first, second : str, path, Circuit or Integrator
+        A circuit, by name, as a file or as such, or a test: "msprt" or a name of ``BASELINES``. By
+        default the second is the first, with other edits.
+    first_edits, second_edits : sequence of str
+        Edits of the circuits, as in ``Circuit.edited``.
+    space : Space or path, optional
+        The tasks; by default the shipped space.
+    thresholds : {"matched", "free"}
+        Each model's threshold is the one at which it has the task's accuracy in plain trials, since
+        nobody's threshold is known beforehand and an accuracy can be trained. "free": the rival of
+        the true model has the threshold at which it is hardest to tell from it.
+    non_decision : {"same", "free"}, optional
+        Whether both models have one non-decision time, or the rival of the true one that at which
+        it is hardest to tell apart. By default free if one model alone is a test: tests have no
+        latency, so that their times would differ by that of the circuit.
+    trials, check_trials : int
+        Trials of each kind in the search and in the check, at least 200.
+    evaluations : int
+        Most kinds of probe trials that are simulated in the search.
+    seed, check_seed : int
+        Seeds of the search, and of the check of its best task.
+    engine : str
+        Engine of circuits.
+    workers : int
+        Threads; results do not depend on them.
+    tell : function
+        Called with a text on the progress.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, models that are one, a circuit without nats, an invalid space, equal
+        seeds, or if no task of the space can be run.
+
+    Warns
+    -----
+    EditWarning
+        If a manipulation of the space cannot be made in both circuits; it is left out.
+
+    Notes
+    -----
+    Information per trial is the Kullback-Leibler divergence of choices and response times, binned
+    by quantiles; by the data processing inequality it is a lower bound on what times without bins
+    would tell. The best task is simulated again with another seed, because the best of many noisy
+    estimates is too good.
+    """
+    models = (
+        model_of(first, first_edits, engine=engine),
+        model_of(first if second is None else second, second_edits, engine=engine),
+    )
+    require(thresholds in ("matched", "free"), "thresholds", "must be matched or free", thresholds)
+    known = ("same", "free", None)
+    require(non_decision in known, "non_decision", "must be same or free", non_decision)
+    for name, count in (("trials", trials), ("check_trials", check_trials)):
+        whole(name, count, 200)
+    whole("evaluations", evaluations, 1)
+    apart = {whole("check_seed", check_seed, 0), check_seed + 1}
+    require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
+    space, left_out = _within(check_space(space), models)
+    one_test = sum(one.test is not None for one in models) == 1
+    free_time = non_decision == "free" or (non_decision is None and one_test)
+    free = thresholds == "free"
+    with quiet():
+        searched = Trials(models, space, seed, trials, free, workers)
+        found, refused = _searched(searched, free_time, evaluations, tell)
+        best = max(found, key=lambda one: one.low)
+        tell(f"check of the best task: {best.design.text()}")
+        check = _again(searched, best.design, check_seed, check_trials, free_time)
+        sequential = _experiments(searched, check, check_seed + 1, check_trials)
+        same = [n for n in space.channels if same_rule(*models, channels=n)]
+    table = pd.DataFrame([row(one) for one in found])
+    settings = {
+        "thresholds": thresholds, "non_decision": "free" if free_time else "same",
+        "trials": trials, "check_trials": check_trials, "seed": seed, "check_seed": check_seed,
+        "engine": engine, "left_out": left_out, "refused": refused,
+    }  # fmt: skip
+    return Discrimination(models, space, table, check, sequential, tuple(same), settings)
+
+
+def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
+    """Return the part of a space that both models can be in, and what is left out.
+
+    Raises
+    ------
+    ValueError
+        If the models are one, or a circuit cannot be built or has no nats.
+    """
+    for channels in space.channels:
+        for one in models:
+            one.check(channels)
+        if models[0].identity(channels) == models[1].identity(channels):
+            said = f"{models[0].name} and {models[1].name} are one model: nothing tells them apart"
+            raise InputError(said, "second")
+    if any(one.test is not None for one in models):
+        gone = [*space.edits, *(["stop_nats"] if space.stop_nats != (0.0,) else [])]
+        return space.of_tests(), gone
+    left_out = []
+    for axis, lines in space.edits.items():
+        for text in lines:
+            try:
+                for one in models:
+                    one.check(space.channels[0], [*text.split(";")] if text else [])
+            except ValueError as error:
+                EditWarning.warn(f"{axis}: {text!r} is left out of the space: {error}")
+                space, left_out = space.without(axis, text), [*left_out, text]
+    return space, left_out
+
+
+def _searched(
+    trials: Trials, free_time: bool, evaluations: int, tell: Tell
+) -> tuple[list[Told], list[str]]:
+    """Return what every task that was tried tells, and why others could not be run."""
+    axes = trials.space.axes()
+    found: list[Told] = []
+    refused: list[str] = []
+
+    def score(place: Place) -> float:
+        values = {name: axes[name][k] for name, k in zip(axes, place, strict=True)}
+        probe = trials.space.probe(values)
+        tell(probe.text())
+        try:
+            here = list(told(trials, probe, free_time))
+        except ValueError as error:
+            refused.append(f"{probe.text()}: {error}")
+            return -np.inf
+        found.extend(here)
+        return max((one.low for one in here), default=-np.inf)
+
+    sizes = [len(values) for values in axes.values()]
+    search(sizes, score, evaluations=evaluations, seed=trials.seed)
+    if not found:
+        why = refused[0] if refused else "no accuracy is reached by both models"
+        raise InputError(f"no task of the space can be run: {why}", "space")
+    return found, refused
+
+
+def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
+    """Return trials of one task alone, with another seed."""
+    space = replace(trials.space, accuracy=(design.accuracy,), deadline_ms=(design.deadline_ms,))
+    return replace(trials, space=space, seed=seed, trials=count, kept={})
+
+
+def _again(trials: Trials, design: Design, seed: int, count: int, free_time: bool) -> Told:
+    """Return what a task tells with another seed.
+
+    Raises
+    ------
+    ValueError
+        If a model does not reach the accuracy on these trials.
+    """
+    found = list(told(_only(trials, design, seed, count), design.probe, free_time))
+    if not found:
+        said = f"{design.text()}: the accuracy is not reached with seed {seed}"
+        raise InputError(said, "check_seed")
+    return found[0]
+
+
+def _experiments(trials: Trials, check: Told, seed: int, count: int) -> pd.DataFrame:
+    """Return predicted numbers of trials, and those of simulated sequential experiments.
+
+    Columns truth, nats, error, median, low, high, wald_mean (trials until a Bayes factor of 10),
+    simulated_median, right (share of experiments that end in favour of the truth), experiments.
+    """
+    others = _only(trials, check.design, seed, count)
+    # Thresholds are those of the check; these trials give choices and times alone.
+    others.kept.update(_levels_of(check, trials.models, others))
+    rows = []
+    for k, way in enumerate(check.directions):
+        predicted = needed(way.information)
+        found = {"truth": trials.models[k].name, **predicted}
+        if np.isfinite(predicted["median"]):
+            kinds, shares = shares_of(others, check.design.probe)
+            bins = []
+            for partition, kind in zip(way.partitions, kinds, strict=True):
+                mine = others.simulated(k, kind).at(way.levels[0], check.design.deadline_ms)
+                bins.append(partition.place(mine))
+            cuts = np.cumsum([one.bins for one in way.partitions])[:-1]
+            ratios = np.split(way.information.values, cuts)
+            rng = stream(seed, "discriminate", "experiments", k)
+            ended, right = experiments(ratios, bins, shares, rng, repeats=REPEATS)
+            found |= {"simulated_median": float(np.median(np.nan_to_num(ended, nan=np.inf)))}
+            found |= {"right": float(right.mean()), "experiments": REPEATS}
+        rows.append(found)
+    return pd.DataFrame(rows)
+
+
+def _levels_of(check: Told, models: tuple[Model, Model], others: Trials) -> dict[object, object]:
+    """Return the thresholds of the check, as they are kept with trials."""
+    probe, accuracy = check.design.probe, check.design.accuracy
+    return {
+        ("levels", k, probe.channels, probe.d_prime): {accuracy: check.directions[k].levels[0]}
+        for k in (0, 1)
+    }

@@ -1,0 +1,72 @@
+"""The picture of a search: what each value of an axis can tell, and the trials that are needed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bgmodel.discriminating.sequential import FACTOR
+from circuits.plots import GREY, PALETTE, panels, styled
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bgmodel.discriminating.result import Discrimination
+
+LEAST_NATS = 1e-5
+"""Information is drawn from here on."""
+
+
+@styled
+def draw(found: Discrimination) -> Figure:
+    """Draw a map of the space, and the trials that the best task needs."""
+    rows = found.axes()
+    figure, axes = panels(1, 2, size=(7.2, 0.19 * len(rows) + 1.4), width_ratios=[1.6, 1])
+    draw_map(axes[0, 0], rows)
+    draw_trials(axes[0, 1], found.sequential)
+    for ax, name in zip(axes[0], "ab", strict=True):
+        ax.set_title(name, loc="left", fontweight="bold")
+    title = f"{found.models[0].name} against {found.models[1].name}: {found.verdict}"
+    figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
+    """Draw, for each value of each axis, what the best task with that value tells."""
+    nats = np.maximum(rows["nats"], LEAST_NATS)
+    low = np.maximum(rows["low"], LEAST_NATS)
+    y = np.arange(len(rows))
+    ax.hlines(y, low, nats, color=GREY, lw=1)
+    ax.plot(nats, y, "o", ms=4, color=PALETTE[0])
+    for start in np.flatnonzero(rows["axis"].ne(rows["axis"].shift()))[1:]:
+        ax.axhline(start - 0.5, color="0.85", lw=0.6)
+    names = [f"{row['axis']} {row['value']}" for row in rows.to_dict("records")]
+    ax.set_yticks(y, [name.replace("lesion lesion", "lesion") for name in names])
+    ax.set(
+        xscale="log", xlim=(LEAST_NATS * 0.8, None), ylim=(len(rows) - 0.5, -0.5),
+        xlabel="Most information per trial (nats)",
+    )  # fmt: skip
+
+
+def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
+    """Draw predicted and simulated numbers of trials, for either model being true."""
+    for y, row in enumerate(sequential.to_dict("records")):
+        style: dict[str, Any] = {"color": PALETTE[y % len(PALETTE)]}
+        if np.isfinite(row["median"]):
+            ax.hlines(y, row["low"], row["high"], lw=2, **style)
+            ax.plot(row["median"], y, "o", ms=5, **style)
+            ax.plot(row["simulated_median"], y, "kx", ms=6)
+        else:
+            ax.annotate(
+                f"more than {row['low']:,.0f}", (0.03, y), xycoords=("axes fraction", "data"),
+                va="center", fontsize=7,
+            )  # fmt: skip
+    ax.set_yticks(range(len(sequential)), [f"{name} true" for name in sequential["truth"]])
+    ax.set(ylim=(len(sequential) - 0.5, -0.5), xlabel=f"Trials until a Bayes factor of {FACTOR:g}")
+    if np.isfinite(sequential["median"]).any():
+        ax.set_xscale("log")
+    else:
+        ax.set_xticks([])
