@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
@@ -20,6 +20,9 @@ from bgmodel.conditions import ENGINE
 from bgmodel.names import EngineName
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
+
+if TYPE_CHECKING:
+    from bgmodel.discriminating.result import Discrimination
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class DiscriminateRun(Shows):
     """Whether the rival's non-decision time is free; by default if one model alone is a test."""
     trials: int = 1000
     """Trials of each kind in the search."""
-    check_trials: int = 4000
+    check_trials: int = 10_000
     """Trials of each kind in the check of the best task."""
     evaluations: int = 64
     """Most kinds of probe trials that are simulated in the search."""
@@ -88,6 +91,20 @@ class DiscriminateRun(Shows):
             check_seed=CHECK_SEED if self.check_seed is None else self.check_seed,
             engine=self.engine, workers=self.workers, tell=say,
         )  # fmt: skip
+        self._write(found)
+        named = [path for path in (self.output, self.drawing) if path is not None]
+        written = f"\n-> {', '.join(map(str, named))}" if named else ""
+        rows = found.sequential.to_dict("records")
+        self.show(found.text() + written, found.table, **found.facts(), sequential=rows)
+        if self.plan is not None:
+            # Last, because the best task may be none that an experiment can hold.
+            text = found.experiment().to_toml()
+            with files.replacing(self.plan) as partial:
+                partial.write_text(text, encoding="utf-8")
+            self.note(f"-> {self.plan}")
+
+    def _write(self, found: Discrimination) -> None:
+        """Write the result and the drawing."""
         if self.output is not None and self.output.suffix == ".json":
             found.to_json(self.output)
         elif self.output is not None:
@@ -95,14 +112,6 @@ class DiscriminateRun(Shows):
             files.write_table(found.table, self.output, **behind)
         if self.drawing is not None:
             save_figure(found.plot(), self.drawing)
-        if self.plan is not None:
-            text = found.experiment().to_toml()
-            with files.replacing(self.plan) as partial:
-                partial.write_text(text, encoding="utf-8")
-        named = [path for path in (self.output, self.drawing, self.plan) if path is not None]
-        written = f"\n-> {', '.join(map(str, named))}" if named else ""
-        rows = found.sequential.to_dict("records")
-        self.show(found.text() + written, found.table, **found.facts(), sequential=rows)
 
     def more_outputs(self) -> list[Path]:
         """Return the path of the planned experiment."""
@@ -110,6 +119,9 @@ class DiscriminateRun(Shows):
 
     def _check(self) -> None:
         """Refuse invalid options before long work starts."""
+        from bgmodel.discriminating.models import model_of
+        from bgmodel.discriminating.planned import check_one_circuit
+
         check_whole(workers=self.workers)
         if self.output is not None:
             check_ending("output", self.output, ".json", ".csv", ".parquet")
@@ -117,3 +129,8 @@ class DiscriminateRun(Shows):
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         if self.plan is not None:
             check_ending("plan", self.plan, ".toml")
+            if self.first:
+                second = self.second or self.first
+                check_one_circuit(
+                    model_of(self.first, self.first_edits), model_of(second, self.second_edits)
+                )

@@ -153,7 +153,7 @@ def row(one: Told) -> dict[str, Any]:
         "d_prime": probe.d_prime,
         "conflict": probe.conflict,
         "stop_nats": probe.stop_nats,
-        "edits": "; ".join(probe.edits),
+        "edits": probe.edits,
         "accuracy": design.accuracy,
         "deadline_ms": design.deadline_ms,
     }

@@ -15,7 +15,7 @@ from bgmodel.discriminating.models import Model, model_of, same_rule
 from bgmodel.discriminating.result import Discrimination, needed
 from bgmodel.discriminating.search import Place, search
 from bgmodel.discriminating.sequential import experiments
-from bgmodel.discriminating.space import Space, check_space
+from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
 from bgmodel.discriminating.trials import Trials
 from bgmodel.exam.examinee import quiet
 from bgmodel.integrators.sprt import Integrator
@@ -42,7 +42,7 @@ def discriminate(
     thresholds: Literal["matched", "free"] = "matched",
     non_decision: Literal["same", "free"] | None = None,
     trials: int = 1000,
-    check_trials: int = 4000,
+    check_trials: int = 10_000,
     evaluations: int = 64,
     seed: int = SEED,
     check_seed: int = CHECK_SEED,
@@ -148,17 +148,16 @@ def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]
             said = f"{models[0].name} and {models[1].name} are one model: nothing tells them apart"
             raise InputError(said, "second")
     if any(one.test is not None for one in models):
-        gone = [*space.edits, *(["stop_nats"] if space.stop_nats != (0.0,) else [])]
-        return space.of_tests(), gone
-    left_out = []
-    for axis, lines in space.edits.items():
-        for text in lines:
-            try:
-                for one in models:
-                    one.check(space.channels[0], [*text.split(";")] if text else [])
-            except ValueError as error:
-                EditWarning.warn(f"{axis}: {text!r} is left out of the space: {error}")
-                space, left_out = space.without(axis, text), [*left_out, text]
+        reduced = space.of_tests()
+        return reduced, [n for n in OF_CIRCUITS if getattr(space, n) != getattr(reduced, n)]
+    left_out: list[str] = []
+    for text in filter(None, space.edits):
+        try:
+            for one in models:
+                one.check(space.channels[0], split(text))
+        except ValueError as error:
+            EditWarning.warn(f"{text!r} is left out of the space: {error}")
+            space, left_out = space.without(text), [*left_out, text]
     return space, left_out
 
 
@@ -171,8 +170,7 @@ def _searched(
     refused: list[str] = []
 
     def score(place: Place) -> float:
-        values = {name: axes[name][k] for name, k in zip(axes, place, strict=True)}
-        probe = trials.space.probe(values)
+        probe = Probe(**{name: axes[name][k] for name, k in zip(axes, place, strict=True)})
         tell(probe.text())
         try:
             here = list(told(trials, probe, free_time))

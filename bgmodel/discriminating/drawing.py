@@ -14,22 +14,31 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bgmodel.discriminating.result import Discrimination
-
+NAMES = {
+    "channels": "N", "d_prime": "d'", "conflict": "conflict", "stop_nats": "stop signal, nats",
+    "edits": "", "accuracy": "accuracy", "deadline_ms": "deadline, ms",
+}  # fmt: skip
+"""Axes as they are labelled."""
 LEAST_NATS = 1e-5
 """Information is drawn from here on."""
 
 
 @styled
-def draw(found: Discrimination) -> Figure:
-    """Draw a map of the space, and the trials that the best task needs."""
-    rows = found.axes()
+def draw(rows: pd.DataFrame, sequential: pd.DataFrame, title: str) -> Figure:
+    """Draw a map of the space, and the trials that the best task needs.
+
+    Parameters
+    ----------
+    rows, sequential : DataFrame
+        As from ``Discrimination.axes`` and ``Discrimination.summary``.
+    title : str
+        Title of the figure.
+    """
     figure, axes = panels(1, 2, size=(7.2, 0.19 * len(rows) + 1.4), width_ratios=[1.6, 1])
     draw_map(axes[0, 0], rows)
-    draw_trials(axes[0, 1], found.sequential)
+    draw_trials(axes[0, 1], sequential)
     for ax, name in zip(axes[0], "ab", strict=True):
         ax.set_title(name, loc="left", fontweight="bold")
-    title = f"{found.models[0].name} against {found.models[1].name}: {found.verdict}"
     figure.suptitle(title, x=0.01, ha="left")
     return figure
 
@@ -43,8 +52,8 @@ def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
     ax.plot(nats, y, "o", ms=4, color=PALETTE[0])
     for start in np.flatnonzero(rows["axis"].ne(rows["axis"].shift()))[1:]:
         ax.axhline(start - 0.5, color="0.85", lw=0.6)
-    names = [f"{row['axis']} {row['value']}" for row in rows.to_dict("records")]
-    ax.set_yticks(y, [name.replace("lesion lesion", "lesion") for name in names])
+    names = [f"{NAMES[row['axis']]} {row['value']}".strip() for row in rows.to_dict("records")]
+    ax.set_yticks(y, names)
     ax.set(
         xscale="log", xlim=(LEAST_NATS * 0.8, None), ylim=(len(rows) - 0.5, -0.5),
         xlabel="Most information per trial (nats)",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -133,7 +134,7 @@ class Model:
         model = self._model(evidence.hypotheses, (), seed, workers)
         test = tradeoff(Msprt(model.gain).run(evidence), evidence)
         about = thresholds_about(test, HIGHEST, LOWEST)
-        before = model.circuit.unedited or model.circuit
+        before = cast("Circuit", model.circuit.unedited or model.circuit)
         # An edit that shifts OUT shifts the counterparts of the test's thresholds.
         about = np.union1d(about, about + moved(before, model.circuit, about))
         levels = without_noise_alone(model, deciding_thresholds(model.circuit, about))
@@ -178,9 +179,10 @@ def model_of(
     def built(channels: int) -> Circuit:
         circuit = checked_circuit(given, channels)  # type: ignore[arg-type]
         if circuit.channels != channels:
-            said = f"{circuit.name} has {circuit.channels} alternatives, the task {channels}"
             raise InputError(
-                f"{said}: give its name or file, from which others are built", "circuit"
+                f"{circuit.name} has {circuit.channels} alternatives, the task {channels}: give "
+                "its name or file, from which others are built",
+                "circuit",
             )
         return circuit.edited(*lines)
 

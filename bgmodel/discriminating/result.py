@@ -11,8 +11,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.discriminating.designs import Told
+from bgmodel.discriminating.drawing import draw
 from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.models import Model
+from bgmodel.discriminating.planned import planned
 from bgmodel.discriminating.sequential import exit_median, median_trials, wald_mean
 from bgmodel.discriminating.space import Space
 from bgmodel.exam.numbers import Z95
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
     from bgmodel.experiments.experiment import Experiment
 
+AXES = ("channels", "d_prime", "conflict", "stop_nats", "edits", "accuracy", "deadline_ms")
 TOLD, UNTOLD = "can be told apart", "cannot tell"
 """Verdicts."""
 
@@ -126,24 +129,17 @@ class Discrimination(Facts):
         return self.table
 
     def axes(self) -> pd.DataFrame:
-        """Return a map of the space: axis, value, and what the best task with that value tells.
+        """Return a map of the space: what the best task with each value of each axis tells.
 
-        Columns axis, value, tried (number of tasks), nats, low and edits of the best of them. A
-        value that no search tried is missing.
+        Columns axis, value, tried (number of tasks), and nats and low of the best of them.
         """
         rows = []
-        for name in ("channels", "d_prime", "conflict", "stop_nats", "accuracy", "deadline_ms"):
-            for value, part in self.table.groupby(name):
-                rows.append({"axis": name, "value": f"{value:g}", **_best(part)})
-        for name, lines in self.space.edits.items():
-            for text in lines:
-                within = self.table["edits"].str.contains(text, regex=False)
-                # "" is no manipulation of this axis, whatever the others are.
-                rest = [line for line in lines if line]
-                none = ~self.table["edits"].apply(lambda x, rest=rest: any(r in x for r in rest))
-                part = self.table[within if text else none]
-                if len(part):
-                    rows.append({"axis": name, "value": text or "none", **_best(part)})
+        for name in AXES:
+            for value, part in self.table.groupby(name, sort=name != "edits"):
+                shown = (str(value) or "none") if name == "edits" else f"{value:g}"
+                best = part.iloc[int(part["low"].argmax())]
+                found = {"tried": len(part), "nats": best["nats"], "low": best["low"]}
+                rows.append({"axis": name, "value": shown, **found})
         return pd.DataFrame(rows)
 
     def text(self) -> str:
@@ -173,15 +169,16 @@ class Discrimination(Facts):
         ValueError
             Unless the models are edits of one circuit given by name or file.
         """
-        from bgmodel.discriminating.planned import planned
-
-        return planned(self)
+        median = float(self.sequential["median"].max())
+        return planned(
+            self.models, self.check, self.space, median, self.sentence(),
+            self.settings["check_seed"],
+        )  # fmt: skip
 
     def plot(self) -> Figure:
         """Draw a map of the space, and the trials that the best task needs."""
-        from bgmodel.discriminating.drawing import draw
-
-        return draw(self)
+        title = f"{self.models[0].name} against {self.models[1].name}: {self.verdict}"
+        return draw(self.axes(), self.sequential, title)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Return the result as JSON, with settings, seeds and versions; write it to a path."""
@@ -197,11 +194,6 @@ class Discrimination(Facts):
             with replacing(path) as partial:
                 partial.write_text(text + "\n", encoding="utf-8")
         return text
-
-
-def _best(part: pd.DataFrame) -> dict[str, Any]:
-    best = part.loc[part["low"].idxmax()]
-    return {"tried": len(part), "nats": best["nats"], "low": best["low"], "edits": best["edits"]}
 
 
 def _number(count: float) -> str:

@@ -1,4 +1,4 @@
-"""The search over a space of tasks: complete if it is small, otherwise by differential evolution."""
+"""The search over a space: complete if it is small, otherwise by differential evolution."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def search(
     from scipy.stats import qmc
 
     def cost(where: np.ndarray) -> float:
-        place = tuple(int(round(x)) for x in where)
+        place = tuple(round(float(x)) for x in where)
         if place not in known and len(known) < evaluations:
             known[place] = score(place)
         return -known.get(place, -np.inf) if np.isfinite(known.get(place, -np.inf)) else 1e9

@@ -43,7 +43,7 @@ def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> floa
     odd = np.where(np.arange(1, 400) % 2, 1.0, -1.0)
     half = tilt * length / 2
     if half > STEEP:
-        return length / 2 / mean
+        return float(length / 2 / mean)
     # The integral of exp(tilt x) sin(k x), relative to the start half-way.
     ends = k * (np.exp(-half) + odd * np.exp(half)) / (tilt**2 + k**2)
     size = 2 / length * ends * np.sin(k * length / 2)
@@ -68,8 +68,8 @@ def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> f
 
     Notes
     -----
-    Small numbers are those of the exact Markov chain (``theory.first_passage``), interpolated
-    between whole trials; larger ones those of the diffusion.
+    Small numbers are those of the exact Markov chain (``theory.first_passage``), larger ones those
+    of the diffusion.
     """
     mean = float(weights @ values)
     variance = float(weights @ (values - mean) ** 2)
@@ -78,10 +78,7 @@ def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> f
         return about
     steps = walk(Empirical(values, weights), -bound, bound, t_max=int(4 * about) + 20).steps_pmf
     assert steps is not None
-    below = np.cumsum(steps)
-    k = int(np.searchsorted(below, 0.5))
-    before = below[k - 1] if k else 0.0
-    return float(k - 1 + (0.5 - before) / (below[k] - before))
+    return float(np.searchsorted(np.cumsum(steps), 0.5))
 
 
 def wald_mean(nats: float, bound: float = BOUND_NATS) -> float:

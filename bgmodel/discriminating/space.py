@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.resources import files as resources
-from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,11 +14,11 @@ from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
 SHIPPED = resources("bgmodel.discriminating") / "shipped"
-OF_CIRCUITS = "stop_nats"
-"""Axis that, like the edits, only circuits have."""
-PROBED = ("channels", "d_prime", "conflict", OF_CIRCUITS)
-"""Axes, apart from the edits, for whose values trials are simulated; accuracies and deadlines are
-read from the same trials."""
+OF_CIRCUITS = ("stop_nats", "edits")
+"""Axes that only circuits have: tests have no nuclei."""
+PROBED = ("channels", "d_prime", "conflict", *OF_CIRCUITS)
+"""Axes for whose values trials are simulated; accuracies and deadlines are read from the same
+trials."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Probe:
     d_prime: float
     conflict: float = 0.0
     stop_nats: float = 0.0
-    edits: tuple[str, ...] = ()
+    edits: str = ""
 
     @property
     def plain(self) -> Probe:
@@ -45,7 +43,12 @@ class Probe:
             found.append(f"conflict {self.conflict:g}")
         if self.stop_nats:
             found.append(f"stop signal {self.stop_nats:g} nats")
-        return ", ".join([*found, *self.edits])
+        return ", ".join([*found, *self.lines])
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The manipulation, as lines of edits."""
+        return split(self.edits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +78,8 @@ class Space:
     """Mean of one competitor relative to that of the truth, in probe trials."""
     stop_nats: tuple[float, ...] = (0.0,)
     """Stop signal to STN in probe trials, nats; 0 is none."""
-    edits: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Manipulations of both circuits in probe trials, an axis each; "" is none, and lines that are
-    made together are separated by ";"."""
+    edits: tuple[str, ...] = ("",)
+    """Manipulations of both circuits in probe trials; "" is none, and ";" joins several."""
     share: float = 0.5
     """Share of probe trials, if probes differ from plain trials."""
     stop_delay_ms: float = 200.0
@@ -88,7 +90,7 @@ class Space:
     """Standard deviation of the non-decision time, which is added to the times of both models."""
 
     def __post_init__(self) -> None:
-        for name, values in (*self._lists().items(), *self.edits.items()):
+        for name, values in self._lists().items():
             require(len(values) > 0, name, "must have at least one value", values)
             once = len(set(values)) == len(values)
             require(once, name, "must not have a value twice, which is no difference", values)
@@ -104,9 +106,8 @@ class Space:
         require(0 < self.share < 1, "share", "must be between 0 and 1", self.share)
         check_range(0, 1000, non_decision_sd_ms=self.non_decision_sd_ms)
         check_range(0, self.longest_ms, stop_delay_ms=self.stop_delay_ms)
-        for lines in self.edits.values():
-            for text in lines:
-                Edits(split(text))
+        for text in self.edits:
+            Edits(split(text))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Space:
@@ -136,41 +137,25 @@ class Space:
 
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Return the values of every axis for which trials are simulated."""
-        return {name: getattr(self, name) for name in PROBED} | dict(self.edits)
+        return {name: getattr(self, name) for name in PROBED}
 
     def of_tests(self) -> Space:
         """Return the part of the space in which tests can be: without nuclei."""
-        return replace(self, stop_nats=(0.0,), edits={})
+        return replace(self, stop_nats=(0.0,), edits=("",))
 
-    def without(self, axis: str, text: str) -> Space:
-        """Return the space without one value of an axis of edits."""
-        kept = tuple(value for value in self.edits[axis] if value != text)
-        edits = {name: values for name, values in self.edits.items() if name != axis}
-        return replace(self, edits=edits | ({axis: kept} if kept else {}))
-
-    def probe(self, values: dict[str, Any]) -> Probe:
-        """Return the probe trials of one value of each axis."""
-        lines = [line for name in self.edits for line in split(values[name])]
-        return Probe(*(values[name] for name in PROBED), tuple(lines))
-
-    def size(self) -> int:
-        """Number of probes in the space."""
-        return math.prod(len(values) for values in self.axes().values())
-
-    def probes(self) -> Iterator[Probe]:
-        """Yield every probe of the space."""
-        axes = self.axes()
-        for values in product(*axes.values()):
-            yield self.probe(dict(zip(axes, values, strict=True)))
+    def without(self, text: str) -> Space:
+        """Return the space without one manipulation."""
+        kept = tuple(one for one in self.edits if one != text)
+        return replace(self, edits=kept or ("",))
 
     def _lists(self) -> dict[str, tuple[Any, ...]]:
         names = (*PROBED, "accuracy", "deadline_ms")
         return {name: getattr(self, name) for name in names}
 
 
-def split(text: str) -> list[str]:
+def split(text: str) -> tuple[str, ...]:
     """Return the lines of a manipulation."""
-    return [line.strip() for line in text.split(";") if line.strip()]
+    return tuple(line.strip() for line in text.split(";") if line.strip())
 
 
 def check_space(space: Space | str | Path | None) -> Space:

@@ -127,9 +127,8 @@ class Trials:
         levels = np.array(list(self.levels(k, probe).values()))
         if not levels.size:
             asked = ", ".join(f"{a:g}" for a in self.space.accuracy)
-            raise InputError(
-                f"{self.models[k].name} does not reach {asked} by evidence", "accuracy"
-            )
+            said = f"{self.models[k].name} does not reach an accuracy of {asked} by evidence"
+            raise InputError(said, "accuracy")
         kind = "plain" if probe == probe.plain else "probe"
         names = ("discriminate", kind, probe.channels, probe.d_prime)
         # Evidence with and without conflict differs in one mean alone.
@@ -138,7 +137,7 @@ class Trials:
             step_ms=self.space.step_ms, conflict=probe.conflict, seed=stream(self.seed, *names),
         )  # fmt: skip
         decided = self.models[k].decided(
-            evidence, levels, edits=probe.edits,
+            evidence, levels, edits=probe.lines,
             stop=(probe.stop_nats, self.space.stop_delay_ms), seed=self._noise(kind),
             workers=self.workers,
         )  # fmt: skip

@@ -1,0 +1,123 @@
+"""Tasks that tell two models apart: pairs that theory says can, or cannot, be told apart.
+
+Each pair is searched with one seed, its best task is checked with another, and two hundred
+sequential experiments are simulated with a third.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import pandas as pd
+
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel.discriminating.discriminate import discriminate
+from bgmodel.discriminating.space import Space
+from circuits.anatomy import DEFAULT
+
+SEARCH_SEED, CHECK_SEED, EXPERIMENTS_SEED = 99_101, 99_201, 99_202
+"""Seeds of searches, of checks, and of simulated experiments (the one after that of the check)."""
+TRIALS, EVALUATIONS = 600, 40
+CHECKED = {"tests": 20_000, "circuits": 8_000}
+"""Trials of each kind in the check."""
+COARSE = 400
+LOST = ("lesion STN 100%", "compensate")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two models, and how they are searched."""
+
+    name: str
+    first: str
+    second: str
+    edits: tuple[str, ...] = ()
+    signals: bool = True
+    """Whether the space has stop signals and pulses to STN."""
+    options: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """What the models are."""
+        return "circuits" if DEFAULT in (self.first, self.second) else "tests"
+
+
+PAIRS = (
+    Pair("MSPRT, max vs average", "msprt", "max vs average"),
+    Pair("MSPRT, max vs average, N = 2", "msprt", "max vs average"),
+    Pair("intact, 10 % of STN lost", DEFAULT, DEFAULT, ("lesion STN 10%",)),
+    Pair("intact, STN lost and recovered", DEFAULT, DEFAULT, LOST),
+    Pair("the same without signals to STN", DEFAULT, DEFAULT, LOST, signals=False),
+    Pair(
+        "the same with free thresholds", DEFAULT, DEFAULT, LOST, False, (("thresholds", "free"),)
+    ),
+    Pair("intact, 10 % of GPe lost", DEFAULT, DEFAULT, ("lesion GPe 10%",)),
+    Pair("circuit, MSPRT", DEFAULT, "msprt"),
+)
+
+
+def space_of(pair: Pair) -> Space:
+    """Return the tasks of a pair: the shipped ones, or a part of them."""
+    space = Space.shipped()
+    if pair.name.endswith("N = 2"):
+        return replace(space, channels=(2,))
+    if not pair.signals:
+        edits = tuple(text for text in space.edits if "STN" not in text)
+        return replace(space, stop_nats=(0.0,), edits=edits)
+    return space
+
+
+def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
+    """Return the result of a pair: its trials, and its map of the space, one below the other."""
+    begun = time.process_time()
+    result = discriminate(
+        pair.first, pair.second, second_edits=pair.edits, space=space_of(pair),
+        trials=COARSE if fast else TRIALS, evaluations=8 if fast else EVALUATIONS,
+        check_trials=COARSE if fast else CHECKED[pair.kind], seed=SEARCH_SEED,
+        check_seed=CHECK_SEED, workers=workers, **dict(pair.options),
+    )  # fmt: skip
+    taken = time.process_time() - begun
+    levels = {f"{name}_level": way.levels[0] for name, way in zip(
+        ("first", "second"), result.check.directions, strict=True)}  # fmt: skip
+    about = {
+        "verdict": result.verdict, "best": result.check.design.text(), "cpu_s": taken,
+        "same": ", ".join(map(str, result.same)), "tasks": len(result.table),
+        "most_nats": result.most_nats, **levels,
+    }  # fmt: skip
+    trials = result.sequential.assign(part="trials", **about)
+    return pd.concat([trials, result.axes().assign(part="axes")]).assign(pair=pair.name)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per pair."""
+    for pair in PAIRS:
+        checked = COARSE if fast else CHECKED[pair.kind]
+        seconds = 20 if pair.kind == "tests" else 120
+        yield Piece("pairs", pair.name, checked, seconds, partial(found, pair, fast, workers))
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the trials that each pair needs, and the map of its space."""
+    whole = made["pairs"]
+    trials = whole[whole["part"] == "trials"]
+    kept = [
+        "pair", "truth", "nats", "error", "median", "low", "high", "wald_mean", "simulated_median",
+        "right", "verdict", "best", "same", "tasks", "most_nats", "first_level", "second_level",
+        "cpu_s",
+    ]  # fmt: skip
+    shown = trials[kept].replace({float("inf"): float("nan")})
+    axes = whole[whole["part"] == "axes"]
+    return {
+        "trials": ("pairs", shown),
+        "axes": ("pairs", axes[["pair", "axis", "value", "tried", "nats", "low"]]),
+    }
+
+
+SCORE = Score("discriminate", CHECK_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
