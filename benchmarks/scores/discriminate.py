@@ -52,9 +52,7 @@ PAIRS = (
     Pair("intact, 10 % of STN lost", DEFAULT, DEFAULT, ("lesion STN 10%",)),
     Pair("intact, STN lost and recovered", DEFAULT, DEFAULT, LOST),
     Pair("the same without signals to STN", DEFAULT, DEFAULT, LOST, signals=False),
-    Pair(
-        "the same with free thresholds", DEFAULT, DEFAULT, LOST, False, (("thresholds", "free"),)
-    ),
+    Pair("the same with free thresholds", DEFAULT, DEFAULT, LOST, False, (("thresholds", "free"),)),
     Pair("intact, 10 % of GPe lost", DEFAULT, DEFAULT, ("lesion GPe 10%",)),
     Pair("circuit, MSPRT", DEFAULT, "msprt"),
 )

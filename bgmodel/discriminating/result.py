@@ -91,12 +91,16 @@ class Discrimination(Facts):
 
     @property
     def most_nats(self) -> float:
-        """Largest upper end (95 %) of the information per trial, over all tasks tried, nats."""
+        """Largest upper end (95 %) of the information per trial over all tasks tried, nats.
+
+        It is 0 at numbers of alternatives at which the models are one rule.
+        """
+        table = self.table[~self.table["channels"].isin(self.same)]
         ends = [
-            np.maximum(self.table[f"{way}_nats"], 0) + Z95 * self.table[f"{way}_error"]
+            np.maximum(table[f"{way}_nats"], 0) + Z95 * table[f"{way}_error"]
             for way in ("first", "second")
         ]
-        return float(np.max(ends))
+        return float(np.max(ends, initial=0.0))
 
     def facts(self) -> dict[str, str]:
         """Return the models, the verdict, the best task and the trials that it needs."""
@@ -182,7 +186,8 @@ class Discrimination(Facts):
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Return the result as JSON, with settings, seeds and versions; write it to a path."""
-        about = provenance(self.settings["seed"], **self.settings, space=self.space)
+        rest = {name: value for name, value in self.settings.items() if name != "seed"}
+        about = provenance(self.settings["seed"], **rest, space=self.space)
         tables = {"sequential": self.sequential, "axes": self.axes(), "records": self.table}
         rows = {
             name: json.loads(table.to_json(orient="records", double_precision=10))

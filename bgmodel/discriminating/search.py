@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 Place = tuple[int, ...]
-POPULATION = 24
+POPULATION = 16
 """Places with which a search begins, spread evenly (Sobol)."""
 
 
