@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 
@@ -28,6 +28,10 @@ COARSE = 400
 LOST = ("lesion STN 100%", "compensate")
 
 
+WHOLE, TWO, NO_EDITS, NO_SIGNALS = "whole", "N = 2", "no manipulation", "no signal to STN"
+"""Parts of the shipped space."""
+
+
 @dataclass(frozen=True)
 class Pair:
     """Two models, and how they are searched."""
@@ -36,9 +40,8 @@ class Pair:
     first: str
     second: str
     edits: tuple[str, ...] = ()
-    signals: bool = True
-    """Whether the space has stop signals and pulses to STN."""
-    options: tuple[tuple[str, Any], ...] = ()
+    part: str = WHOLE
+    thresholds: Literal["matched", "free"] = "matched"
 
     @property
     def kind(self) -> str:
@@ -46,27 +49,32 @@ class Pair:
         return "circuits" if DEFAULT in (self.first, self.second) else "tests"
 
 
+AVERAGE, TENTH = "max vs average", ("lesion STN 10%",)
 PAIRS = (
-    Pair("MSPRT, max vs average", "msprt", "max vs average"),
-    Pair("MSPRT, max vs average, N = 2", "msprt", "max vs average"),
-    Pair("intact, 10 % of STN lost", DEFAULT, DEFAULT, ("lesion STN 10%",)),
-    Pair("intact, STN lost and recovered", DEFAULT, DEFAULT, LOST),
-    Pair("the same without signals to STN", DEFAULT, DEFAULT, LOST, signals=False),
-    Pair("the same with free thresholds", DEFAULT, DEFAULT, LOST, False, (("thresholds", "free"),)),
-    Pair("intact, 10 % of GPe lost", DEFAULT, DEFAULT, ("lesion GPe 10%",)),
+    Pair("MSPRT, max vs average", "msprt", AVERAGE),
+    Pair("MSPRT, max vs average, N = 2", "msprt", AVERAGE, part=TWO),
+    Pair("STN 10 % lost, no manipulation", DEFAULT, DEFAULT, TENTH, NO_EDITS),
+    Pair("STN 10 % lost", DEFAULT, DEFAULT, TENTH),
+    Pair("STN lost, recovered", DEFAULT, DEFAULT, LOST),
+    Pair("STN lost, recovered, no signal to STN", DEFAULT, DEFAULT, LOST, NO_SIGNALS),
+    Pair("the same, thresholds free", DEFAULT, DEFAULT, LOST, NO_SIGNALS, "free"),
+    Pair("GPe 10 % lost", DEFAULT, DEFAULT, ("lesion GPe 10%",)),
     Pair("circuit, MSPRT", DEFAULT, "msprt"),
 )
+"""Where one circuit is named twice, the first model is intact."""
 
 
 def space_of(pair: Pair) -> Space:
     """Return the tasks of a pair: the shipped ones, or a part of them."""
     space = Space.shipped()
-    if pair.name.endswith("N = 2"):
-        return replace(space, channels=(2,))
-    if not pair.signals:
-        edits = tuple(text for text in space.edits if "STN" not in text)
-        return replace(space, stop_nats=(0.0,), edits=edits)
-    return space
+    quiet = tuple(text for text in space.edits if "STN" not in text)
+    parts: dict[str, dict[str, Any]] = {
+        WHOLE: {},
+        TWO: {"channels": (2,)},
+        NO_EDITS: {"edits": ("",)},
+        NO_SIGNALS: {"stop_nats": (0.0,), "edits": quiet},
+    }
+    return replace(space, **parts[pair.part])
 
 
 def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
@@ -76,7 +84,7 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
         pair.first, pair.second, second_edits=pair.edits, space=space_of(pair),
         trials=COARSE if fast else TRIALS, evaluations=8 if fast else EVALUATIONS,
         check_trials=COARSE if fast else CHECKED[pair.kind], seed=SEARCH_SEED,
-        check_seed=CHECK_SEED, workers=workers, **dict(pair.options),
+        check_seed=CHECK_SEED, workers=workers, thresholds=pair.thresholds,
     )  # fmt: skip
     taken = time.process_time() - begun
     levels = {f"{name}_level": way.levels[0] for name, way in zip(

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from bgmodel.discriminating.designs import Design, Told, row, shares_of, told
+from bgmodel.discriminating.checking import again, simulated_experiments
+from bgmodel.discriminating.designs import Told, row, told
 from bgmodel.discriminating.models import Model, model_of, same_rule
-from bgmodel.discriminating.result import Discrimination, needed
+from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.search import Place, search
-from bgmodel.discriminating.sequential import experiments
 from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
 from bgmodel.discriminating.trials import Trials
 from bgmodel.exam.examinee import quiet
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.support.checks import whole
-from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError, require
 
 SEED, CHECK_SEED = 99_101, 99_201
 """Default seeds of the search and of the check of the best task; simulated experiments have the
 one after that of the check."""
-REPEATS = 200
-"""Simulated experiments for each of the two models."""
 Tell = Callable[[str], None]
 
 
@@ -107,30 +103,36 @@ def discriminate(
     require(thresholds in ("matched", "free"), "thresholds", "must be matched or free", thresholds)
     known = ("same", "free", None)
     require(non_decision in known, "non_decision", "must be same or free", non_decision)
-    for name, count in (("trials", trials), ("check_trials", check_trials)):
-        whole(name, count, 200)
-    whole("evaluations", evaluations, 1)
-    apart = {whole("check_seed", check_seed, 0), check_seed + 1}
-    require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
+    _check_numbers(trials, check_trials, evaluations, seed, check_seed)
     space, left_out = _within(check_space(space), models)
     one_test = sum(one.test is not None for one in models) == 1
     free_time = non_decision == "free" or (non_decision is None and one_test)
-    free = thresholds == "free"
+    searched = Trials(models, space, seed, trials, thresholds == "free", workers)
     with quiet():
-        searched = Trials(models, space, seed, trials, free, workers)
         found, refused = _searched(searched, free_time, evaluations, tell)
         best = max(found, key=lambda one: one.low)
         tell(f"check of the best task: {best.design.text()}")
-        check = _again(searched, best.design, check_seed, check_trials, free_time)
-        sequential = _experiments(searched, check, check_seed + 1, check_trials)
-        same = [n for n in space.channels if same_rule(*models, channels=n)]
-    table = pd.DataFrame([row(one) for one in found])
+        check = again(searched, best.design, check_seed, check_trials, free_time)
+        sequential = simulated_experiments(searched, check, check_seed + 1, check_trials)
+        same = tuple(n for n in space.channels if same_rule(*models, channels=n))
     settings = {
         "thresholds": thresholds, "non_decision": "free" if free_time else "same",
         "trials": trials, "check_trials": check_trials, "seed": seed, "check_seed": check_seed,
         "engine": engine, "left_out": left_out, "refused": refused,
     }  # fmt: skip
-    return Discrimination(models, space, table, check, sequential, tuple(same), settings)
+    table = pd.DataFrame([row(one) for one in found])
+    return Discrimination(models, space, table, check, sequential, same, settings)
+
+
+def _check_numbers(
+    trials: int, check_trials: int, evaluations: int, seed: int, check_seed: int
+) -> None:
+    """Raise ValueError for too few trials, or seeds that are not apart."""
+    for name, count in (("trials", trials), ("check_trials", check_trials)):
+        whole(name, count, 200)
+    whole("evaluations", evaluations, 1)
+    apart = {whole("check_seed", check_seed, 0), check_seed + 1}
+    require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
 
 
 def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
@@ -186,62 +188,3 @@ def _searched(
         why = refused[0] if refused else "no accuracy is reached by both models"
         raise InputError(f"no task of the space can be run: {why}", "space")
     return found, refused
-
-
-def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
-    """Return trials of one task alone, with another seed."""
-    space = replace(trials.space, accuracy=(design.accuracy,), deadline_ms=(design.deadline_ms,))
-    return replace(trials, space=space, seed=seed, trials=count, kept={})
-
-
-def _again(trials: Trials, design: Design, seed: int, count: int, free_time: bool) -> Told:
-    """Return what a task tells with another seed.
-
-    Raises
-    ------
-    ValueError
-        If a model does not reach the accuracy on these trials.
-    """
-    found = list(told(_only(trials, design, seed, count), design.probe, free_time))
-    if not found:
-        said = f"{design.text()}: the accuracy is not reached with seed {seed}"
-        raise InputError(said, "check_seed")
-    return found[0]
-
-
-def _experiments(trials: Trials, check: Told, seed: int, count: int) -> pd.DataFrame:
-    """Return predicted numbers of trials, and those of simulated sequential experiments.
-
-    Columns truth, nats, error, median, low, high, wald_mean (trials until a Bayes factor of 10),
-    simulated_median, right (share of experiments that end in favour of the truth), experiments.
-    """
-    others = _only(trials, check.design, seed, count)
-    # Thresholds are those of the check; these trials give choices and times alone.
-    others.kept.update(_levels_of(check, trials.models, others))
-    rows = []
-    for k, way in enumerate(check.directions):
-        predicted = needed(way.information)
-        found = {"truth": trials.models[k].name, **predicted}
-        if np.isfinite(predicted["median"]):
-            kinds, shares = shares_of(others, check.design.probe)
-            bins = []
-            for partition, kind in zip(way.partitions, kinds, strict=True):
-                mine = others.simulated(k, kind).at(way.levels[0], check.design.deadline_ms)
-                bins.append(partition.place(mine))
-            cuts = np.cumsum([one.bins for one in way.partitions])[:-1]
-            ratios = np.split(way.information.values, cuts)
-            rng = stream(seed, "discriminate", "experiments", k)
-            ended, right = experiments(ratios, bins, shares, rng, repeats=REPEATS)
-            found |= {"simulated_median": float(np.median(np.nan_to_num(ended, nan=np.inf)))}
-            found |= {"right": float(right.mean()), "experiments": REPEATS}
-        rows.append(found)
-    return pd.DataFrame(rows)
-
-
-def _levels_of(check: Told, models: tuple[Model, Model], others: Trials) -> dict[object, object]:
-    """Return the thresholds of the check, as they are kept with trials."""
-    probe, accuracy = check.design.probe, check.design.accuracy
-    return {
-        ("levels", k, probe.channels, probe.d_prime): {accuracy: check.directions[k].levels[0]}
-        for k in (0, 1)
-    }

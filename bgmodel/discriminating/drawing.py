@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +35,10 @@ def draw(rows: pd.DataFrame, sequential: pd.DataFrame, title: str) -> Figure:
     title : str
         Title of the figure.
     """
-    figure, axes = panels(1, 2, size=(7.2, 0.19 * len(rows) + 1.4), width_ratios=[1.6, 1])
+    # An axis of one value is no axis.
+    several = rows[rows.groupby("axis")["value"].transform("size") > 1]
+    rows = several if len(several) else rows
+    figure, axes = panels(1, 2, size=(7.4, 0.2 * len(rows) + 1.5), width_ratios=[1.4, 1])
     draw_map(axes[0, 0], rows)
     draw_trials(axes[0, 1], sequential)
     for ax, name in zip(axes[0], "ab", strict=True):
@@ -53,29 +57,36 @@ def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
     for start in np.flatnonzero(rows["axis"].ne(rows["axis"].shift()))[1:]:
         ax.axhline(start - 0.5, color="0.85", lw=0.6)
     names = [f"{NAMES[row['axis']]} {row['value']}".strip() for row in rows.to_dict("records")]
-    ax.set_yticks(y, names)
+    ax.set_yticks(y, [fill(name, 28) for name in names])
     ax.set(
-        xscale="log", xlim=(LEAST_NATS * 0.8, None), ylim=(len(rows) - 0.5, -0.5),
+        xscale="log", xlim=(low.min() / 2, nats.max() * 2), ylim=(len(rows) - 0.5, -0.5),
         xlabel="Most information per trial (nats)",
     )  # fmt: skip
 
 
 def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
     """Draw predicted and simulated numbers of trials, for either model being true."""
+    from matplotlib.ticker import LogLocator, ScalarFormatter
+
+    known = np.isfinite(sequential["median"])
+    if known.any():
+        ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_formatter(ScalarFormatter())
+        ax.minorticks_off()
+        ends = sequential.loc[known, ["low", "high", "simulated_median"]]
+        ax.set_xlim(ends.min().min() / 2, ends.max().max() * 2)
+    else:
+        ax.set_xticks([])
     for y, row in enumerate(sequential.to_dict("records")):
         style: dict[str, Any] = {"color": PALETTE[y % len(PALETTE)]}
-        if np.isfinite(row["median"]):
+        if known.iloc[y]:
             ax.hlines(y, row["low"], row["high"], lw=2, **style)
             ax.plot(row["median"], y, "o", ms=5, **style)
             ax.plot(row["simulated_median"], y, "kx", ms=6)
         else:
-            ax.annotate(
-                f"more than {row['low']:,.0f}", (0.03, y), xycoords=("axes fraction", "data"),
-                va="center", fontsize=7,
-            )  # fmt: skip
-    ax.set_yticks(range(len(sequential)), [f"{name} true" for name in sequential["truth"]])
+            said = f"more than {row['low']:,.0f}" if np.isfinite(row["low"]) else "no number"
+            ax.text(0.03, y, said, transform=ax.get_yaxis_transform(), va="center", fontsize=7)
+    names = [fill(f"{name} true", 24) for name in sequential["truth"]]
+    ax.set_yticks(range(len(sequential)), names)
     ax.set(ylim=(len(sequential) - 0.5, -0.5), xlabel=f"Trials until a Bayes factor of {FACTOR:g}")
-    if np.isfinite(sequential["median"]).any():
-        ax.set_xscale("log")
-    else:
-        ax.set_xticks([])

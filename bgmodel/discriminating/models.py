@@ -179,11 +179,8 @@ def model_of(
     def built(channels: int) -> Circuit:
         circuit = checked_circuit(given, channels)  # type: ignore[arg-type]
         if circuit.channels != channels:
-            raise InputError(
-                f"{circuit.name} has {circuit.channels} alternatives, the task {channels}: give "
-                "its name or file, from which others are built",
-                "circuit",
-            )
+            said = f"{circuit.name} is of {circuit.channels} alternatives, the task of {channels}"
+            raise InputError(f"{said}: give its name or file", "circuit")
         return circuit.edited(*lines)
 
     title = f"{title}, {'; '.join(lines)}" if lines else title

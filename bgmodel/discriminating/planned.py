@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.discriminating.designs import Told
+from bgmodel.discriminating.designs import Design, Told
 from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.space import Probe, Space
@@ -69,7 +69,6 @@ def planned(
     if min(levels) <= 0:
         said = "the threshold of a model is not a posterior: OUT at its decision is 0 or less"
         raise InputError(said, "second")
-    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
     stop = None
     if probe.stop_nats:
         delays = (space.stop_delay_ms,)
@@ -87,14 +86,22 @@ def planned(
         edits=Edits(probe.lines),
         engine=EngineName(first.engine),
         seed=seed + 2,
-        task=Stimuli(
-            channels=probe.channels, d_prime=probe.d_prime, conflict=probe.conflict, trials=trials,
-            t_max=max(1, round(design.deadline_ms / space.step_ms) - 1), step_ms=space.step_ms,
-        ),
+        task=_task(design, space.step_ms, median),
         stop=stop,
         control=control,
         manipulation=manipulation,
         predictions=_predictions(Trials(models, space, seed, PREDICTED), check),
+    )  # fmt: skip
+
+
+def _task(design: Design, step_ms: float, median: float) -> Stimuli:
+    """Return the probe trials of a task; the circuit's trials end a step after the last reading."""
+    probe = design.probe
+    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
+    readings = max(1, round(design.deadline_ms / step_ms) - 1)
+    return Stimuli(
+        channels=probe.channels, d_prime=probe.d_prime, conflict=probe.conflict, trials=trials,
+        t_max=readings, step_ms=step_ms,
     )  # fmt: skip
 
 

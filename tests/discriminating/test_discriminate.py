@@ -10,6 +10,7 @@ from bgmodel.discriminating.models import model_of, same_rule
 from bgmodel.discriminating.result import TOLD, UNTOLD
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
+from bgmodel.integrators.steady import out_shift
 
 FOUR = Space(
     channels=(4,), d_prime=(1.0,), accuracy=(0.95,), conflict=(0.0, 0.9), deadline_ms=(1000.0,)
@@ -65,6 +66,19 @@ def test_a_loss_of_stn_is_a_threshold_that_is_lower_by_its_logarithm(lesioned):
     assert first - second == pytest.approx(-np.log(0.9), abs=0.01)
     assert lesioned.most_nats < 0.003
     assert lesioned.sequential["low"].min() > 500
+
+
+def test_a_loss_of_stn_is_one_threshold_at_every_log_odds_unless_the_law_of_gpe_changes():
+    """Why a manipulation of dopamine or GPe can tell them apart, and nothing else can."""
+    table, out = bg.load_circuit("macaque", 4), np.array([0.25, 0.4, 0.7, 1.0])
+    shifts = {}
+    for level in (0.95, 1.0, 1.05):
+        before = table.edited(f"dopamine {level:g}") if level != 1 else table
+        shift = out_shift(before, before.lesion("STN", 0.1), out)
+        assert np.ptp(shift) < 1e-3
+        shifts[level] = shift.mean()
+    assert shifts[1.0] == pytest.approx(np.log(0.9), abs=1e-3)
+    assert abs(shifts[0.95] - shifts[1.0]) > 0.005 < abs(shifts[1.05] - shifts[1.0])
 
 
 def test_a_free_threshold_never_tells_more_than_a_matched_one():
