@@ -14,13 +14,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from bgmodel.discriminating.drawing import NAMES
+from bgmodel.discriminating.drawing import NAMES, label
 from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 RANGE_NATS = (1e-4, 3.0)
 """Information at the ends of the colours."""
-COLOURS = ("#0072B2", "#D55E00")
+COLOURS = ("#0072B2", "0.55")
 """Colours of the first and the second model of a pair."""
 
 
@@ -45,8 +45,8 @@ def draw(settings: Settings, axes: Path, trials: Path, *, output: Path) -> Figur
 
 def _map(ax: Axes, table: pd.DataFrame, pairs: list[str]) -> None:
     """Draw a cell per pair and value of an axis, with what the best task with it tells."""
-    text = table["axis"].map(NAMES).fillna("") + " " + table["value"].fillna("none").astype(str)
-    table = table.assign(text=text.str.strip())
+    both = zip(table["axis"], table["value"].astype(str), strict=True)
+    table = table.assign(text=[label(*each) for each in both])
     order = {name: k for k, name in enumerate(NAMES)}
     rows = table.drop_duplicates("text").sort_values(
         "axis", key=lambda axis: axis.map(order), kind="stable"
@@ -90,8 +90,8 @@ def _trials(ax: Axes, table: pd.DataFrame, pairs: list[str]) -> None:
         ("200 simulated experiments", {"marker": "x", "color": "k"}),
         ("at least, cannot tell", {"marker": ">", "color": "0.4", "mfc": "w"}),
     )
-    for label, style in looks:
-        ax.plot([], [], ls="", ms=4, label=label, **style)
+    for name, style in looks:
+        ax.plot([], [], ls="", ms=4, label=name, **style)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=6)
     ax.set_yticks(range(len(pairs)), [fill(pair, 20) for pair in pairs], fontsize=5.5)
     ax.set(xscale="log", xlabel="Trials", ylim=(len(pairs) - 0.5, -0.5))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
@@ -95,6 +96,8 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
         "most_nats": result.most_nats, **levels,
     }  # fmt: skip
     trials = result.sequential.assign(part="trials", **about)
+    if set(result.same) == set(result.space.channels):
+        trials["low"] = np.nan  # no number of trials is enough
     return pd.concat([trials, result.axes().assign(part="axes")]).assign(pair=pair.name)
 
 

@@ -16,6 +16,8 @@ from circuits.errors import InputError
 
 REPEATS = 200
 """Simulated experiments for each of the two models."""
+OF_EXPERIMENTS = ("simulated_median", "right", "experiments")
+"""Columns of simulated experiments; unknown where models cannot be told apart."""
 
 
 def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
@@ -51,7 +53,7 @@ def simulated_experiments(trials: Trials, check: Told, seed: int, count: int) ->
         others.kept["levels", k, probe.channels, probe.d_prime] = {accuracy: way.levels[0]}
     rows = []
     for k, way in enumerate(check.directions):
-        found = needed(way.information)
+        found = needed(way.information) | dict.fromkeys(OF_EXPERIMENTS, np.nan)
         if np.isfinite(found["median"]):
             found |= _ended(others, k, way, check.design)
         rows.append({"truth": trials.models[k].name, **found})

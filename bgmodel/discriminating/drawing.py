@@ -24,6 +24,11 @@ LEAST_NATS = 1e-5
 """Information is drawn from here on."""
 
 
+def label(axis: str, value: str) -> str:
+    """Return the label of a value of an axis."""
+    return "no manipulation" if value == "none" else f"{NAMES[axis]} {value}".strip()
+
+
 @styled
 def draw(rows: pd.DataFrame, sequential: pd.DataFrame, title: str) -> Figure:
     """Draw a map of the space, and the trials that the best task needs.
@@ -56,24 +61,20 @@ def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
     ax.plot(nats, y, "o", ms=4, color=PALETTE[0])
     for start in np.flatnonzero(rows["axis"].ne(rows["axis"].shift()))[1:]:
         ax.axhline(start - 0.5, color="0.85", lw=0.6)
-    names = [f"{NAMES[row['axis']]} {row['value']}".strip() for row in rows.to_dict("records")]
+    names = [label(row["axis"], row["value"]) for row in rows.to_dict("records")]
     ax.set_yticks(y, [fill(name, 28) for name in names])
+    _log_axis(ax)
     ax.set(
-        xscale="log", xlim=(low.min() / 2, nats.max() * 2), ylim=(len(rows) - 0.5, -0.5),
+        xlim=(low.min() / 2, nats.max() * 2), ylim=(len(rows) - 0.5, -0.5),
         xlabel="Most information per trial (nats)",
     )  # fmt: skip
 
 
 def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
     """Draw predicted and simulated numbers of trials, for either model being true."""
-    from matplotlib.ticker import LogLocator, ScalarFormatter
-
     known = np.isfinite(sequential["median"])
     if known.any():
-        ax.set_xscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        ax.xaxis.set_major_formatter(ScalarFormatter())
-        ax.minorticks_off()
+        _log_axis(ax)
         ends = sequential.loc[known, ["low", "high", "simulated_median"]]
         ax.set_xlim(ends.min().min() / 2, ends.max().max() * 2)
     else:
@@ -90,3 +91,13 @@ def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
     names = [fill(f"{name} true", 24) for name in sequential["truth"]]
     ax.set_yticks(range(len(sequential)), names)
     ax.set(ylim=(len(sequential) - 0.5, -0.5), xlabel=f"Trials until a Bayes factor of {FACTOR:g}")
+
+
+def _log_axis(ax: Axes) -> None:
+    """Give a logarithmic axis ticks at 1, 2 and 5 without exponents."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=8))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.minorticks_off()
