@@ -52,4 +52,5 @@ def test_simulated_experiments_have_the_predicted_medians_within_a_fifth():
     apart = (table["simulated_median"] - table["median"]).abs()
     near = (apart <= np.maximum(0.2 * table["median"], 1.0)).groupby(table["pair"]).all()
     assert near.sum() >= 3
-    assert (table["right"] > 1 - 1 / 11 - 0.05).all()
+    # A Bayes factor of 10 is wrong in at most 1 of 11 experiments, within 3 errors of 200 of them.
+    assert (table["right"] > 1 - 1 / 11 - 3 * np.sqrt(10 / 11**2 / 200)).all()

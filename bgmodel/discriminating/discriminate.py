@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from bgmodel import names
 from bgmodel.discriminating.checking import again, simulated_experiments
 from bgmodel.discriminating.designs import Told, row, told
 from bgmodel.discriminating.models import Model, model_of, same_rule
@@ -18,6 +19,7 @@ from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space,
 from bgmodel.discriminating.trials import Trials
 from bgmodel.exam.examinee import quiet
 from bgmodel.integrators.sprt import Integrator
+from bgmodel.names import EngineName
 from bgmodel.support.checks import whole
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError, require
@@ -25,6 +27,8 @@ from circuits.errors import EditWarning, InputError, require
 SEED, CHECK_SEED = 99_101, 99_201
 """Default seeds of the search and of the check of the best task; simulated experiments have the
 one after that of the check."""
+MOST_TRIALS = 1_000_000
+"""Most trials of each kind, and most kinds of trials."""
 Tell = Callable[[str], None]
 
 
@@ -97,13 +101,13 @@ def discriminate(
     estimates is too good.
     """
     models = (
-        model_of(first, first_edits, engine=engine),
+        model_of(first, first_edits, engine=engine, argument="first"),
         model_of(first if second is None else second, second_edits, engine=engine),
     )
-    require(thresholds in ("matched", "free"), "thresholds", "must be matched or free", thresholds)
-    known = ("same", "free", None)
-    require(non_decision in known, "non_decision", "must be same or free", non_decision)
+    _check_words(thresholds, non_decision, engine)
+    require(callable(tell), "tell", "must be a function", tell)
     _check_numbers(trials, check_trials, evaluations, seed, check_seed)
+    whole("workers", workers, 1)
     space, left_out = _within(check_space(space), models)
     one_test = sum(one.test is not None for one in models) == 1
     free_time = non_decision == "free" or (non_decision is None and one_test)
@@ -124,13 +128,29 @@ def discriminate(
     return Discrimination(models, space, table, check, sequential, same, settings)
 
 
+def _check_words(thresholds: object, non_decision: object, engine: str) -> None:
+    """Raise ValueError for a word that is none of those allowed."""
+    names.check("engine", engine, EngineName)
+    for name, given, known in (
+        ("thresholds", thresholds, ("matched", "free")),
+        ("non_decision", non_decision, ("same", "free")),
+    ):
+        found = isinstance(given, str) and given in known
+        allowed = found or (given is None and name == "non_decision")
+        require(allowed, name, f"must be {' or '.join(known)}", given)
+
+
 def _check_numbers(
     trials: int, check_trials: int, evaluations: int, seed: int, check_seed: int
 ) -> None:
     """Raise ValueError for too few trials, or seeds that are not apart."""
-    for name, count in (("trials", trials), ("check_trials", check_trials)):
-        whole(name, count, 200)
-    whole("evaluations", evaluations, 1)
+    must = f"must be at most {MOST_TRIALS}"
+    for name, count, least in (
+        ("trials", trials, 200),
+        ("check_trials", check_trials, 200),
+        ("evaluations", evaluations, 1),
+    ):
+        require(whole(name, count, least) <= MOST_TRIALS, name, must, count)
     apart = {whole("check_seed", check_seed, 0), check_seed + 1}
     require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
 

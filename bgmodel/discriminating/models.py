@@ -33,7 +33,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
 from circuits.engines import engine_of
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 TESTS: dict[str, Callable[[], Integrator]] = {"msprt": Msprt, **BASELINES}
 """Tests by name: the optimal one and the baseline models."""
@@ -156,6 +156,7 @@ def model_of(
     *,
     engine: str = "population",
     gain: float | None = None,
+    argument: str = "second",
 ) -> Model:
     """Return a circuit, given as such, by name or as a file, or a test, as a model.
 
@@ -164,14 +165,18 @@ def model_of(
     ValueError
         For an unknown name, edits of a test, or a circuit without nats.
     """
+    of_lines = isinstance(edits, (list, tuple)) and all(isinstance(x, str) for x in edits)
+    require(of_lines, "edits", "must be a list of lines", edits)
     lines = Edits(edits)
-    name = str(given)
-    test = TESTS[name]() if name in TESTS else None
-    if not isinstance(given, (str, Path, Circuit)):
+    test, name = None, str(given)
+    if isinstance(given, str) and given in TESTS:
+        test = TESTS[given]()
+    elif not isinstance(given, (str, Path, Circuit)):
+        must = 'must be a circuit, its name or file, or a test, such as "msprt"'
+        require(hasattr(given, "run"), argument, must, given)
         test, name = given, repr(given)
     if test is not None:
-        if lines or not hasattr(test, "run"):
-            raise InputError.of("edits", "is for a circuit, and a test is given", [*lines])
+        require(not lines, "edits", "are for a circuit, and a test is given", [*lines])
         return Model(name, test=test)
     source = "" if isinstance(given, Circuit) else name
     title = given.name if isinstance(given, Circuit) else Path(name).stem
