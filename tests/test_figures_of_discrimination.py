@@ -18,7 +18,7 @@ def test_figure_e2_has_a_cell_per_pair_and_value(tmp_path):
     left, right = figure.axes
     cells = [patch for patch in left.patches if isinstance(patch, Rectangle)]
     assert len(cells) == len(pd.read_csv(paths[0]))
-    told = pd.read_csv(paths[1])["median"].notna().sum()
+    told = np.isfinite(pd.read_csv(paths[1])["median"]).sum()
     crosses = [line for line in right.lines if line.get_marker() == "x" and len(line.get_xdata())]
     assert len(crosses) == told > 0
 

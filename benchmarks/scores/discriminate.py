@@ -23,7 +23,7 @@ from circuits.anatomy import DEFAULT
 SEARCH_SEED, CHECK_SEED, EXPERIMENTS_SEED = 99_101, 99_201, 99_202
 """Seeds of searches, of checks, and of simulated experiments (the one after that of the check)."""
 TRIALS, EVALUATIONS = 600, 40
-CHECKED = {"tests": 20_000, "circuits": 8_000}
+CHECKED = {"tests": 20_000, "circuit and test": 20_000, "circuits": 8_000}
 """Trials of each kind in the check."""
 COARSE = 400
 LOST = ("lesion STN 100%", "compensate")
@@ -47,7 +47,8 @@ class Pair:
     @property
     def kind(self) -> str:
         """What the models are."""
-        return "circuits" if DEFAULT in (self.first, self.second) else "tests"
+        count = (self.first, self.second).count(DEFAULT)
+        return ("tests", "circuit and test", "circuits")[count]
 
 
 AVERAGE, TENTH = "max vs average", ("lesion STN 10%",)

@@ -16,6 +16,9 @@ from circuits.errors import InputError
 
 REPEATS = 200
 """Simulated experiments for each of the two models."""
+LEAST_RIGHT = 1 - 1 / 11 - 3 * float(np.sqrt(10 / 11**2 / REPEATS))
+"""Least share of experiments that must favour the truth, that of a Bayes factor of 10 within three
+standard errors; otherwise the models are not told apart."""
 OF_EXPERIMENTS = ("simulated_median", "right", "experiments")
 """Columns of simulated experiments; unknown where models cannot be told apart."""
 
@@ -57,7 +60,12 @@ def simulated_experiments(trials: Trials, check: Told, seed: int, count: int) ->
         if np.isfinite(found["median"]):
             found |= _ended(others, k, way, check.design)
         rows.append({"truth": trials.models[k].name, **found})
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    # Thresholds that are matched with an error tell models apart that are one: experiments with
+    # other trials then do not favour the truth.
+    if (table["right"] < LEAST_RIGHT).any():
+        table[["median", "high", "wald_mean"]] = np.inf
+    return table
 
 
 def _ended(trials: Trials, k: int, way: Direction, design: Design) -> dict[str, float]:
