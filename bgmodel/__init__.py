@@ -14,6 +14,7 @@
     bg.Experiment.from_toml("lesion.toml").run().summary()
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
     bg.bench("macaque").summary()                     # an exam of published numbers
+    bg.discriminate("msprt", "max vs average").summary()    # the task that tells two models apart
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
     bg.explore(edited)                                # in a notebook: turn a number and watch
@@ -49,6 +50,7 @@ from bgmodel.version import __version__
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
     from bgmodel.conditions import Condition
+    from bgmodel.discriminating.discriminate import discriminate
     from bgmodel.exam.exam import Exam, bench
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
@@ -77,6 +79,7 @@ LAZY = {
     "bench": "bgmodel.exam.exam",
     "compare": "bgmodel.comparison.compare",
     "compare_models": "bgmodel.fitting.model_comparison",
+    "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.settings",
     "fit_people": "bgmodel.fitting.hierarchy.people",
@@ -106,6 +109,7 @@ __all__ = [
     "bench",
     "compare",
     "compare_models",
+    "discriminate",
     "engines",
     "explore",
     "first_crossing",

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
+from bgmodel.discriminating.space import Space
 from bgmodel.fitting import fit as fitting
 from bgmodel.fitting.hierarchy import people as fitting_people
 
@@ -72,6 +73,7 @@ CALLS = {
     bg.fit_people: {"data": TRIALS, "model": "constant_gap"},
     bg.compare_models: {},
     bg.bench: {},
+    bg.discriminate: {"first": "msprt", "second": "max vs average"},
     bg.explore: {},
 }
 ODD = {
@@ -107,6 +109,7 @@ LEGAL = {
     "fit_people folder": ["text"],
     **{name: ["huge"] for name in ("most_draws", "chains_seed", "workers")},
     "names": ODD,
+    "check_seed": ["huge"],
 }
 """Odd values that make sense, by argument; None does so where it is the default."""
 FIELDS = {
@@ -130,6 +133,11 @@ FIELDS = {
     "data": ["source"],
     "deadline": ["deadline_s"],
     "what": ["file"],
+    "first": ["circuit"],
+    "second": ["circuit"],
+    "first_edits": ["edits"],
+    "second_edits": ["edits"],
+    "space": ["path"],
     "evidence": ["trial"],  # a column that the trials must have too
 }
 """Fields that an error names in place of the argument."""
@@ -146,6 +154,7 @@ def given(call, argument, odd):
 @pytest.mark.filterwarnings("ignore")
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
     monkeypatch.setattr(fitting, "fit_likelihood", lambda *_, **__: None)
     monkeypatch.setattr(fitting_people, "fit_group", lambda *_, **__: None)
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")

@@ -48,6 +48,8 @@ PARSED = {
     "bgmodel bench macaque exam": "the whole exam takes a minute; the next but one line asks less",
     "bgmodel bench mine.toml": "there is no such file; a test of the exam takes a circuit",
     "bgmodel bench --trials": "there are no such tables; a test of the exam writes them",
+    "bgmodel discriminate m": "a search takes a minute or more; a test of the command does less",
+    "bgmodel experiment plan.toml": "there is no such file; a test of the command writes one",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",

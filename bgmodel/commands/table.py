@@ -11,6 +11,7 @@ from bgmodel.commands.data import Data
 from bgmodel.commands.decisions import Decide, GapLearn
 from bgmodel.commands.demo import DemoRun
 from bgmodel.commands.designed import CircuitDesigned
+from bgmodel.commands.discriminate import DiscriminateRun
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.explore import Explore
@@ -55,5 +56,6 @@ COMMANDS: dict[str, Any] = {
     "explore": Explore,
     "sweep": SweepRun,
     "bench": BenchRun,
+    "discriminate": DiscriminateRun,
     "figures": Figures,
 }

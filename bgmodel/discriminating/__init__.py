@@ -1,0 +1,1 @@
+"""The experiment that tells two models apart with the fewest trials."""

@@ -1,0 +1,210 @@
+"""Search for the task that tells two models apart with the fewest trials, and check it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import names
+from bgmodel.discriminating.checking import again, simulated_experiments
+from bgmodel.discriminating.designs import Told, row, told
+from bgmodel.discriminating.models import Model, model_of, same_rule
+from bgmodel.discriminating.result import Discrimination
+from bgmodel.discriminating.search import Place, search
+from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
+from bgmodel.discriminating.trials import Trials
+from bgmodel.exam.examinee import quiet
+from bgmodel.integrators.sprt import Integrator
+from bgmodel.names import EngineName
+from bgmodel.support.checks import whole
+from circuits.circuit import Circuit
+from circuits.errors import EditWarning, InputError, require
+
+SEED, CHECK_SEED = 99_101, 99_201
+"""Default seeds of the search and of the check of the best task; simulated experiments have the
+one after that of the check."""
+MOST_TRIALS = 1_000_000
+"""Most trials of each kind, and most kinds of trials."""
+Tell = Callable[[str], None]
+
+
+def discriminate(
+    first: Circuit | Integrator | str | Path,
+    second: Circuit | Integrator | str | Path | None = None,
+    *,
+    first_edits: Iterable[str] = (),
+    second_edits: Iterable[str] = (),
+    space: Space | str | Path | None = None,
+    thresholds: Literal["matched", "free"] = "matched",
+    non_decision: Literal["same", "free"] | None = None,
+    trials: int = 1000,
+    check_trials: int = 10_000,
+    evaluations: int = 64,
+    seed: int = SEED,
+    check_seed: int = CHECK_SEED,
+    engine: str = "population",
+    workers: int = 1,
+    tell: Tell = lambda _: None,
+) -> Discrimination:
+    """Search for the task that tells two models apart with the fewest trials.
+
+    Parameters
+    ----------
+    first, second : str, path, Circuit or Integrator
+        A circuit, by name, as a file or as such, or a test: "msprt" or a name of ``BASELINES``. By
+        default the second is the first, with other edits.
+    first_edits, second_edits : sequence of str
+        Edits of the circuits, as in ``Circuit.edited``.
+    space : Space or path, optional
+        The tasks; by default the shipped space.
+    thresholds : {"matched", "free"}
+        Each model's threshold is the one at which it has the task's accuracy in plain trials, since
+        nobody's threshold is known beforehand and an accuracy can be trained. "free": the rival of
+        the true model has the threshold at which it is hardest to tell from it.
+    non_decision : {"same", "free"}, optional
+        Whether both models have one non-decision time, or the rival of the true one that at which
+        it is hardest to tell apart. By default free if one model alone is a test: tests have no
+        latency, so that their times would differ by that of the circuit.
+    trials, check_trials : int
+        Trials of each kind in the search and in the check, at least 200.
+    evaluations : int
+        Most kinds of probe trials that are simulated in the search.
+    seed, check_seed : int
+        Seeds of the search, and of the check of its best task.
+    engine : str
+        Engine of circuits.
+    workers : int
+        Threads; results do not depend on them.
+    tell : function
+        Called with a text on the progress.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, models that are one, a circuit without nats, an invalid space, equal
+        seeds, or if no task of the space can be run.
+
+    Warns
+    -----
+    EditWarning
+        If a manipulation of the space cannot be made in both circuits; it is left out.
+
+    Notes
+    -----
+    Information per trial is the Kullback-Leibler divergence of choices and response times, binned
+    by quantiles; by the data processing inequality it is a lower bound on what times without bins
+    would tell. The best task is simulated again with another seed, because the best of many noisy
+    estimates is too good.
+    """
+    models = (
+        model_of(first, first_edits, engine=engine, argument="first"),
+        model_of(first if second is None else second, second_edits, engine=engine),
+    )
+    _check_words(thresholds, non_decision, engine)
+    require(callable(tell), "tell", "must be a function", tell)
+    _check_numbers(trials, check_trials, evaluations, seed, check_seed)
+    whole("workers", workers, 1)
+    space, left_out = _within(check_space(space), models)
+    one_test = sum(one.test is not None for one in models) == 1
+    free_time = non_decision == "free" or (non_decision is None and one_test)
+    searched = Trials(models, space, seed, trials, thresholds == "free", workers)
+    with quiet():
+        found, refused = _searched(searched, free_time, evaluations, tell)
+        best = max(found, key=lambda one: one.low)
+        tell(f"check of the best task: {best.design.text()}")
+        check = again(searched, best.design, check_seed, check_trials, free_time)
+        sequential = simulated_experiments(searched, check, check_seed + 1, check_trials)
+        same = tuple(n for n in space.channels if same_rule(*models, channels=n))
+    settings = {
+        "thresholds": thresholds, "non_decision": "free" if free_time else "same",
+        "trials": trials, "check_trials": check_trials, "seed": seed, "check_seed": check_seed,
+        "engine": engine, "left_out": left_out, "refused": refused,
+    }  # fmt: skip
+    table = pd.DataFrame([row(one) for one in found])
+    return Discrimination(models, space, table, check, sequential, same, settings)
+
+
+def _check_words(thresholds: object, non_decision: object, engine: str) -> None:
+    """Raise ValueError for a word that is none of those allowed."""
+    names.check("engine", engine, EngineName)
+    for name, given, known in (
+        ("thresholds", thresholds, ("matched", "free")),
+        ("non_decision", non_decision, ("same", "free")),
+    ):
+        found = isinstance(given, str) and given in known
+        allowed = found or (given is None and name == "non_decision")
+        require(allowed, name, f"must be {' or '.join(known)}", given)
+
+
+def _check_numbers(
+    trials: int, check_trials: int, evaluations: int, seed: int, check_seed: int
+) -> None:
+    """Raise ValueError for too few trials, or seeds that are not apart."""
+    must = f"must be at most {MOST_TRIALS}"
+    for name, count, least in (
+        ("trials", trials, 200),
+        ("check_trials", check_trials, 200),
+        ("evaluations", evaluations, 1),
+    ):
+        require(whole(name, count, least) <= MOST_TRIALS, name, must, count)
+    apart = {whole("check_seed", check_seed, 0), check_seed + 1}
+    require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
+
+
+def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
+    """Return the part of a space that both models can be in, and what is left out.
+
+    Raises
+    ------
+    ValueError
+        If the models are one, or a circuit cannot be built or has no nats.
+    """
+    for channels in space.channels:
+        for one in models:
+            one.check(channels)
+        if models[0].identity(channels) == models[1].identity(channels):
+            said = f"{models[0].name} and {models[1].name} are one model: nothing tells them apart"
+            raise InputError(said, "second")
+    if any(one.test is not None for one in models):
+        reduced = space.of_tests()
+        return reduced, [n for n in OF_CIRCUITS if getattr(space, n) != getattr(reduced, n)]
+    left_out: list[str] = []
+    for text in filter(None, space.edits):
+        try:
+            for one in models:
+                one.check(space.channels[0], split(text))
+        except ValueError as error:
+            EditWarning.warn(f"{text!r} is left out of the space: {error}")
+            space, left_out = space.without(text), [*left_out, text]
+    return space, left_out
+
+
+def _searched(
+    trials: Trials, free_time: bool, evaluations: int, tell: Tell
+) -> tuple[list[Told], list[str]]:
+    """Return what every task that was tried tells, and why others could not be run."""
+    axes = trials.space.axes()
+    found: list[Told] = []
+    refused: list[str] = []
+
+    def score(place: Place) -> float:
+        probe = Probe(**{name: axes[name][k] for name, k in zip(axes, place, strict=True)})
+        tell(probe.text())
+        try:
+            here = list(told(trials, probe, free_time))
+        except ValueError as error:
+            refused.append(f"{probe.text()}: {error}")
+            return -np.inf
+        found.extend(here)
+        return max((one.low for one in here), default=-np.inf)
+
+    sizes = [len(values) for values in axes.values()]
+    search(sizes, score, evaluations=evaluations, seed=trials.seed)
+    if not found:
+        why = refused[0] if refused else "no accuracy is reached by both models"
+        raise InputError(f"no task of the space can be run: {why}", "space")
+    return found, refused

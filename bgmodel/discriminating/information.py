@@ -1,0 +1,165 @@
+"""How much one trial tells about which of two models made it: divergence of choices and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers
+
+CORRECT, COMPETITOR, OTHER, MISSED = range(4)
+"""Choices; without conflict every error is ``OTHER``."""
+BINS = 6
+"""Most bins of response times for each choice."""
+FEWEST = 40
+"""Least number of trials of both models in a bin of response times."""
+PSEUDO = 0.5
+"""Trials that are added to each bin of each model (Krichevsky & Trofimov 1981)."""
+GROUPS = 50
+"""Parts of the trials that the jackknife leaves out."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Choices and response times of one kind of trials.
+
+    Parameters
+    ----------
+    choice : int array (trials,)
+        ``CORRECT``, ``COMPETITOR``, ``OTHER`` or ``MISSED``.
+    time_ms : array (trials,), ms
+        Response times; of missed trials they do not count.
+    """
+
+    choice: Integers
+    time_ms: Array
+
+    def later(self, shift_ms: float) -> Recorded:
+        """Return the same trials with a longer non-decision time."""
+        return Recorded(self.choice, self.time_ms + shift_ms)
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Bins of choices and times: edges of times for each choice but the missed trials."""
+
+    edges: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, *models: Recorded) -> Partition:
+        """Return bins with equal numbers of trials, all models together."""
+        choice = np.concatenate([one.choice for one in models])
+        time_ms = np.concatenate([one.time_ms for one in models])
+        edges = []
+        for each in (CORRECT, COMPETITOR, OTHER):
+            times = time_ms[choice == each]
+            bins = int(np.clip(len(times) // FEWEST, 1, BINS))
+            inner = np.quantile(times, np.arange(1, bins) / bins) if bins > 1 else np.empty(0)
+            edges.append(np.unique(inner))
+        return cls(tuple(edges))
+
+    @property
+    def bins(self) -> int:
+        """Number of bins."""
+        return sum(len(edges) + 1 for edges in self.edges) + 1
+
+    def place(self, trials: Recorded) -> Integers:
+        """Return the bin of each trial, (trials,)."""
+        found = np.full(len(trials.choice), self.bins - 1, dtype=np.int64)
+        first = 0
+        for each, edges in enumerate(self.edges):
+            here = trials.choice == each
+            found[here] = first + np.searchsorted(edges, trials.time_ms[here], side="left")
+            first += len(edges) + 1
+        return found
+
+
+@dataclass(frozen=True)
+class Information:
+    """What one trial tells, if the first of two models made it.
+
+    Parameters
+    ----------
+    nats : float
+        Expected log likelihood ratio per trial, the Kullback-Leibler divergence, corrected for the
+        bias of a finite number of simulated trials.
+    error : float
+        Its standard error, by the jackknife.
+    values, weights : arrays (bins,)
+        Log likelihood ratio in each bin, nats, and its probability if the first model is true.
+    """
+
+    nats: float
+    error: float
+    values: Array
+    weights: Array
+
+    @property
+    def plain_nats(self) -> float:
+        """The divergence before the correction."""
+        return float(self.weights @ self.values)
+
+
+def information(
+    true: list[Recorded], other: list[Recorded], shares: list[float]
+) -> tuple[Information, list[Partition]]:
+    """Return the divergence of one model's trials from another's.
+
+    Parameters
+    ----------
+    true, other : list of Recorded
+        Trials of each kind by both models. Trial t of both has the same evidence and noise, and is
+        left out of both by the jackknife, so that what they have in common does not count as error.
+    shares : list of float
+        Share of each kind.
+
+    Returns
+    -------
+    information : Information
+        Of a trial of any kind: probabilities of a kind are its share times those within it.
+    partitions : list of Partition
+        The bins of each kind.
+
+    Notes
+    -----
+    Estimated probabilities differ by chance, so that the divergence is too large by about
+    (bins - 1) / trials for independent models, less with common random numbers. The jackknife
+    removes the term of order 1 / trials whatever the dependence (Quenouille 1956).
+    """
+    partitions = [Partition.of(*both) for both in zip(true, other, strict=True)]
+    values, weights, parts = [], [], np.zeros(GROUPS)
+    for share, bins, mine, rival in zip(shares, partitions, true, other, strict=True):
+        p, q = (_probabilities(bins, one) for one in (mine, rival))
+        ratio = np.log(p / q)
+        values.append(ratio[0])
+        weights.append(share * p[0])
+        parts += share * (p[1:] * ratio[1:]).sum(axis=1)
+    every, share_of = np.concatenate(values), np.concatenate(weights)
+    plain = float(share_of @ every)
+    pseudo = GROUPS * plain - (GROUPS - 1) * parts
+    error = float(pseudo.std(ddof=1) / np.sqrt(GROUPS))
+    return Information(float(pseudo.mean()), error, every, share_of), partitions
+
+
+def divergence(true: list[Recorded], other: list[Recorded], shares: list[float]) -> float:
+    """Return the divergence alone, uncorrected: for searches over many rivals."""
+    total = 0.0
+    for share, mine, rival in zip(shares, true, other, strict=True):
+        bins = Partition.of(mine, rival)
+        p, q = (_smooth(np.bincount(bins.place(one), minlength=bins.bins)) for one in (mine, rival))
+        total += share * float(p @ np.log(p / q))
+    return total
+
+
+def _smooth(counts: Integers) -> Array:
+    raised = counts + PSEUDO
+    return np.asarray(raised / raised.sum(axis=-1, keepdims=True))
+
+
+def _probabilities(bins: Partition, trials: Recorded) -> Array:
+    """Return probabilities of all trials, then without each group, (1 + groups, bins)."""
+    group = np.arange(len(trials.choice)) * GROUPS // len(trials.choice)
+    joint = np.bincount(group * bins.bins + bins.place(trials), minlength=GROUPS * bins.bins)
+    counts = joint.reshape(GROUPS, bins.bins)
+    return _smooth(np.concatenate([counts.sum(axis=0)[None], counts.sum(axis=0) - counts]))

@@ -1,0 +1,207 @@
+"""The two models that are to be told apart: circuits, edited circuits, and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from bgmodel.comparison.thresholds import moved
+from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.basal_ganglia import (
+    BasalGanglia,
+    checked_circuit,
+    deciding_thresholds,
+    gain_of,
+)
+from bgmodel.integrators.baselines import BASELINES
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    decide_at_thresholds,
+    thresholds_about,
+    without_noise_alone,
+)
+from bgmodel.integrators.sprt import Integrator, Msprt
+from bgmodel.stopping.circuit import receiving
+from bgmodel.stopping.inputs import StopSignal, with_stop
+from bgmodel.support.arrays import Array
+from circuits.circuit import Circuit
+from circuits.declaration.edits import Edits
+from circuits.declaration.table_files import digest
+from circuits.engines import engine_of
+from circuits.errors import InputError, require
+
+TESTS: dict[str, Callable[[], Integrator]] = {"msprt": Msprt, **BASELINES}
+"""Tests by name: the optimal one and the baseline models."""
+ROUNDING = 1e-9
+"""Difference of outputs that is rounding error, nats."""
+LOWEST, HIGHEST = 0.5, 0.99
+"""Range of accuracies about whose thresholds in the MSPRT those of a circuit are tried."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of decisions, for any number of alternatives.
+
+    Parameters
+    ----------
+    name : str
+        Its name in tables.
+    build : function, optional
+        Takes the number of alternatives and returns the circuit.
+    test : Integrator, optional
+        The test, if it is not a circuit.
+    source : str
+        Name or file of the circuit, before its edits.
+    edits : Edits
+        Its edits.
+    engine : str
+        Engine of a circuit.
+    gain : float, optional
+        Its gain; by default that of the circuit.
+    """
+
+    name: str
+    build: Callable[[int], Circuit] | None = None
+    test: Integrator | None = None
+    source: str = ""
+    edits: Edits = field(default_factory=Edits)
+    engine: str = "population"
+    gain: float | None = None
+
+    def identity(self, channels: int) -> object:
+        """Return what equals that of another model if both decide alike: a hash, or the test."""
+        if self.build is None:
+            return self.test
+        circuit = self.build(channels)
+        return digest(circuit), gain_of(circuit, self.gain), self.engine
+
+    def check(self, channels: int, edits: Iterable[str] = ()) -> None:
+        """Raise ValueError if the circuit cannot be built, edited, or has no nats."""
+        if self.build is not None:
+            circuit = self.build(channels).edited(*edits)
+            circuit.check_nats("a comparison at matched thresholds", ": give a circuit in nats")
+            gain_of(circuit, self.gain)
+
+    def decided(
+        self,
+        evidence: Evidence,
+        levels: Array,
+        *,
+        edits: Iterable[str] = (),
+        stop: tuple[float, float] = (0.0, 0.0),
+        seed: int = 0,
+        workers: int = 1,
+    ) -> Tradeoff:
+        """Return the decisions at many thresholds.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            Readings of all trials.
+        levels : array (K,)
+            Thresholds on OUT.
+        edits : sequence of str
+            Further edits of the circuit.
+        stop : tuple of float
+            Stop signal to STN, nats, and its delay, ms.
+        seed, workers : int
+            Seed of the noise, and threads.
+        """
+        if self.test is not None:
+            return tradeoff(self.test.run(evidence), evidence, levels)
+        model = self._model(evidence.hypotheses, edits, seed, workers)
+        if stop[0]:
+            signal = StopSignal(amount_nats=stop[0])
+            model = receiving(model, signal)
+            evidence = with_stop(evidence, np.full(evidence.trials, stop[1]), signal)
+        return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+    def swept(self, evidence: Evidence, *, seed: int, workers: int = 1) -> Tradeoff:
+        """Return the decisions at all thresholds at which evidence decides.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if self.test is not None:
+            return tradeoff(self.test.run(evidence), evidence)
+        model = self._model(evidence.hypotheses, (), seed, workers)
+        test = tradeoff(Msprt(model.gain).run(evidence), evidence)
+        about = thresholds_about(test, HIGHEST, LOWEST)
+        before = cast("Circuit", model.circuit.unedited or model.circuit)
+        # An edit that shifts OUT shifts the counterparts of the test's thresholds.
+        about = np.union1d(about, about + moved(before, model.circuit, about))
+        levels = without_noise_alone(model, deciding_thresholds(model.circuit, about))
+        if not levels.size:
+            raise InputError(f"{self.name} decides without evidence at every threshold", "circuit")
+        return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+    def _model(self, channels: int, edits: Iterable[str], seed: int, workers: int) -> BasalGanglia:
+        assert self.build is not None
+        circuit = self.build(channels).edited(*edits)
+        engine = engine_of(self.engine).tuned(workers=workers, rates=False)
+        noise = seed if engine.noisy else None
+        return BasalGanglia(circuit, engine, gain_of(circuit, self.gain), noise)
+
+
+def model_of(
+    given: Circuit | Integrator | str | Path,
+    edits: Iterable[str] = (),
+    *,
+    engine: str = "population",
+    gain: float | None = None,
+    argument: str = "second",
+) -> Model:
+    """Return a circuit, given as such, by name or as a file, or a test, as a model.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, edits of a test, or a circuit without nats.
+    """
+    of_lines = isinstance(edits, (list, tuple)) and all(isinstance(x, str) for x in edits)
+    require(of_lines, "edits", "must be a list of lines", edits)
+    lines = Edits(edits)
+    test, name = None, str(given)
+    if isinstance(given, str) and given in TESTS:
+        test = TESTS[given]()
+    elif not isinstance(given, (str, Path, Circuit)):
+        must = 'must be a circuit, its name or file, or a test, such as "msprt"'
+        require(hasattr(given, "run"), argument, must, given)
+        test, name = given, repr(given)
+    if test is not None:
+        require(not lines, "edits", "are for a circuit, and a test is given", [*lines])
+        return Model(name, test=test)
+    source = "" if isinstance(given, Circuit) else name
+    title = given.name if isinstance(given, Circuit) else Path(name).stem
+
+    def built(channels: int) -> Circuit:
+        circuit = checked_circuit(given, channels)  # type: ignore[arg-type]
+        if circuit.channels != channels:
+            said = f"{circuit.name} is of {circuit.channels} alternatives, the task of {channels}"
+            raise InputError(f"{said}: give its name or file", "circuit")
+        return circuit.edited(*lines)
+
+    title = f"{title}, {'; '.join(lines)}" if lines else title
+    return Model(title, built, None, source, lines, engine, gain)
+
+
+def same_rule(first: Model, second: Model, *, channels: int) -> bool:
+    """Whether two tests are one rule at different thresholds, for a number of alternatives.
+
+    They are if the output of one increases with that of the other over all alternatives, readings
+    and trials: each threshold of one then has a threshold of the other that decides alike, so that
+    no choices and times tell them apart. It is checked on every output of 200 trials.
+    """
+    if first.test is None or second.test is None:
+        return False
+    evidence = gaussian_evidence(200, channels=channels, t_max=40, seed=0)
+    one, other = (np.ravel(each.test.run(evidence).out_nats) for each in (first, second))  # type: ignore[union-attr]
+    order = np.argsort(one)
+    return bool((np.diff(other[order]) >= -ROUNDING).all())

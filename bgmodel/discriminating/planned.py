@@ -1,0 +1,166 @@
+"""The best task as an experiment that runs: edits of one circuit, and predictions made before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from bgmodel.discriminating.designs import Design, Told
+from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
+from bgmodel.discriminating.models import Model
+from bgmodel.discriminating.space import Probe, Space
+from bgmodel.discriminating.trials import Trials
+from bgmodel.exam.examinee import quiet
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.predictions import Prediction
+from bgmodel.experiments.record import Changes
+from bgmodel.names import CircuitName, EngineName
+from bgmodel.stimuli import Stimuli
+from bgmodel.stopping.task import StopTask
+from bgmodel.support.arrays import Array
+from circuits.declaration.edits import Edits
+from circuits.errors import InputError
+
+FEWEST, MOST = 400, 4000
+"""Trials of an experiment per condition: four times the median that is needed, within these."""
+PREDICTED = 1000
+"""Trials from which changes are predicted."""
+CLEAR = 3.0
+"""A change is predicted if it is larger than this many standard errors."""
+
+
+def planned(
+    models: tuple[Model, Model],
+    check: Told,
+    space: Space,
+    median: float,
+    verdict: str,
+    seed: int,
+) -> Experiment:
+    """Return the best task as an experiment: the second model against the first.
+
+    Parameters
+    ----------
+    models : tuple of Model
+        Two edits of one circuit.
+    check : Told
+        The best task, with the thresholds of both models.
+    space : Space
+        The space from which it is.
+    median : float
+        Number of trials that it needs; infinite if the models cannot be told apart.
+    verdict : str
+        What the search found, for the note.
+    seed : int
+        Seed of the check, on whose trials predictions are made; the experiment has another.
+
+    Raises
+    ------
+    ValueError
+        If the models are not edits of one circuit given by name or file.
+    """
+    first, second = models
+    probe, design = check.design.probe, check.design
+    check_one_circuit(first, second)
+    _check_order(models, probe)
+    levels = [way.levels[0] for way in check.directions]
+    if min(levels) <= 0:
+        said = "the threshold of a model is not a posterior: OUT at its decision is 0 or less"
+        raise InputError(said, "second")
+    stop = None
+    if probe.stop_nats:
+        delays = (space.stop_delay_ms,)
+        stop = StopTask(amount_nats=probe.stop_nats, share=space.share, delays_ms=delays)
+    control, manipulation = (
+        Changes(edits=one.edits, posterior=round(float(np.exp(-level)), 4))
+        for one, level in zip(models, levels, strict=True)
+    )
+    path = Path(first.source)
+    return Experiment(
+        name=f"{second.name} against {first.name}",
+        note=f"Planned by bgmodel discriminate: {verdict}. These are the probe trials of the best "
+        f"task ({design.text()}); each condition has its matched threshold.",
+        circuit=CircuitName(path.resolve() if path.suffix == ".toml" else first.source),
+        edits=Edits(probe.lines),
+        engine=EngineName(first.engine),
+        seed=seed + 2,
+        task=_task(design, space.step_ms, median),
+        stop=stop,
+        control=control,
+        manipulation=manipulation,
+        predictions=_predictions(Trials(models, space, seed, PREDICTED), check),
+    )  # fmt: skip
+
+
+def _task(design: Design, step_ms: float, median: float) -> Stimuli:
+    """Return the probe trials of a task; the circuit's trials end a step after the last reading."""
+    probe = design.probe
+    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
+    readings = max(1, round(design.deadline_ms / step_ms) - 1)
+    return Stimuli(
+        channels=probe.channels, d_prime=probe.d_prime, conflict=probe.conflict, trials=trials,
+        t_max=readings, step_ms=step_ms,
+    )  # fmt: skip
+
+
+def check_one_circuit(first: Model, second: Model) -> None:
+    """Raise ValueError unless the models are edits of one circuit, given by name or file."""
+    if not first.source or first.source != second.source:
+        raise InputError(
+            f"an experiment changes one circuit, given by name or file, and {first.name} and "
+            f"{second.name} are not edits of one",
+            "second",
+        )
+
+
+def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
+    """Raise ValueError if one list of edits would not do what was done one after the other."""
+    if probe.edits and any(one.edits.compensates for one in models):
+        raise InputError(
+            "in one list of edits compensation comes last, and would undo the manipulation "
+            f"({probe.edits}) of a model that has compensated before",
+            "edits",
+        )
+
+
+def _predictions(trials: Trials, check: Told) -> tuple[Prediction, ...]:
+    """Return the changes of probe trials that are clear, half of each as the least."""
+    design = check.design
+    with quiet():
+        first, second = (
+            trials.simulated(k, design.probe).at(way.levels[0], design.deadline_ms)
+            for k, way in enumerate(check.directions)
+        )
+    made = []
+    for name, (control, manipulation) in _measures(first, second, design.probe).items():
+        if (size := _clear(control, manipulation)) is not None:
+            way: Literal["up", "down"] = "up" if size > 0 else "down"
+            made.append(Prediction(name, way, float(f"{abs(size) / 2:.1g}")))
+    return tuple(made)
+
+
+def _measures(first: Recorded, second: Recorded, probe: Probe) -> dict[str, tuple[Array, Array]]:
+    """Return the values of each measure in the trials of both models; NaN where there is none."""
+    both = first, second
+    missed = [one.choice == MISSED for one in both]
+    if probe.stop_nats:
+        return {"p_respond": (1.0 - missed[0], 1.0 - missed[1])}
+    right = [
+        np.where(gone, np.nan, m.choice == CORRECT) for gone, m in zip(missed, both, strict=True)
+    ]
+    times = [np.where(gone, np.nan, m.time_ms) for gone, m in zip(missed, both, strict=True)]
+    return {
+        "accuracy": (right[0], right[1]),
+        "mean_ms": (times[0], times[1]),
+        "missed": (missed[0] + 0.0, missed[1] + 0.0),
+    }
+
+
+def _clear(first: Array, second: Array) -> float | None:
+    """Return the change from the first to the second, or None if it is within the error."""
+    change = float(np.nanmean(second) - np.nanmean(first))
+    errors = [np.nanstd(x) / np.sqrt(max(1, np.isfinite(x).sum())) for x in (first, second)]
+    error = float(np.hypot(*errors))
+    return change if abs(change) > CLEAR * error else None

@@ -1,0 +1,206 @@
+"""The result of a search: a map of the tasks, the best of them, and the trials that it needs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.discriminating.designs import Told
+from bgmodel.discriminating.drawing import draw
+from bgmodel.discriminating.information import Information
+from bgmodel.discriminating.models import Model
+from bgmodel.discriminating.planned import planned
+from bgmodel.discriminating.sequential import exit_median, median_trials, wald_mean
+from bgmodel.discriminating.space import Space
+from bgmodel.exam.numbers import Z95
+from bgmodel.support.files import provenance, replacing
+from bgmodel.support.reprs import Facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bgmodel.experiments.experiment import Experiment
+
+AXES = ("channels", "d_prime", "conflict", "stop_nats", "edits", "accuracy", "deadline_ms")
+TOLD, UNTOLD = "can be told apart", "cannot tell"
+"""Verdicts."""
+
+
+def needed(found: Information) -> dict[str, float]:
+    """Return the trials until a Bayes factor of 10: nats, error, median, low, high, wald_mean.
+
+    The interval is that of the information, 95 %. If the information is not above 0, the median is
+    infinite, and low is the number of trials that is needed at least.
+    """
+    least, most = found.nats - Z95 * found.error, max(found.nats, 0) + Z95 * found.error
+    known = {"nats": found.nats, "error": found.error}
+    if least <= 0:
+        low = exit_median(most, 2 * most) if most > 0 else np.inf
+        return known | {"median": np.inf, "low": low, "high": np.inf, "wald_mean": np.inf}
+    # Numbers of trials are inversely proportional to the information.
+    scale = median_trials(found.values, found.weights) * found.plain_nats
+    ends = {"median": scale / found.nats, "low": scale / most, "high": scale / least}
+    return known | ends | {"wald_mean": wald_mean(found.nats)}
+
+
+@dataclass(frozen=True, repr=False)
+class Discrimination(Facts):
+    """What tells two models apart.
+
+    Parameters
+    ----------
+    models : tuple of Model
+        The first and the second model.
+    space : Space
+        The tasks that both can be in.
+    table : DataFrame
+        One row per task that was tried: channels, d_prime, conflict, stop_nats, edits, accuracy,
+        deadline_ms; first_nats and first_error, the information per trial if the first model is
+        true, with its standard error; second_nats and second_error; nats, the smaller of both, and
+        low, its lower end, by which tasks are ranked.
+    check : Told
+        The best task, simulated again with another seed.
+    sequential : DataFrame
+        One row per model: truth (the model that makes the trials), nats and error, the median
+        number of trials until a Bayes factor of 10 with its 95 % interval (median, low, high),
+        Wald's mean (wald_mean), and the median of simulated experiments with the share that end in
+        favour of the truth (simulated_median, right, experiments).
+    same : tuple of int
+        Numbers of alternatives at which the models are one rule with different thresholds.
+    settings : dict
+        Options of the search, what was left out of the space, and tasks that could not be run.
+    """
+
+    models: tuple[Model, Model]
+    space: Space
+    table: pd.DataFrame
+    check: Told
+    sequential: pd.DataFrame
+    same: tuple[int, ...]
+    settings: dict[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """``TOLD`` or ``UNTOLD``; the best task must tell in both directions in the check."""
+        return TOLD if np.isfinite(self.sequential["median"]).all() else UNTOLD
+
+    @property
+    def most_nats(self) -> float:
+        """Largest upper end (95 %) of the information per trial over all tasks tried, nats.
+
+        It is 0 at numbers of alternatives at which the models are one rule.
+        """
+        table = self.table[~self.table["channels"].isin(self.same)]
+        ends = [
+            np.maximum(table[f"{way}_nats"], 0) + Z95 * table[f"{way}_error"]
+            for way in ("first", "second")
+        ]
+        return float(np.max(ends, initial=0.0))
+
+    def facts(self) -> dict[str, str]:
+        """Return the models, the verdict, the best task and the trials that it needs."""
+        found = {"first": self.models[0].name, "second": self.models[1].name}
+        return found | {"verdict": self.sentence(), "best": self.check.design.text()}
+
+    def sentence(self) -> str:
+        """Return the verdict in one sentence, with the trials needed or the bound."""
+        if set(self.same) == set(self.space.channels):
+            return f"{UNTOLD}: they are one rule with different thresholds, so no task can"
+        if self.verdict == UNTOLD:
+            least = self.sequential["low"].min()
+            return (
+                f"{UNTOLD}: no task of {len(self.table)} tells more than {self.most_nats:.1g} nats "
+                f"per trial (upper 95 %), and the best needs at least {_number(least)} trials"
+            )
+        parts = [
+            f"{_number(one['median'])} [{_number(one['low'])}, {_number(one['high'])}] trials if "
+            f"{one['truth']} is true"
+            for one in self.sequential.to_dict("records")
+        ]
+        return f"{TOLD}: {', '.join(parts)}"
+
+    def summary(self) -> pd.DataFrame:
+        """Return the trials that the best task needs; see ``sequential``."""
+        return self.sequential
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``table``."""
+        return self.table
+
+    def axes(self) -> pd.DataFrame:
+        """Return a map of the space: what the best task with each value of each axis tells.
+
+        Columns axis, value, tried (number of tasks), and nats and low of the best of them.
+        """
+        rows = []
+        for name in AXES:
+            for value, part in self.table.groupby(name, sort=name != "edits"):
+                shown = (str(value) or "none") if name == "edits" else f"{value:g}"
+                best = part.iloc[int(part["low"].argmax())]
+                found = {"tried": len(part), "nats": best["nats"], "low": best["low"]}
+                rows.append({"axis": name, "value": shown, **found})
+        return pd.DataFrame(rows)
+
+    def text(self) -> str:
+        """Return the report that the command prints."""
+        shown = self.table.nlargest(8, "low").round(4).to_string(index=False)
+        parts = [
+            f"{self.models[0].name} against {self.models[1].name}: {self.sentence()}",
+            f"best task: {self.check.design.text()}",
+            f"thresholds {self.settings['thresholds']}, non-decision time "
+            f"{self.settings['non_decision']}; {len(self.table)} tasks tried",
+        ]
+        if self.same:
+            said = ", ".join(f"N = {n}" for n in self.same)
+            parts.append(f"one rule with different thresholds at {said}")
+        if self.settings["left_out"]:
+            parts.append(f"left out of the space: {', '.join(self.settings['left_out'])}")
+        if self.settings["refused"]:
+            parts.append(f"{len(self.settings['refused'])} kinds of trials could not be run")
+        table = self.sequential.round(4).to_string(index=False)
+        return "\n".join([*parts, "", "trials until a Bayes factor of 10", table, "", shown])
+
+    def experiment(self) -> Experiment:
+        """Return the best task as an experiment, the second model against the first.
+
+        Raises
+        ------
+        ValueError
+            Unless the models are edits of one circuit given by name or file.
+        """
+        median = float(self.sequential["median"].max())
+        return planned(
+            self.models, self.check, self.space, median, self.sentence(),
+            self.settings["check_seed"],
+        )  # fmt: skip
+
+    def plot(self) -> Figure:
+        """Draw a map of the space, and the trials that the best task needs."""
+        title = f"{self.models[0].name} against {self.models[1].name}: {self.verdict}"
+        return draw(self.axes(), self.sequential, title)
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """Return the result as JSON, with settings, seeds and versions; write it to a path."""
+        rest = {name: value for name, value in self.settings.items() if name != "seed"}
+        about = provenance(self.settings["seed"], **rest, space=self.space)
+        tables = {"sequential": self.sequential, "axes": self.axes(), "records": self.table}
+        rows = {
+            name: json.loads(table.to_json(orient="records", double_precision=10))
+            for name, table in tables.items()
+        }
+        found = {"verdict": self.sentence(), "best": self.check.design.text()}
+        text = json.dumps({**self.facts(), **found, **about, **rows}, indent=1)
+        if path is not None:
+            with replacing(path) as partial:
+                partial.write_text(text + "\n", encoding="utf-8")
+        return text
+
+
+def _number(count: float) -> str:
+    """Return a number of trials with three digits."""
+    return f"{float(f'{count:.3g}'):,.0f}" if np.isfinite(count) else "infinitely many"

@@ -1,0 +1,169 @@
+"""The space of tasks in which two models are told apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import Any, ClassVar
+
+from bgmodel.support import toml_files
+from bgmodel.support.checks import check_positive, check_range, whole
+from circuits.declaration.edits import Edits
+from circuits.errors import InputError, require
+
+SHIPPED = resources("bgmodel.discriminating") / "shipped"
+OF_CIRCUITS = ("stop_nats", "edits")
+"""Axes that only circuits have: tests have no nuclei."""
+PROBED = ("channels", "d_prime", "conflict", *OF_CIRCUITS)
+"""Axes for whose values trials are simulated; accuracies and deadlines are read from the same
+trials."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Trials to be simulated: what differs from plain trials, and what both have in common."""
+
+    channels: int
+    d_prime: float
+    conflict: float = 0.0
+    stop_nats: float = 0.0
+    edits: str = ""
+
+    @property
+    def plain(self) -> Probe:
+        """The plain trials that are interleaved with it."""
+        return Probe(self.channels, self.d_prime)
+
+    def text(self) -> str:
+        """Return the probe in a few words."""
+        found = [f"N = {self.channels}", f"d' {self.d_prime:g}"]
+        if self.conflict:
+            found.append(f"conflict {self.conflict:g}")
+        if self.stop_nats:
+            found.append(f"stop signal {self.stop_nats:g} nats")
+        return ", ".join([*found, *self.lines])
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The manipulation, as lines of edits."""
+        return split(self.edits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Space:
+    """The values of each axis that are tried, and what all tasks have in common.
+
+    Half of the trials are plain, and half are probes with conflict, a stop signal or a manipulation
+    (``share``). Both are decided at one threshold, which is set by the accuracy of plain trials.
+
+    Raises
+    ------
+    ValueError
+        For an axis that is empty, has a value twice or out of range, or an edit that is none.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    channels: tuple[int, ...] = (2,)
+    """Numbers of alternatives."""
+    d_prime: tuple[float, ...] = (0.5,)
+    """Discriminability per reading."""
+    accuracy: tuple[float, ...] = (0.85,)
+    """Accuracy of plain trials without a deadline, at which the threshold is set."""
+    deadline_ms: tuple[float, ...] = (4000.0,)
+    """Deadline of the decision, ms."""
+    conflict: tuple[float, ...] = (0.0,)
+    """Mean of one competitor relative to that of the truth, in probe trials."""
+    stop_nats: tuple[float, ...] = (0.0,)
+    """Stop signal to STN in probe trials, nats; 0 is none."""
+    edits: tuple[str, ...] = ("",)
+    """Manipulations of both circuits in probe trials; "" is none, and ";" joins several."""
+    share: float = 0.5
+    """Share of probe trials, if probes differ from plain trials."""
+    stop_delay_ms: float = 200.0
+    """Time of the stop signal from the onset of evidence, ms."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+    non_decision_sd_ms: float = 30.0
+    """Standard deviation of the non-decision time, which is added to the times of both models."""
+
+    def __post_init__(self) -> None:
+        for name, values in self._lists().items():
+            require(len(values) > 0, name, "must have at least one value", values)
+            once = len(set(values)) == len(values)
+            require(once, name, "must not have a value twice, which is no difference", values)
+        for channels in self.channels:
+            whole("channels", channels, 2)
+        check_positive(step_ms=self.step_ms)
+        for name, low, high in (
+            *(("d_prime", 1e-3, 10), ("conflict", 0, 0.999), ("stop_nats", 0, 2)),
+            *(("accuracy", 0.5, 0.999), ("deadline_ms", self.step_ms, 60_000)),
+        ):
+            for value in getattr(self, name):
+                check_range(low, high, **{name: value})
+        require(0 < self.share < 1, "share", "must be between 0 and 1", self.share)
+        check_range(0, 1000, non_decision_sd_ms=self.non_decision_sd_ms)
+        check_range(0, self.longest_ms, stop_delay_ms=self.stop_delay_ms)
+        for text in self.edits:
+            Edits(split(text))
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Space:
+        """Read a space from a TOML file.
+
+        Raises
+        ------
+        ValueError
+            If the file is invalid; the message names the key, what is allowed and what was given.
+        """
+        return toml_files.read(path, cls)
+
+    @classmethod
+    def shipped(cls) -> Space:
+        """Return the space that ships with the package."""
+        return cls.from_toml(Path(str(SHIPPED / "default.toml")))
+
+    @property
+    def longest_ms(self) -> float:
+        """The latest deadline, ms."""
+        return max(self.deadline_ms)
+
+    @property
+    def readings(self) -> int:
+        """Readings up to the latest deadline."""
+        return math.ceil(self.longest_ms / self.step_ms)
+
+    def axes(self) -> dict[str, tuple[Any, ...]]:
+        """Return the values of every axis for which trials are simulated."""
+        return {name: getattr(self, name) for name in PROBED}
+
+    def of_tests(self) -> Space:
+        """Return the part of the space in which tests can be: without nuclei."""
+        return replace(self, stop_nats=(0.0,), edits=("",))
+
+    def without(self, text: str) -> Space:
+        """Return the space without one manipulation."""
+        kept = tuple(one for one in self.edits if one != text)
+        return replace(self, edits=kept or ("",))
+
+    def _lists(self) -> dict[str, tuple[Any, ...]]:
+        names = (*PROBED, "accuracy", "deadline_ms")
+        return {name: getattr(self, name) for name in names}
+
+
+def split(text: str) -> tuple[str, ...]:
+    """Return the lines of a manipulation."""
+    return tuple(line.strip() for line in text.split(";") if line.strip())
+
+
+def check_space(space: Space | str | Path | None) -> Space:
+    """Return a space, given as such, as a TOML file, or by default the shipped one."""
+    if isinstance(space, Space):
+        return space
+    if space is None:
+        return Space.shipped()
+    if isinstance(space, (str, Path)):
+        return Space.from_toml(space)
+    raise InputError.of("space", "must be a Space or a .toml file", space)

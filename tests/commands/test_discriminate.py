@@ -1,0 +1,56 @@
+"""The command that searches for the experiment that tells two models apart."""
+
+import json
+
+import pytest
+
+import bgmodel as bg
+from bgmodel.support.files import read_provenance, read_table
+from tests.helpers import run
+
+SPACE = """
+channels = [2]
+d_prime = [1.0]
+accuracy = [0.85]
+deadline_ms = [1000.0]
+"""
+FEW = ("--trials", 200, "--check-trials", 200, "--workers", 1)
+
+
+@pytest.fixture
+def space(tmp_path):
+    path = tmp_path / "space.toml"
+    path.write_text(SPACE)
+    return path
+
+
+def test_without_a_model_it_prints_the_space(capsys, tmp_path):
+    assert run("discriminate") == 0
+    path = tmp_path / "space.toml"
+    path.write_text(capsys.readouterr().out)
+    assert run("discriminate", "msprt", "msprt", "--space", path) == 2
+    assert "one model" in capsys.readouterr().err
+
+
+def test_it_writes_result_drawing_and_an_experiment_that_runs(space, tmp_path, capsys):
+    table, drawing, plan = (tmp_path / name for name in ("tasks.csv", "map.png", "plan.toml"))
+    edits = ("--second-edits", "lesion STN 100%", "compensate")
+    options = (table, "--drawing", drawing, "--plan", plan, "--space", space, *FEW, "--json")
+    assert run("discriminate", "macaque", "macaque", *options, *edits) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert len(said["records"]) == len(read_table(table)) == 1
+    assert {row["truth"] for row in said["sequential"]} == {
+        "macaque", "macaque, lesion STN 100%; compensate",
+    }  # fmt: skip
+    assert read_provenance(table)["seed"] == 99_101
+    assert drawing.stat().st_size > 1000
+    bg.Experiment.from_toml(plan).check_differs()
+
+
+def test_a_plan_of_two_circuits_is_refused_before_the_search(space, tmp_path, capsys):
+    plan = ("--plan", tmp_path / "plan.toml", "--space", space)
+    assert run("discriminate", "macaque", "msprt", *plan, *FEW) == 2
+    error = capsys.readouterr().err
+    assert "check of" not in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "plan.toml").exists()
