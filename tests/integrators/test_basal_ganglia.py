@@ -261,10 +261,10 @@ def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
 
 
 def mean_ms(d_prime, posterior):
-    """Mean decision time of the default circuit by populations."""
+    """Mean decision time of the default circuit by populations, over 2000 trials."""
     level = -np.log(posterior)
     model = BasalGanglia(macaque(2), "population", gain_of(macaque(2)), SEED).until(level)
-    return first_crossing(model.run(strong(d_prime)), level).time_ms.mean()
+    return first_crossing(model.run(strong(d_prime, trials=2000)), level).time_ms.mean()
 
 
 @pytest.mark.parametrize("posterior", [0.82, 0.9])
