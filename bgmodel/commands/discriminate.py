@@ -35,7 +35,8 @@ class DiscriminateRun(Shows):
 
     Examples: bgmodel discriminate; bgmodel discriminate msprt "max vs average"; bgmodel
     discriminate macaque --second-edits "lesion STN 10%" --drawing map.pdf; bgmodel discriminate
-    mine.toml other.toml result.json --plan experiment.toml
+    macaque mine.toml result.json; bgmodel discriminate mine.toml mine.toml result.json
+    --second-edits "dopamine 0.9" --plan plan.toml
     """
 
     first: Positional[str] = ""

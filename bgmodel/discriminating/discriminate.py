@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -91,7 +92,8 @@ def discriminate(
     Warns
     -----
     EditWarning
-        If a manipulation of the space cannot be made in both circuits; it is left out.
+        If a number of alternatives or a manipulation of the space does not fit both circuits; it
+        is left out.
 
     Notes
     -----
@@ -163,6 +165,7 @@ def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]
     ValueError
         If the models are one, or a circuit cannot be built or has no nats.
     """
+    space, left_out = _built(space, models)
     for channels in space.channels:
         for one in models:
             one.check(channels)
@@ -171,8 +174,8 @@ def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]
             raise InputError(said, "second")
     if any(one.test is not None for one in models):
         reduced = space.of_tests()
-        return reduced, [n for n in OF_CIRCUITS if getattr(space, n) != getattr(reduced, n)]
-    left_out: list[str] = []
+        left_out += [n for n in OF_CIRCUITS if getattr(space, n) != getattr(reduced, n)]
+        return reduced, left_out
     for text in filter(None, space.edits):
         try:
             for one in models:
@@ -181,6 +184,27 @@ def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]
             EditWarning.warn(f"{text!r} is left out of the space: {error}")
             space, left_out = space.without(text), [*left_out, text]
     return space, left_out
+
+
+def _built(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
+    """Return a space with the numbers of alternatives of both circuits, and what is left out.
+
+    A circuit in a file has one number of alternatives.
+    """
+    refused: dict[int, ValueError] = {}
+    for channels in space.channels:
+        try:
+            for one in models:
+                if one.build is not None:
+                    one.build(channels)
+        except ValueError as error:
+            refused[channels] = error
+    kept = tuple(channels for channels in space.channels if channels not in refused)
+    if not kept:
+        raise refused[space.channels[0]]
+    for channels, why in refused.items():
+        EditWarning.warn(f"{channels} alternatives are left out of the space: {why}")
+    return replace(space, channels=kept), [f"channels {channels}" for channels in refused]
 
 
 def _searched(

@@ -110,7 +110,8 @@ def check_one_circuit(first: Model, second: Model) -> None:
     if not first.source or first.source != second.source:
         raise InputError(
             f"an experiment changes one circuit, given by name or file, and {first.name} and "
-            f"{second.name} are not edits of one",
+            f"{second.name} are not edits of one: name one circuit, and give the difference as "
+            "edits of the second",
             "second",
         )
 

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
+from bgmodel.discriminating.discriminate import _within
 from bgmodel.discriminating.models import model_of, same_rule
 from bgmodel.discriminating.result import TOLD, UNTOLD
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
 from bgmodel.integrators.steady import out_shift
+from circuits.declaration.table_files import text
+from circuits.errors import EditWarning, InputError
 
 FOUR = Space(
     channels=(4,), d_prime=(1.0,), accuracy=(0.95,), conflict=(0.0, 0.9), deadline_ms=(1000.0,)
@@ -187,3 +190,17 @@ def test_the_map_the_figure_and_the_report_name_the_best_task(tests):
     assert f"conflict {best}" in tests.check.design.text() or best == "0"
     assert len(tests.plot().axes) == 2
     assert tests.check.design.text() in tests.text()
+
+
+def test_numbers_of_alternatives_that_a_file_does_not_have_are_left_out(tmp_path):
+    """A circuit in a file has one; without any the error of the file remains."""
+    path = tmp_path / "mine.toml"
+    path.write_text(text(bg.load_circuit("macaque", 2).scale("STN", "SNr", 0.8)), encoding="utf-8")
+    models = model_of("macaque", ()), model_of(path, ())
+    space = Space(channels=(2, 4), d_prime=(1.0,), accuracy=(0.8,))
+    with pytest.warns(EditWarning, match="4 alternatives"):
+        kept, left_out = _within(space, models)
+    assert kept.channels == (2,)
+    assert left_out == ["channels 4"]
+    with pytest.raises(InputError):
+        _within(replace(space, channels=(4,)), models)

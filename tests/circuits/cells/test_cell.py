@@ -8,7 +8,16 @@ import pytest
 from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
 from circuits.cells.single import single
-from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
+from tests.circuits.spiking import (
+    ADEX,
+    BASE,
+    GIVEN,
+    SPIKING,
+    lacking,
+    one_sentence,
+    spikes_of,
+    with_cell,
+)
 from tests.helpers import refused
 
 
@@ -208,7 +217,8 @@ def test_what_all_cells_do_alike_counts_for_each_of_them():
         sum(s[0] == "STN" for s in spikes_of(fitting(tick=staticmethod(tick)), engine))
         for engine in ("plain", "ensemble")
     ]
-    assert counts[0] == counts[1] == 2 * 2 * 40 * 800
+    trials, channels, cells, ticks = 2, 2, 40, 10 * 2 * round(GIVEN["step_ms"])
+    assert counts[0] == counts[1] == trials * channels * cells * ticks
 
 
 def test_a_class_that_was_registered_anew_takes_the_place_of_the_old_one():
