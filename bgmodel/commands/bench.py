@@ -87,7 +87,7 @@ class BenchRun(Shows):
         if self.circuit:
             examinee(self.circuit, self.edits, self.engine, self.gain)  # refuses unknown names
             count, version = len(exam.questions.numbers), exam.questions.version
-            say(f"an exam of {count} numbers, list {version}: all of it takes about a minute")
+            say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
         record = self._record(exam)
         if self.output is not None:
             self._write(record)

@@ -163,7 +163,9 @@ class Discrimination(Facts):
         if self.settings["refused"]:
             parts.append(f"{len(self.settings['refused'])} kinds of trials could not be run")
         table = self.sequential.round(4).to_string(index=False)
-        return "\n".join([*parts, "", "trials until a Bayes factor of 10", table, "", shown])
+        check = "trials until a Bayes factor of 10, from the check of the best task; nats per trial"
+        tried = "the best tasks of the search; values of the best are too good, hence the check"
+        return "\n".join([*parts, "", check, table, "", tried, shown])
 
     def experiment(self) -> Experiment:
         """Return the best task as an experiment, the second model against the first.

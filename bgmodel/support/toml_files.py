@@ -58,7 +58,8 @@ def _given(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{str(path)!r} can't be read: {error}", "path", path) from None
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{str(path)!r} can't be read: {why}", "path", path) from None
     return _parsed(text, path.name)
 
 
