@@ -35,7 +35,7 @@ SHARED = 16
 FIRST = 2**63
 """Number of the first state's trial in the keys of noise, which no other trial reaches."""
 MOST_BYTES = 2**26
-"""Memory of all kept states; the oldest circuit's are dropped first."""
+"""Memory of all kept states; those used least recently are dropped, except the latest."""
 
 
 class Bank:
@@ -52,10 +52,8 @@ class Bank:
             new = _room(self.initial, count)
             for part, old in zip(new, self.states, strict=True):
                 part[: len(old)] = old
-            self.states, self.made = (
-                new,
-                np.append(self.made, np.zeros(count - len(self.made), bool)),
-            )
+            self.states = new
+            self.made = np.append(self.made, np.zeros(count - len(self.made), bool))
 
     @property
     def nbytes(self) -> int:
@@ -109,8 +107,9 @@ def settled(
     entries = number_of(trials) if engine.noise else np.zeros_like(trials)
     at_rest = _at_rest(p, clock.settle_ticks)
     with _LOCK:
-        bank = _bank(at_rest, initial, seed)
-        bank.grow(int(entries.max()) + 1)
+        bank = _bank(at_rest, scheme.wiring.names, initial, seed)
+        bank.grow(int(entries.max(initial=0)) + 1)
+        _forget()
         missing = np.unique(entries[~bank.made[entries]])
         if len(missing):
             _settle(bank, at_rest, scheme, engine, missing, seed)
@@ -125,9 +124,10 @@ def _at_rest(p: records.Plan, ticks: int) -> records.Plan:
     return p._replace(clock=clock, units=units, blocks=blocks, factors=None, nats=None)
 
 
-def _bank(p: records.Plan, initial: records.State, seed: int) -> Bank:
+def _bank(p: records.Plan, names: list[str], initial: records.State, seed: int) -> Bank:
     """Return the states of a circuit and a seed, made earlier or still to be made."""
-    digest = hashlib.sha1(f"{seed}".encode(), usedforsecurity=False)
+    # Names are part of the key because noise is keyed by them.
+    digest = hashlib.sha1(f"{seed} {names}".encode(), usedforsecurity=False)
     for part in (*p, *initial):
         if part is not None:
             # The bytes of records include padding, which is arbitrary.
@@ -136,9 +136,13 @@ def _bank(p: records.Plan, initial: records.State, seed: int) -> Bank:
     key = digest.digest()
     bank = _BANKS.pop(key, None) or Bank(initial)
     _BANKS[key] = bank
+    return bank
+
+
+def _forget() -> None:
+    """Drop the states used least recently, until the others fit in ``MOST_BYTES``."""
     while len(_BANKS) > 1 and sum(each.nbytes for each in _BANKS.values()) > MOST_BYTES:
         _BANKS.popitem(last=False)
-    return bank
 
 
 def _settle(

@@ -1,5 +1,7 @@
 """Settled states: who begins where, and that it makes no difference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import ks_2samp
@@ -59,6 +61,21 @@ def test_edited_circuits_settle_under_the_same_noise():
     intact, lesioned = (populations(each).rates_hz for each in (table, table.lesion("D1")))
     np.testing.assert_array_equal(intact["GPe"][:, 0], lesioned["GPe"][:, 0])
     assert (intact["SNr"][:, 0] != lesioned["SNr"][:, 0]).all()
+
+
+def test_a_renamed_circuit_has_other_states_whatever_ran_before():
+    """Noise is keyed by the names of populations, which leave the plan unchanged."""
+
+    def renamed(row, *fields):
+        return replace(row, **{f: getattr(row, f).replace("GPe", "pallidum") for f in fields})
+
+    rows = tuple(renamed(row, "name") for row in FULL.populations)
+    paths = tuple(renamed(path, "source", "target") for path in FULL.projections)
+    other = replace(FULL, populations=rows, projections=paths)
+    alone = populations(other).output_nats
+    settled._BANKS.clear()
+    assert (populations(FULL).output_nats != alone).any()
+    np.testing.assert_array_equal(populations(other).output_nats, alone)
 
 
 def test_states_are_those_of_a_circuit_that_has_run_for_longer():
