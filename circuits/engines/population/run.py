@@ -35,7 +35,7 @@ from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import plan, tick_ms, window, workspace
 from circuits.engines.population.records import State
-from circuits.engines.population.settled import settled
+from circuits.engines.population.settled import FIRST, settled
 from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError, NoiseWarning, user_level
 from circuits.laws.stability import ringing
@@ -78,8 +78,7 @@ def run(
         cell type lacks a method, the circuit has no resting fixed point, or rates diverge.
     """
     drive = checked_drive(circuit, drive)
-    if not is_whole(first_trial) or first_trial < 0:
-        raise InputError.of("first_trial", "must be a whole number >= 0", first_trial)
+    _check_trials(len(drive), first_trial=first_trial)
     check_positive(step_ms=step_ms)
     prepared = _Prepared(circuit, engine, drive.shape[1], step_ms)
     warn_beyond_range(circuit, drive)
@@ -114,6 +113,7 @@ def stream(
     trial: int = 0,
 ) -> Stream:
     """Begin a trial of populations; the arguments are those of ``Engine.stream``."""
+    _check_trials(1, trial=trial)
     prepared = _Prepared(circuit, engine, steps, step_ms)
     p, clock, ticks = prepared.plan, prepared.clock, prepared.ticks
     streams, state, entries = prepared.begin(int(seed or 0), np.array([trial]))
@@ -132,6 +132,14 @@ def stream(
         return onward
 
     return Stream(circuit, clock, begin)
+
+
+def _check_trials(count: int, **first: int) -> None:
+    """Raise ValueError unless the numbers of all trials are below those of settled states."""
+    for name, number in first.items():
+        if not is_whole(number) or not 0 <= number <= FIRST - count:
+            must = "must be a whole number >= 0, with all trials below 2**63"
+            raise InputError.of(name, must, number)
 
 
 class _Prepared:

@@ -173,6 +173,7 @@ def test_what_it_does_not_know_is_refused_in_one_sentence():
         (FULL.with_connections(0.2), {"laws": "lines"}, "probability"),
         (FULL.with_connections(0.2), {"noise": False}, "probability"),
         (FULL, {"first_trial": -1}, "first_trial"),
+        (FULL, {"first_trial": 2**63}, "first_trial"),
         (FULL, {"workers": 1.5}, "workers"),
         (adex, {}, "cell AdEx.rate_hz"),
         (adex, {"laws": "lines"}, "cell AdEx"),
