@@ -11,6 +11,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +39,9 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
         return make()
     name = hashlib.sha256(key.encode()).hexdigest()[:32]
     path = root / sources / "tables" / f"{name}.npz"
-    try:
-        with np.load(path) as file:
-            return dict(file)
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile):
-        found = make()
+    with suppress(OSError, EOFError, ValueError, zipfile.BadZipFile), np.load(path) as file:
+        return dict(file)
+    found = make()
     _write(path, found)
     return found
 

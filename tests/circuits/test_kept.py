@@ -57,3 +57,12 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
     monkeypatch.setattr(module, "cache_folder", lambda _: None)
     kept("a", "k", make)
     assert len(calls) == 3
+
+
+def test_an_error_of_the_function_is_not_said_to_follow_another(folder):
+    def fails():
+        raise ValueError("no theory")
+
+    with pytest.raises(ValueError, match="no theory") as caught:
+        kept("a", "k", fails)
+    assert caught.value.__context__ is None

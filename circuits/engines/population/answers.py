@@ -15,7 +15,7 @@ from circuits.cells.cell import Cell, Line, Response
 from circuits.declaration import transfer
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import filters
-from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
+from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING, TRANSFERS
 from circuits.kept import Arrays, kept
 from circuits.laws.mixture import mean_rate_hz, mean_response
 
@@ -142,11 +142,15 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
 
 
 def _fitted(mixture: Mixture) -> Arrays:
-    """Return the fits of a population's cells, kept between runs if their type is included."""
-    if not type(mixture.cell).__module__.startswith("circuits."):
-        return _fit(mixture)  # the source of another type may have changed
+    """Return the fits of a population's cells, kept between runs if all its code is included."""
+    import scipy
+
+    included = type(mixture.cell).__module__.startswith("circuits.")
+    if not (included and mixture.line.transfer in TRANSFERS):
+        return _fit(mixture)  # the source of another type or transfer may have changed
     fields = [(f.name, getattr(mixture.cell, f.name)) for f in dataclass_fields(mixture.cell)]
     key = f"{type(mixture.cell).__qualname__} {fields} {mixture.line} {mixture.heterogeneity}"
+    key += f" numpy {np.__version__} scipy {scipy.__version__}"
     return kept(SOURCES, f"population {key}", lambda: _fit(mixture))
 
 

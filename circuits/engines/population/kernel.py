@@ -51,7 +51,7 @@ LOOKED_UP = 0
 _NAMES = ("linear", "rectified", "saturating", "ramp", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES, 1)}
 LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = TRANSFERS.values()
-"""Transfers with a dedicated loop; any other law is interpolated in a table."""
+"""The included transfers, with a dedicated loop; any other law is interpolated in a table."""
 X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND, AMPLITUDE = 0, 1, 2, 3, 4, 5, 8, 11
 """Rows of a block's state: its input filter and that filter's last input; the input filtered by the
 cells' lags, its running mean and its slope; three rows for each section of the noise's filter; and

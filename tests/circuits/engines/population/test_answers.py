@@ -6,6 +6,7 @@ import pytest
 from circuits import anatomy
 from circuits.cells import Phase
 from circuits.declaration import transfer
+from circuits.engines.population import answers as module
 from circuits.engines.population.answers import (
     Mixture,
     Straight,
@@ -70,3 +71,14 @@ def test_a_law_is_looked_up_if_it_bends_by_less_than_a_five_hundredth_between_po
     else:
         low, high, values = looked_up(name)
         np.testing.assert_array_equal(values, np.sin(turn * np.linspace(low, high, len(values))))
+
+
+def test_fits_are_kept_only_if_all_code_is_included(monkeypatch):
+    """The cache is keyed by the sources of the package, which have no transfer of a user."""
+    kept = []
+    monkeypatch.setattr(module, "kept", lambda *_: kept.append(1))
+    monkeypatch.setattr(module, "_fit", lambda _: None)
+    monkeypatch.setitem(transfer.TRANSFERS, "mine", transfer.TRANSFERS["linear"])
+    for name, count in (("linear", 1), ("mine", 1), ("exp", 2)):
+        module._fitted(Mixture(Phase(0.3), Straight(name, 10.0, 5.0)))
+        assert len(kept) == count
