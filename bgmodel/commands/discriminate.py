@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -95,7 +96,8 @@ class DiscriminateRun(Shows):
         self._write(found)
         named = [path for path in (self.output, self.drawing) if path is not None]
         written = f"\n-> {', '.join(map(str, named))}" if named else ""
-        rows = found.sequential.to_dict("records")
+        # By pandas, because JSON has no infinity, the median of models that cannot be told apart.
+        rows = json.loads(found.sequential.to_json(orient="records", double_precision=15))
         self.show(found.text() + written, found.table, **found.facts(), sequential=rows)
         if self.plan is not None:
             # Last, because the best task may be none that an experiment can hold.

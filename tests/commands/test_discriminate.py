@@ -54,3 +54,13 @@ def test_a_plan_of_two_circuits_is_refused_before_the_search(space, tmp_path, ca
     assert "check of" not in error
     assert error.count("\n") == 1
     assert not (tmp_path / "plan.toml").exists()
+
+
+def test_json_has_null_where_no_number_of_trials_is_enough(space, capsys):
+    def refuse(constant):
+        raise ValueError(constant)
+
+    two = ("msprt", "max vs average", "--space", space)
+    assert run("discriminate", *two, *FEW, "--json") == 0
+    said = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    assert {row["median"] for row in said["sequential"]} == {None}
