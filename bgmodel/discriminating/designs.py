@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
@@ -147,16 +147,9 @@ def _median(one: Recorded) -> float:
 
 def row(one: Told) -> dict[str, Any]:
     """Return a task as a row of a table."""
-    design, probe = one.design, one.design.probe
-    found: dict[str, Any] = {
-        "channels": probe.channels,
-        "d_prime": probe.d_prime,
-        "conflict": probe.conflict,
-        "stop_nats": probe.stop_nats,
-        "edits": probe.edits,
-        "accuracy": design.accuracy,
-        "deadline_ms": design.deadline_ms,
-    }
+    design = one.design
+    found: dict[str, Any] = asdict(design.probe)
+    found |= {"accuracy": design.accuracy, "deadline_ms": design.deadline_ms}
     for name, way in zip(("first", "second"), one.directions, strict=True):
         found[f"{name}_nats"] = way.information.nats
         found[f"{name}_error"] = way.information.error

@@ -61,8 +61,6 @@ class Model:
         Its edits.
     engine : str
         Engine of a circuit.
-    gain : float, optional
-        Its gain; by default that of the circuit.
     """
 
     name: str
@@ -71,21 +69,20 @@ class Model:
     source: str = ""
     edits: Edits = field(default_factory=Edits)
     engine: str = "population"
-    gain: float | None = None
 
     def identity(self, channels: int) -> object:
         """Return what equals that of another model if both decide alike: a hash, or the test."""
         if self.build is None:
             return self.test
         circuit = self.build(channels)
-        return digest(circuit), gain_of(circuit, self.gain), self.engine
+        return digest(circuit), gain_of(circuit), self.engine
 
     def check(self, channels: int, edits: Iterable[str] = ()) -> None:
         """Raise ValueError if the circuit cannot be built, edited, or has no nats."""
         if self.build is not None:
             circuit = self.build(channels).edited(*edits)
             circuit.check_nats("a comparison at matched thresholds", ": give a circuit in nats")
-            gain_of(circuit, self.gain)
+            gain_of(circuit)
 
     def decided(
         self,
@@ -147,7 +144,7 @@ class Model:
         circuit = self.build(channels).edited(*edits)
         engine = engine_of(self.engine).tuned(workers=workers, rates=False)
         noise = seed if engine.noisy else None
-        return BasalGanglia(circuit, engine, gain_of(circuit, self.gain), noise)
+        return BasalGanglia(circuit, engine, gain_of(circuit), noise)
 
 
 def model_of(
@@ -155,7 +152,6 @@ def model_of(
     edits: Iterable[str] = (),
     *,
     engine: str = "population",
-    gain: float | None = None,
     argument: str = "second",
 ) -> Model:
     """Return a circuit, given as such, by name or as a file, or a test, as a model.
@@ -189,7 +185,7 @@ def model_of(
         return circuit.edited(*lines)
 
     title = f"{title}, {'; '.join(lines)}" if lines else title
-    return Model(title, built, None, source, lines, engine, gain)
+    return Model(title, built, None, source, lines, engine)
 
 
 def same_rule(first: Model, second: Model, *, channels: int) -> bool:

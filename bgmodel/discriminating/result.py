@@ -16,7 +16,7 @@ from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.planned import planned
 from bgmodel.discriminating.sequential import exit_median, median_trials, wald_mean
-from bgmodel.discriminating.space import Space
+from bgmodel.discriminating.space import AXES, Space
 from bgmodel.exam.numbers import Z95
 from bgmodel.support.files import provenance, replacing
 from bgmodel.support.reprs import Facts
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from bgmodel.experiments.experiment import Experiment
 
-AXES = ("channels", "d_prime", "conflict", "stop_nats", "edits", "accuracy", "deadline_ms")
 TOLD, UNTOLD = "can be told apart", "cannot tell"
 """Verdicts."""
 
@@ -195,8 +194,7 @@ class Discrimination(Facts):
             name: json.loads(table.to_json(orient="records", double_precision=10))
             for name, table in tables.items()
         }
-        found = {"verdict": self.sentence(), "best": self.check.design.text()}
-        text = json.dumps({**self.facts(), **found, **about, **rows}, indent=1)
+        text = json.dumps({**self.facts(), **about, **rows}, indent=1)
         if path is not None:
             with replacing(path) as partial:
                 partial.write_text(text + "\n", encoding="utf-8")

@@ -19,6 +19,7 @@ OF_CIRCUITS = ("stop_nats", "edits")
 PROBED = ("channels", "d_prime", "conflict", *OF_CIRCUITS)
 """Axes for whose values trials are simulated; accuracies and deadlines are read from the same
 trials."""
+AXES = (*PROBED, "accuracy", "deadline_ms")
 
 
 @dataclass(frozen=True)
@@ -149,8 +150,7 @@ class Space:
         return replace(self, edits=kept or ("",))
 
     def _lists(self) -> dict[str, tuple[Any, ...]]:
-        names = (*PROBED, "accuracy", "deadline_ms")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in AXES}
 
 
 def split(text: str) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHER, Recorded
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.space import Probe, Space
-from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.support.arrays import Array
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError
 
@@ -30,8 +30,10 @@ class Simulated:
     ----------
     tradeoff : Tradeoff
         The decisions, up to the latest deadline.
-    evidence : Evidence
-        Readings of all trials.
+    truth : int array (trials,)
+        The true alternative of each trial.
+    channels : int
+        Number of alternatives.
     conflict : bool
         Whether the channel after the true one is a competitor.
     jitter_ms : array (trials,)
@@ -39,18 +41,18 @@ class Simulated:
     """
 
     tradeoff: Tradeoff
-    evidence: Evidence
+    truth: Integers
+    channels: int
     conflict: bool
     jitter_ms: Array
 
     def at(self, level: float, deadline_ms: float) -> Recorded:
         """Return choices and times at a threshold, with a deadline."""
         k = int(np.argmin(np.abs(self.tradeoff.settings - level)))
-        found, truth = self.tradeoff.choices(k), self.evidence.truth
-        assert truth is not None
-        choice = np.where(found.choice == truth, CORRECT, OTHER)
+        found = self.tradeoff.choices(k)
+        choice = np.where(found.choice == self.truth, CORRECT, OTHER)
         if self.conflict:
-            rival = found.choice == (truth + 1) % self.evidence.hypotheses
+            rival = found.choice == (self.truth + 1) % self.channels
             choice[rival] = COMPETITOR
         missed = self.tradeoff.forced[k] | ~(found.time_ms <= deadline_ms)
         choice[missed] = MISSED
@@ -106,7 +108,7 @@ class Trials:
     def _accuracies(self) -> list[float]:
         given = np.asarray(self.space.accuracy)
         if self.free:
-            given = np.unique(np.round(given[:, None] + RIVALS, 4))
+            given = np.union1d(given, np.round(given[:, None] + RIVALS, 4))
         return [float(a) for a in given if 0 < a < 1]
 
     def simulated(self, k: int, probe: Probe) -> Simulated:
@@ -143,7 +145,8 @@ class Trials:
         )  # fmt: skip
         sd = self.space.non_decision_sd_ms
         jitter = sd * stream(self.seed, *names, "non-decision").standard_normal(self.trials)
-        return Simulated(decided, evidence, probe.conflict > 0, jitter)
+        assert evidence.truth is not None
+        return Simulated(decided, evidence.truth, probe.channels, probe.conflict > 0, jitter)
 
     def _noise(self, kind: str) -> int:
         """Return the seed of the noise of cells in one kind of trials."""
