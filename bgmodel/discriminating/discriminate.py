@@ -26,8 +26,8 @@ from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError, require
 
 SEED, CHECK_SEED = 99_101, 99_201
-"""Default seeds of the search and of the check of the best task; simulated experiments have the
-one after that of the check."""
+"""Default seeds of the search and of the check of the best task. Simulated experiments have the
+one after that of the check, and a planned experiment the one after that."""
 MOST_TRIALS = 1_000_000
 """Most trials of each kind, and most kinds of trials."""
 Tell = Callable[[str], None]
@@ -56,8 +56,8 @@ def discriminate(
     Parameters
     ----------
     first, second : str, path, Circuit or Integrator
-        A circuit, by name, as a file or as such, or a test: "msprt" or a name of ``BASELINES``. By
-        default the second is the first, with other edits.
+        A circuit, by name, as a file or as an object, or a test: "msprt" or a name of
+        ``BASELINES``. By default the second is the first, with other edits.
     first_edits, second_edits : sequence of str
         Edits of the circuits, as in ``Circuit.edited``.
     space : Space or path, optional
@@ -86,7 +86,7 @@ def discriminate(
     Raises
     ------
     ValueError
-        For an unknown name, models that are one, a circuit without nats, an invalid space, equal
+        For an unknown name, identical models, a circuit without nats, an invalid space, equal
         seeds, or if no task of the space can be run.
 
     Warns
@@ -153,8 +153,10 @@ def _check_numbers(
         ("evaluations", evaluations, 1),
     ):
         require(whole(name, count, least) <= MOST_TRIALS, name, must, count)
-    apart = {whole("check_seed", check_seed, 0), check_seed + 1}
-    require(whole("seed", seed, 0) not in apart, "check_seed", "must differ from seed", check_seed)
+    first = whole("check_seed", check_seed, 0)
+    # Simulated experiments and the planned one have the next two.
+    apart = whole("seed", seed, 0) not in range(first, first + 3)
+    require(apart, "check_seed", "and the next two must differ from seed", check_seed)
 
 
 def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
