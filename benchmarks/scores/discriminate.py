@@ -20,15 +20,13 @@ from bgmodel.discriminating.discriminate import discriminate
 from bgmodel.discriminating.space import Space
 from circuits.anatomy import DEFAULT
 
-SEARCH_SEED, CHECK_SEED, EXPERIMENTS_SEED = 99_101, 99_201, 99_202
-"""Seeds of searches, of checks, and of simulated experiments (the one after that of the check)."""
+SEARCH_SEED, CHECK_SEED = 99_101, 99_201
+"""Seeds of searches and of checks; simulated experiments have the one after that of the check."""
 TRIALS, EVALUATIONS = 600, 40
 CHECKED = {"tests": 20_000, "circuit and test": 20_000, "circuits": 8_000}
 """Trials of each kind in the check."""
 COARSE = 400
 LOST = ("lesion STN 100%", "compensate")
-
-
 WHOLE, TWO, NO_EDITS, NO_SIGNALS = "whole", "N = 2", "no manipulation", "no signal to STN"
 """Parts of the shipped space."""
 

@@ -41,8 +41,8 @@ def correlation(values: Array, state: Array) -> tuple[float, float, float]:
     products = np.bincount(state, z) ** 2 - np.bincount(state, z**2)
     pairs = count * (count - 1.0)
     drawn = stream(SCORING_SEED, "resamples").integers(len(count), size=(RESAMPLES, len(count)))
-    spread = products[drawn].sum(axis=1) / pairs[drawn].sum(axis=1)
-    low, high = np.quantile(spread, (0.025, 0.975))
+    resampled = products[drawn].sum(axis=1) / pairs[drawn].sum(axis=1)
+    low, high = np.quantile(resampled, (0.025, 0.975))
     return products.sum() / pairs.sum(), float(low), float(high)
 
 
