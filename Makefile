@@ -46,6 +46,7 @@ faults: $(VENV)/test.installed
 
 benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.deciding
+	$(BIN)/python -m benchmarks.speed.decisions
 	$(BIN)/python -m benchmarks.speed.circuits
 	$(BIN)/python -m benchmarks.speed.sessions
 

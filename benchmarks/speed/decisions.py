@@ -1,0 +1,179 @@
+"""Decisions per CPU-second and memory of this package and of other tools: make benchmark.
+
+The task: two alternatives, Gaussian readings every 50 ms with d' = 0.7, a posterior of 0.85. Every
+tool runs in a separate process for about a minute of CPU time (``BUDGET_S``), so that its rate is
+an extrapolation to a million decisions; populations make the million in full. Spikes of other
+tools have no decisions: theirs are the simulated seconds divided by the mean decision time of the
+population engine. Diffusions of other tools have the drift of the readings and the bound of the
+posterior, in steps of 1 ms; they have no circuit.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks import OUT
+from benchmarks.speed.circuits import machine
+from benchmarks.speed.circuits import measure as measured_circuit
+
+BUDGET_S, WHOLE = 60.0, 1_000_000
+POSTERIOR, D_PRIME, STEP_MS, READINGS = 0.85, 0.7, 50.0, 60
+BATCH = {"population": 10_000, "ensemble": 100, "msprt": 50_000, "ssms": 20_000, "pyddm": 20}
+SEED = 46_201
+
+
+def _evidence(trials: int, batch: int) -> Any:
+    from bgmodel import gaussian_evidence
+
+    given = {"d_prime": D_PRIME, "step_ms": STEP_MS, "t_max": READINGS, "channels": 2}
+    return gaussian_evidence(trials, seed=SEED + batch, **given)
+
+
+def _circuit(engine: str) -> Callable[[int, int], float]:
+    from bgmodel import BasalGanglia, load_circuit
+
+    model = BasalGanglia(load_circuit("macaque", 2), engine, seed=SEED)
+    model.decide(_evidence(64, 0), posterior=POSTERIOR)
+
+    def run(trials: int, batch: int) -> float:
+        decided = model.decide(_evidence(trials, batch), posterior=POSTERIOR)
+        return float(decided.time_ms.mean())
+
+    return run
+
+
+def _msprt() -> Callable[[int, int], float]:
+    from bgmodel import Msprt, first_crossing
+
+    def run(trials: int, batch: int) -> float:
+        found = first_crossing(Msprt().run(_evidence(trials, batch)), -np.log(POSTERIOR))
+        return float(found.time_ms.mean())
+
+    run(64, 0)
+    return run
+
+
+def _diffusion() -> tuple[float, float]:
+    """Return the drift per second and the bound of the log odds, with unit noise."""
+    log_odds, odds = D_PRIME**2, np.log(POSTERIOR / (1 - POSTERIOR))
+    per_s, noise = log_odds / (STEP_MS / 1000), D_PRIME * np.sqrt(2 / (STEP_MS / 1000))
+    return per_s / noise, float(odds / noise)
+
+
+def _ssms() -> Callable[[int, int], float]:
+    from ssms.basic_simulators.simulator import simulator
+
+    drift, bound = _diffusion()
+
+    def run(trials: int, batch: int) -> float:
+        theta = [drift, bound, 0.5, 0.0]
+        found = simulator(theta, model="ddm", n_samples=trials, delta_t=0.001, max_t=20.0,
+                          random_state=SEED + batch)  # fmt: skip
+        return 1000 * float(found["rts"].mean())
+
+    run(64, 0)
+    return run
+
+
+def _pyddm() -> Callable[[int, int], float]:
+    import pyddm
+
+    drift, bound = _diffusion()
+    model = pyddm.Model(
+        drift=pyddm.DriftConstant(drift=drift),
+        noise=pyddm.NoiseConstant(noise=1.0),
+        bound=pyddm.BoundConstant(B=bound),
+        dt=0.001,
+        dx=0.001,
+        T_dur=20.0,
+    )
+
+    def run(trials: int, batch: int) -> float:
+        found = model.simulated_solution(size=trials, seed=SEED + batch)
+        return 1000 * float(found.mean_decision_time())
+
+    return run
+
+
+TOOLS: dict[str, tuple[str, Callable[[], Callable[[int, int], float]]]] = {
+    "population": ("bgmodel, populations", lambda: _circuit("population")),
+    "ensemble": ("bgmodel, spikes", lambda: _circuit("ensemble")),
+    "msprt": ("bgmodel, MSPRT", _msprt),
+    "ssms": ("ssm-simulators, diffusion", _ssms),
+    "pyddm": ("PyDDM, simulated trials of a diffusion", _pyddm),
+}
+NETWORKS = [
+    ("Brian2 engine of bgmodel, 20 trials", "brian2", {}),
+    ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
+    ("vanilla Brian2, cython", "vanilla", {"target": "cython"}),
+    ("nengo, its own network", "nengo", {}),
+]
+
+
+def run(tool: str) -> dict[str, float]:
+    """Decide in batches until the budget is spent; populations go on to the million."""
+    decide, size, made, mean = TOOLS[tool][1](), BATCH[tool], 0, 0.0
+    begun = time.process_time()
+    while made < WHOLE and (tool == "population" or time.process_time() - begun < BUDGET_S):
+        mean += decide(size, made // size + 1)
+        made += size
+    cpu = time.process_time() - begun
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {
+        "decisions": made,
+        "cpu_s": cpu,
+        "per_cpu_s": made / cpu,
+        "mean_ms": mean * size / made,
+        "memory_mb": memory,
+    }
+
+
+def _measured(tool: str) -> dict[str, Any]:
+    """Run a tool in a separate process; a tool that is not installed has no numbers."""
+    command = [sys.executable, "-m", "benchmarks.speed.decisions", tool]
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | threads, check=False
+    )
+    if done.returncode:
+        print(f"{tool}: {done.stderr.strip().splitlines()[-1]}")
+        return {}
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+def main() -> None:
+    """Print and store the table."""
+    rows: list[dict[str, Any]] = []
+    for tool, (name, _) in TOOLS.items():
+        rows.append({"tool": name, **_measured(tool)})
+    mean_s = rows[0]["mean_ms"] / 1000
+    for name, kind, options in NETWORKS:
+        try:
+            found = measured_circuit(kind, options)
+        except RuntimeError as error:
+            print(f"{name}: {str(error).splitlines()[-1]}")
+            continue
+        per_s = found["trial_s_per_cpu_s"] / mean_s
+        rows.append({"tool": name, "per_cpu_s": per_s, "memory_mb": found.get("memory_mb")})
+    table = pd.DataFrame(rows)
+    table["million_cpu_s"] = WHOLE / table["per_cpu_s"]
+    print(machine())
+    print(table.round(2).to_string(index=False))
+    table.to_csv(OUT / "speed_decisions.csv", index=False)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        print(json.dumps(run(sys.argv[1])))
+    else:
+        main()
