@@ -8,7 +8,7 @@ from circuits.cells import Lif, Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import PATTERNS, Population, Projection
 from circuits.declaration.transfer import TRANSFERS
-from tests.circuits.spiking import BASE, lacking, one_sentence, with_cell
+from tests.circuits.spiking import BASE, GIVEN, lacking, one_sentence, with_cell
 
 
 def test_an_unknown_cell_is_refused_wherever_one_is_named():
@@ -37,4 +37,4 @@ def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
     circuit = replace(BASE, populations=tuple(rows))
     one_sentence(lambda: lacking("ensemble")(circuit), "transfers", "square", "brian2")
     assert isinstance(circuit, Circuit)
-    assert lacking("plain")(circuit).output_nats.shape == (2, 40, 2)
+    assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)

@@ -145,6 +145,6 @@ class Figures:
         names = _names()
         for target in self.targets:
             if target not in names and Path(target).parent != folder:
-                raise InputError.of(
-                    "targets", f"must be among {', '.join(names)} or files in {folder}", target
-                )
+                short = ", ".join(name.removeprefix("fig") for name in names)
+                must = f"must be among fig{short} or files in {folder}"
+                raise InputError.of("targets", must, target)

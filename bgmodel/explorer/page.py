@@ -144,7 +144,7 @@ class Explorer:
         self.baseline = pn.widgets.Button(name="Use the edited circuit as the baseline")
         self.baseline.on_click(lambda _: self.change(State.as_baseline))
         self.status = pn.pane.HTML("", stylesheets=[NOTICE])
-        self.notices = pn.pane.HTML("", stylesheets=[NOTICE])
+        self.notices, self.refused = pn.pane.HTML("", stylesheets=[NOTICE]), ""
         self.drawing = Drawing()
         self.drawing.param.watch(lambda _: self.controls.choose(self.drawing.chosen), "clicks")
         self.panes = {
@@ -194,7 +194,8 @@ class Explorer:
     def _show(self) -> None:
         """Show the state, and have its panels computed; until then the old ones are dimmed."""
         state = self.state
-        self.notices.object = ""
+        self.refused = ""
+        self._notice()
         self.controls.show(state)
         self.undo.disabled = not self.history.can_undo
         self.redo.disabled = not self.history.can_redo
@@ -232,21 +233,26 @@ class Explorer:
         if panel.name == CIRCUIT:
             self.drawing.svg = panel.svg
             self.drawing.css_classes = []
-        self._warn()
+        self._notice()
 
-    def _warn(self) -> None:
-        """Show the warnings of the panels of this state."""
+    def _notice(self) -> None:
+        """Show why the last change was refused, and the warnings of the panels of this state."""
         key = self.state.key
         said = [note for p in self.shown.values() if p.key == key for note in p.warnings]
-        self.notices.object = "".join(
+        parts = [
             f'<p class="warning" role="status">Warning: {escape(note)}</p>'
             for note in dict.fromkeys(said)
-        )
+        ]
+        if self.refused:
+            why = escape(self.refused)
+            parts.insert(0, f'<p class="refusal" role="alert">Refused: {why}</p>')
+        self.notices.object = "".join(parts)
 
     def refuse(self, sentence: str) -> None:
         """Show why a change was refused, and the state that stays."""
         self.controls.show(self.state)
-        self.notices.object = f'<p class="refusal" role="alert">Refused: {escape(sentence)}</p>'
+        self.refused = sentence
+        self._notice()
 
     def _ended(self, state: State) -> None:
         if state == self.state:

@@ -19,7 +19,7 @@ from tests.helpers import ROOT
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["fig99"], "figS1, figT1 or files in figures/out, got 'fig99'"),
+        (["fig99"], "S1, T1 or files in figures/out, got 'fig99'"),
         (["fig3", "all_of_them", "--fast"], "files in figures/fast, got 'all_of_them'"),
         (["figures/out/fig3.png", "--fast"], "files in figures/fast, got 'figures/out/fig3.png'"),
     ],
@@ -29,7 +29,7 @@ def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsy
     monkeypatch.setattr(figures, "run_snakemake", None)
     assert main(["figures", *arguments]) == 2
     error = capsys.readouterr().err
-    assert error.startswith("bgmodel: targets must be among fig1, fig2b, fig3, ")
+    assert error.startswith("bgmodel: targets must be among fig1, 2b, 3, ")
     assert error.endswith(f"{says}\n")
     assert error.count("\n") == 1
 
