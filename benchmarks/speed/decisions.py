@@ -65,8 +65,9 @@ def _msprt() -> Callable[[int, int], float]:
 
 def _diffusion() -> tuple[float, float]:
     """Return the drift per second and the bound of the log odds, with unit noise."""
-    log_odds, odds = D_PRIME**2, np.log(POSTERIOR / (1 - POSTERIOR))
-    per_s, noise = log_odds / (STEP_MS / 1000), D_PRIME * np.sqrt(2 / (STEP_MS / 1000))
+    step_s, odds = STEP_MS / 1000, np.log(POSTERIOR / (1 - POSTERIOR))
+    # A reading's log odds have the variance d'^2, and half of that as their mean.
+    per_s, noise = D_PRIME**2 / 2 / step_s, D_PRIME / np.sqrt(step_s)
     return per_s / noise, float(odds / noise)
 
 
@@ -110,7 +111,7 @@ TOOLS: dict[str, tuple[str, Callable[[], Callable[[int, int], float]]]] = {
     "ensemble": ("bgmodel, spikes", lambda: _circuit("ensemble")),
     "msprt": ("bgmodel, MSPRT", _msprt),
     "ssms": ("ssm-simulators, diffusion", _ssms),
-    "pyddm": ("PyDDM, simulated trials of a diffusion", _pyddm),
+    "pyddm": ("PyDDM, trials of a diffusion (for debugging; it solves them)", _pyddm),
 }
 NETWORKS = [
     ("Brian2 engine of bgmodel, 20 trials", "brian2", {}),
