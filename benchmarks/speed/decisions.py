@@ -122,7 +122,7 @@ NETWORKS = [
 
 
 def run(tool: str) -> dict[str, float]:
-    """Decide in batches until the budget is spent; populations go on to the million."""
+    """Decide in batches until the budget is spent; populations make the whole million."""
     decide, size, made, mean = TOOLS[tool][1](), BATCH[tool], 0, 0.0
     begun = time.process_time()
     while made < WHOLE and (tool == "population" or time.process_time() - begun < BUDGET_S):

@@ -19,7 +19,7 @@ NAMES = {
     "channels": "N", "d_prime": "d'", "conflict": "conflict", "stop_nats": "stop signal, nats",
     "edits": "", "accuracy": "accuracy", "deadline_ms": "deadline, ms",
 }  # fmt: skip
-"""Axes as they are labelled."""
+"""The label of each axis."""
 LEAST_NATS = 1e-5
 """Information is drawn from here on."""
 

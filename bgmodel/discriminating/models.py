@@ -124,7 +124,7 @@ class Model:
         Raises
         ------
         ValueError
-            If there is none.
+            If no threshold decides.
         """
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence)

@@ -143,7 +143,7 @@ def _predictions(trials: Trials, check: Told) -> tuple[Prediction, ...]:
 
 
 def _measures(first: Recorded, second: Recorded, probe: Probe) -> dict[str, tuple[Array, Array]]:
-    """Return the values of each measure in the trials of both models; NaN where there is none."""
+    """Return the values of each measure in the trials of both models; NaN where it is undefined."""
     both = first, second
     missed = [one.choice == MISSED for one in both]
     if probe.stop_nats:

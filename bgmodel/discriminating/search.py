@@ -21,7 +21,7 @@ def search(
     sizes : sequence of int
         Number of values of each axis.
     score : function
-        Score of a place, an index per axis; minus infinity where there is none.
+        Score of a place, an index per axis; minus infinity if it has no score.
     evaluations : int
         Most places that are tried. A grid of no more is tried completely.
     seed : int

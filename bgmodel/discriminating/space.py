@@ -1,4 +1,4 @@
-"""The space of tasks in which two models are told apart."""
+"""The space of tasks that is searched for the one that separates two models."""
 
 from __future__ import annotations
 
