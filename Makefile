@@ -5,7 +5,8 @@ PYTHONS ?= python3.11 python3.12 python3.13
 VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
-# Tests run side by side: more threads of one would wait for each other.
+# Tests run side by side: more threads of one would wait for each other. Those of one file stay in
+# one process, which makes what they share once.
 test validate: export OPENBLAS_NUM_THREADS = 1
 test validate: export OMP_NUM_THREADS = 1
 
@@ -20,7 +21,7 @@ pictures: figures
 	$(BIN)/python -m figures.gallery
 
 test: $(VENV)/test.installed
-	$(BIN)/python -m pytest -n $(CORES)
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
 
 lint: $(VENV)/test.installed
 	$(BIN)/ruff check .
@@ -38,7 +39,7 @@ notebooks: $(VENV)/docs.installed $(VENV)/fit.installed
 	$(BIN)/python docs/_notebooks.py
 
 validate: $(VENV)/test.installed $(VENV)/docs.installed
-	$(BIN)/python -m pytest -n $(CORES) -m validate
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m validate
 
 # Thirty single faults in a clone of the last commit, one at a time: which of them do tests catch?
 faults: $(VENV)/test.installed

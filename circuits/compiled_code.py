@@ -12,16 +12,20 @@ import hashlib
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numba
 import platformdirs
+from filelock import FileLock, Timeout
 
 _LOCK = threading.Lock()
 """Numba reads the cache folder from a process-wide setting."""
+_MOST_WAITING_S = 120.0
+_THREAD = threading.local()
 
 
 def sources_hash(package: Path) -> str:
@@ -52,9 +56,45 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
         folder = cache_folder(before)
         numba.config.CACHE_DIR = str(folder and folder / sources)
         try:
-            return numba.njit(cache=folder is not None, **options)(function)
+            made = numba.njit(cache=folder is not None, **options)(function)
         finally:
             numba.config.CACHE_DIR = before
+    if folder:
+        name = f"{function.__module__}.{function.__qualname__}.lock"
+        made.compile = partial(_compile_once, made.compile, folder / sources / name)
+    return made
+
+
+def _compile_once(compile_now: Callable[[Any], Any], lock: Path, signature: Any) -> Any:
+    """Compile while no other process compiles the same function."""
+    with locked(lock):
+        return compile_now(signature)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a file's lock, so that another process finds what this one makes and stores.
+
+    A thread holds no second lock: two threads could wait for each other. Without the lock, because
+    the folder has none or the wait is too long, both processes do the work.
+
+    Parameters
+    ----------
+    path : Path
+        The lock's file, which is created.
+    """
+    if getattr(_THREAD, "locked", False):
+        yield
+        return
+    with ExitStack() as held:
+        with suppress(OSError, NotImplementedError, Timeout):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            held.enter_context(FileLock(path, timeout=_MOST_WAITING_S))
+        _THREAD.locked = True
+        try:
+            yield
+        finally:
+            _THREAD.locked = False
 
 
 @cache

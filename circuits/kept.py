@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from circuits.compiled_code import cache_folder
+from circuits.compiled_code import cache_folder, locked
 
 Arrays = dict[str, npt.NDArray[np.float64]]
 
@@ -39,11 +39,20 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
         return make()
     name = hashlib.sha256(key.encode()).hexdigest()[:32]
     path = root / sources / "tables" / f"{name}.npz"
+    if (found := _read(path)) is not None:
+        return found
+    with locked(path.with_suffix(".lock")):
+        if (found := _read(path)) is None:
+            found = make()
+            _write(path, found)
+    return found
+
+
+def _read(path: Path) -> Arrays | None:
+    """Return the arrays of a file, or None if there is none that can be read."""
     with suppress(OSError, EOFError, ValueError, zipfile.BadZipFile), np.load(path) as file:
         return dict(file)
-    found = make()
-    _write(path, found)
-    return found
+    return None
 
 
 def _write(path: Path, arrays: Arrays) -> None:

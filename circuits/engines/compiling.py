@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 import circuits
@@ -28,6 +29,11 @@ SOURCES = sources_hash(Path(circuits.__file__).parent)
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function on its first call, or load it from the user's cache folder."""
     return compile_cached(function, SOURCES, **OPTIONS)
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Compile a function as part of those that call it; Python must not call it."""
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
 
 
 def record(**kinds: str) -> np.dtype:

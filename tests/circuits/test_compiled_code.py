@@ -14,7 +14,7 @@ from bgmodel.fitting import weights
 from bgmodel.tactile import sampling
 from circuits.compiled_code import sources_hash
 from circuits.engines import compiling
-from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.ensemble import kernel
 from circuits.engines.population import kernel as population
 from tests.helpers import ROOT
 
@@ -28,7 +28,7 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
 
 
-@pytest.mark.parametrize("module", [crossing, kernel, lanes, population, sampling, weights])
+@pytest.mark.parametrize("module", [crossing, kernel, population, sampling, weights])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     package = module.__name__.partition(".")[0]
     expected = {"bgmodel": bgmodel.support.compiling.SOURCES, "circuits": compiling.SOURCES}[
@@ -85,6 +85,15 @@ def test_processes_at_once_keep_their_code_outside_of_the_package(installed, tmp
     assert start(XDG_CACHE_HOME=str(tmp_path / "cache")).communicate() == said[0]
     assert compiled_files(tmp_path / "cache") == kept
     assert [path.stat().st_mtime_ns for path in kept] == dates, "compiled again"
+
+
+def test_of_processes_at_once_one_compiles(installed, tmp_path):
+    _, start = installed
+    told = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_DEBUG_CACHE": "1"}
+    said = [run.communicate()[0] for run in [start(**told) for _ in range(3)]]
+    lines = [line for text in said for line in text.splitlines() if "data saved to" in line]
+    assert lines
+    assert len(lines) == len(set(lines))
 
 
 def test_a_folder_that_the_user_sets_is_used(installed, tmp_path):

@@ -53,7 +53,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
     for _ in range(2):
         np.testing.assert_array_equal(kept("a", "k", make)["x"], [0, 1, 2])
     assert len(calls) == 2
-    assert not [path for path in folder.rglob("*") if path.is_file()]
+    assert {path.suffix for path in folder.rglob("*") if path.is_file()} <= {".lock"}
     monkeypatch.setattr(module, "cache_folder", lambda _: None)
     kept("a", "k", make)
     assert len(calls) == 3

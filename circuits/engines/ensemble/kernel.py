@@ -17,7 +17,7 @@ import numpy as np
 
 from circuits.declaration.transfer import EXP_MOST, MOST_NATS
 from circuits.dynamics import noise
-from circuits.engines.compiling import compiled
+from circuits.engines.compiling import compiled, part
 from circuits.engines.ensemble import lanes
 
 if TYPE_CHECKING:
@@ -62,14 +62,14 @@ def _most(work):
     return len(work.found) // len(work.found_n)
 
 
-@compiled
+@part
 def _scale(first, window, factors, row):
     """Multiply the output of a unit in the ticks of a window by its factors."""
     for t in range(window):
         row[t] *= factors[first + t]
 
 
-@compiled
+@part
 def _arrivals(first, window, units, sources, factors, ring, state, passed):
     """Filter what arrives at each unit in the ticks of a window (step 1 of the scheme)."""
     mask = ring.shape[1] - 1
@@ -97,7 +97,7 @@ def _arrivals(first, window, units, sources, factors, ring, state, passed):
         state[q] = u
 
 
-@compiled
+@part
 def _common(block, first, window, clock, inputs, passed, drive, nats, common):
     """Sum the input common to all cells of a block, nats, in the ticks of a window (step 2).
 
@@ -149,7 +149,7 @@ def _receive(block, b, first, window, dt_s, work):
     _advances(block, window, common, mean_step, work.noise_step)
 
 
-@compiled
+@part
 def _rates(block, b, window, state, common):
     """Turn a block's input into rates, Hz, in place; separate loops so that they vectorise."""
     x = state[b]
@@ -161,7 +161,7 @@ def _rates(block, b, window, state, common):
         common[t] = max(block.baseline + block.gain * _law(block.law, common[t]), block.floor)
 
 
-@compiled
+@part
 def _advances(block, window, mean, mean_step, noise_step):
     """Turn expected numbers of spikes per tick into the steps of phases."""
     if block.variation == OWN_CONSTANTS:
@@ -228,7 +228,7 @@ def _cell_inputs(p, work, block, common, k, x):
         lanes.more_inputs(x, block.filled, u, p.own_inputs[s].start, _weight(p, work, s, k))
 
 
-@compiled
+@part
 def _rates_varied(block, dt_s, x, state, constants):
     """Turn each cell's input into its expected number of spikes per tick, in place in x."""
     if constants is None:
@@ -305,7 +305,7 @@ def _varied(p, work, block, t, ticks, x, noise_of):
         lanes.phase_varied(v, fired, first, cells, noise_of, ticks, common, root, x, own, each)
 
 
-@compiled
+@part
 def _general(p, work, block, t, ticks, noise_of):
     """Advance cells by the compiled tick of their type."""
     heard, marks = work.heard, work.marks
@@ -344,7 +344,7 @@ def _write(p, work, first, last, written, spikes):
     return written
 
 
-@compiled
+@part
 def _sample(clock, i, total, low_pass, rates, out):
     """Record a sample; return the lowest OUT."""
     for b in range(rates.shape[1]):
@@ -386,7 +386,7 @@ def _advance(p, work, b, first, window, drive, stream):
         _fire(p, work, block, b, t, k, stream)
 
 
-@compiled
+@part
 def _read(clock, readout, ring, k, last, low_pass):
     """Low-pass the read-out in the ticks from k to the last (step 4 of the scheme)."""
     kept, mask = clock.readout_decay, ring.shape[1] - 1
@@ -397,7 +397,7 @@ def _read(clock, readout, ring, k, last, low_pass):
         low_pass[c] = x
 
 
-@compiled
+@part
 def _sum_up(ring, k, last, total):
     """Add the rates of the ticks from k to the last."""
     mask = ring.shape[1] - 1

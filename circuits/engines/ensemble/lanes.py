@@ -28,7 +28,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from circuits.dynamics import noise
-from circuits.engines.compiling import compiled
+from circuits.engines.compiling import part
 from circuits.engines.registers import (
     WIDTH,
     bits_before,
@@ -245,7 +245,7 @@ def tick_key(stream, tick):
     return z ^ (z >> np.uint64(31))
 
 
-@compiled
+@part
 def begin(v, start, cells, filled, key, least, span):
     """Put each cell at ``least + span * word / 2**32``; padding stays refractory for ever."""
     for i in range(filled):
@@ -253,7 +253,7 @@ def begin(v, start, cells, filled, key, least, span):
         v[np.uint64(start + i)] = place if i < cells else -np.float32(np.inf)
 
 
-@compiled
+@part
 def in_own_units(v, start, cells, constants):
     """Convert potentials to units in which all cells have the same threshold."""
     if constants is None:
@@ -262,7 +262,7 @@ def in_own_units(v, start, cells, constants):
         v[j] *= constants[FACTOR][j] if v[j] >= 0 else ONE
 
 
-@compiled
+@part
 def refresh(counts, start, cells, noise_of):
     """Draw the noise of the next four ticks, as counts of ones per byte, the next tick's lowest."""
     key, byte = noise_of
@@ -304,7 +304,7 @@ def _lif(old, moved, wait, waiting, threshold, refractory):
     return where(spike, refractory, new), spike
 
 
-@compiled
+@part
 def lif_identical(
     v, fired, start, cells, noise_of, ticks, decay, mean_step, noise_step, threshold, refractory
 ):
@@ -328,7 +328,7 @@ def lif_identical(
         store(v, j, x)
 
 
-@compiled
+@part
 def lif_varied(
     v, fired, start, cells, noise_of, ticks, common, x, constants, threshold, refractory
 ):
@@ -361,7 +361,7 @@ def _phase(old, mean_step, one):
     return new, new >= one
 
 
-@compiled
+@part
 def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_step):
     """Advance phases that differ only in their noise."""
     steps, each, one = _spread_four(mean_step), _spread_four(_per_bit(noise_step)), spread(ONE)
@@ -375,7 +375,7 @@ def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_st
         store(v, j, x)
 
 
-@compiled
+@part
 def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, constants, each):
     """Advance phases with individual expected steps: x, or the mean times the cell's factor.
 
@@ -400,7 +400,7 @@ def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, co
         store(v, j, y)
 
 
-@compiled
+@part
 def filtered(x, start, cells, decay, gain, wanted):
     """Filter the inputs of cells in place: ``x = decay x + gain wanted``."""
     for i in range(cells & WHOLE):
@@ -408,7 +408,7 @@ def filtered(x, start, cells, decay, gain, wanted):
         x[j] = fused(decay, x[j], gain * wanted[np.uint64(i)])
 
 
-@compiled
+@part
 def noted(marks, fired, cells, ticks):
     """Convert the marks of cells, one byte each with a bit per tick, to ``fired``."""
     for t in range(ticks):
@@ -416,7 +416,7 @@ def noted(marks, fired, cells, ticks):
             note(fired[t], np.uint64(g), marked(marks, np.uint64(LANES * g), t))
 
 
-@compiled
+@part
 def how_many(fired, cells):
     """Return the number of cells that fired, from a bit for each."""
     total = 0
@@ -425,7 +425,7 @@ def how_many(fired, cells):
     return total
 
 
-@compiled
+@part
 def listed(fired, cells, found):
     """List the cells that fired; return how many."""
     count = 0
@@ -449,7 +449,7 @@ def add_row(sums, connections, row, cells):
         add_bits(eight, np.uint64(8 * m), connections[np.uint64(row + m)])
 
 
-@compiled
+@part
 def arrive(u, start, sums, cells, jump):
     """Add arrivals to the filters of cells, and clear the counts."""
     for i in range(cells & WHOLE):
@@ -458,14 +458,14 @@ def arrive(u, start, sums, cells, jump):
         sums[np.uint64(i)] = 0
 
 
-@compiled
+@part
 def scaled(u, start, cells, factor):
     """Multiply the filters of cells by a factor."""
     for i in range(cells & WHOLE):
         u[np.uint64(start + i)] *= factor
 
 
-@compiled
+@part
 def inputs(x, cells, common, u, first, weight, second, other):
     """Set the input x of each cell to a common part plus two filters of the cell."""
     for i in range(cells & WHOLE):
@@ -473,7 +473,7 @@ def inputs(x, cells, common, u, first, weight, second, other):
         x[np.uint64(i)] = common + own
 
 
-@compiled
+@part
 def more_inputs(x, cells, u, first, weight):
     """Add a filter to the input x of each cell."""
     for i in range(cells & WHOLE):

@@ -19,7 +19,7 @@ import numba
 import numpy as np
 
 from circuits.declaration.transfer import MOST_NATS
-from circuits.engines.compiling import compiled
+from circuits.engines.compiling import compiled, part
 from circuits.engines.ensemble.lanes import exp32, tick_key
 from circuits.engines.registers import (
     TRIALS,
@@ -84,26 +84,26 @@ def _low_passed(gain, before, value, old, last):
     return multiply_add(gain, value - old, multiply_add(before, last - value, old))
 
 
-@compiled
+@part
 def _s_minus_log_s(n, values):
     for i in range(n & WHOLE):
         x = values[np.uint64(i)]
         values[np.uint64(i)] = np.float32(x - math.log(x)) if x > ZERO else ZERO
 
 
-@compiled
+@part
 def _exp(n, values):
     for i in range(n & WHOLE):
         values[np.uint64(i)] = exp32(values[np.uint64(i)])
 
 
-@compiled
+@part
 def _clip(n, values, highest):
     for i in range(n & WHOLE):
         values[np.uint64(i)] = min(max(values[np.uint64(i)], ZERO), highest)
 
 
-@compiled
+@part
 def _look_up(n, values, lowest, per, points):
     """Interpolate a law tabulated at even steps; it is linear beyond the ends."""
     bottom, step, none = spread(lowest), spread(per), spread(ZERO)
@@ -113,7 +113,7 @@ def _look_up(n, values, lowest, per, points):
         store(values, np.uint64(i), interpolated(at, least(most(at, none), last), points))
 
 
-@compiled
+@part
 def _apply(n, law, values, lowest, per, points):
     """Apply a law to values in place."""
     if law == RECTIFIED:
@@ -130,7 +130,7 @@ def _apply(n, law, values, lowest, per, points):
         _look_up(n, values, lowest, per, points)
 
 
-@compiled
+@part
 def _refresh(p, work, b):
     """Look up the coefficients nearest to each lane's state."""
     block, state = p.blocks[b], work.states[b]
@@ -144,7 +144,7 @@ def _refresh(p, work, b):
     look_up_rows(table, work.rows, work.coefficients[b])
 
 
-@compiled
+@part
 def _derive(work, b, first):
     """Derive the keys of a block's noise for the next ticks."""
     for lane in range(LANES):
@@ -153,7 +153,7 @@ def _derive(work, b, first):
         work.keys[b, LANES + lane] = np.uint32(key)
 
 
-@compiled
+@part
 def _hear(p, work, b, ticks):
     """Write the input of a block in each tick of the window, nats."""
     block, values = p.blocks[b], work.values
@@ -167,7 +167,7 @@ def _hear(p, work, b, ticks):
         store(values, _at(t), x)
 
 
-@compiled
+@part
 def _filter(block, state, values, shifts, ticks):
     """Low-pass a block's input in place."""
     gain, before = spread(block.gain), spread(block.before)
@@ -190,7 +190,7 @@ def _shifted(last, shifts, t):
     return last + load(shifts, _at(t))
 
 
-@compiled
+@part
 def _drift(slowly, state, values, ticks):
     """Update the running mean of the input; it selects coefficients, without following noise."""
     mean, slow = load(state, _at(MEAN)), spread(slowly)
@@ -199,7 +199,7 @@ def _drift(slowly, state, values, ticks):
     store(state, _at(MEAN), mean)
 
 
-@compiled
+@part
 def _follow(found, state, values, shifts, ticks):
     """Filter the input by the cells' lags (``filters.propagated``), in place."""
     half, last = spread(HALF), load(state, _at(LAST))
@@ -218,7 +218,7 @@ def _follow(found, state, values, shifts, ticks):
     store(state, _at(SLOPE), v)
 
 
-@compiled
+@part
 def _counts(keys, first, ticks):
     """Return the ones in the bytes of each lane's word, that of the window's first tick lowest."""
     index = (first // WORD_TICKS) % (KEY_TICKS // WORD_TICKS)
@@ -226,7 +226,7 @@ def _counts(keys, first, ticks):
     return counts if len(ticks) == WORD_TICKS else later(counts, first % WORD_TICKS)
 
 
-@compiled
+@part
 def _noise(found, state, values, counts, ticks):
     """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
 
@@ -263,7 +263,7 @@ def _section(found, c, state, s, values, ticks):
     store(state, _at(s + 2), old)
 
 
-@compiled
+@part
 def _send(block, state, values, noise, ring, first, ticks):
     """Turn activity into a rate, with the noise of a finite number of cells.
 
@@ -288,7 +288,7 @@ def _place(places, i, t, table):
     return np.uint64(min(places[np.uint64(i)] + t, table.shape[1] - 1))
 
 
-@compiled
+@part
 def _scale(factors, row, places, t, passed, jumps, state):
     """Multiply the output of a unit by its factor; record the size of the jump.
 
@@ -304,7 +304,7 @@ def _scale(factors, row, places, t, passed, jumps, state):
         passed[j] = factor * active
 
 
-@compiled
+@part
 def _shift(p, work, shifts, b, ticks):
     """Add a block's courses to its input; write the jumps that its filter must not interpolate."""
     if shifts is None:
@@ -325,7 +325,7 @@ def _shift(p, work, shifts, b, ticks):
                 shifts[t * LANES + i] += nats - p.nats[block.course, k - np.uint64(1)]
 
 
-@compiled
+@part
 def _find_places(factors, places, begun, first):
     """Find the column of each lane's next tick in the tables of courses."""
     if factors is None:
@@ -334,7 +334,7 @@ def _find_places(factors, places, begun, first):
         places[lane] = first - begun[lane] + 1
 
 
-@compiled
+@part
 def _arrive(p, work, q, first, ticks):
     """Advance a unit through a window: filter and transform the output of its sources."""
     mask, unit, passed = work.ring.shape[1] // LANES - 1, p.units[q], work.passed[q]
@@ -357,7 +357,7 @@ def _arrive(p, work, q, first, ticks):
             _scale(p.factors, unit.course, work.places, t, passed, work.jumps[q], state)
 
 
-@compiled
+@part
 def _advance(p, work, b, first, ticks):
     """Advance a block through the ticks of a window."""
     block, values, state, found = p.blocks[b], work.values, work.states[b], work.coefficients[b]
@@ -380,7 +380,7 @@ def _advance(p, work, b, first, ticks):
     _send(block, state, values, work.noise, work.ring[b], first, ticks)
 
 
-@compiled
+@part
 def _read(p, work, k):
     """Low-pass the read-out (step 4 of the scheme), and sum up rates."""
     mask = work.ring.shape[1] // LANES - 1
@@ -395,7 +395,7 @@ def _read(p, work, k):
             store(work.totals[b], _at(0), total)
 
 
-@compiled
+@part
 def _load(p, work, state, lane, first, trial, entry):
     """Start a trial in a lane, in an entry of the initial states."""
     mask, depth = work.ring.shape[1] // LANES - 1, state.ring.shape[2]
@@ -418,9 +418,9 @@ def _load(p, work, state, lane, first, trial, entry):
         work.drive[b, lane] = ZERO
 
 
-@compiled
+@part
 def _save(p, work, state, lane, after, ticks):
-    """Save the state of a lane at the end of a window, before tick ``after``."""
+    """Save the state of a lane at the end of a window of some ticks, before tick ``after``."""
     mask, depth, entry = work.ring.shape[1] // LANES - 1, state.ring.shape[2], work.trial[lane]
     for b in range(len(p.blocks)):
         for k in range(depth):
@@ -431,7 +431,7 @@ def _save(p, work, state, lane, after, ticks):
     for q in range(len(p.units)):
         for k in range(UNIT_ROWS):
             state.units[entry, q, k] = work.units[q, k * LANES + lane]
-        state.units[entry, q, PASSED] = work.passed[q, (len(ticks) - 1) * LANES + lane]
+        state.units[entry, q, PASSED] = work.passed[q, (ticks - 1) * LANES + lane]
     for c in range(len(p.readout)):
         state.low_pass[entry, c] = work.low_pass[c, lane]
 
@@ -446,7 +446,7 @@ def _diverged(p, work, lane, k):
     return found
 
 
-@compiled
+@part
 def _decode(p, work):
     """Write OUT of every lane, and its lowest value over channels."""
     lowest, per = spread(ENDLESS), spread(p.clock[0].readout_nats_per_hz)
@@ -457,7 +457,7 @@ def _decode(p, work):
     store(work.lowest, _at(0), lowest)
 
 
-@compiled
+@part
 def _keep(p, work, rates):
     """Record the mean rates of every lane since the last sample."""
     per, blocks = ONE / np.float32(p.clock[0].sample), len(p.blocks)
@@ -471,7 +471,7 @@ def _keep(p, work, rates):
     work.totals[:] = ZERO
 
 
-@compiled
+@part
 def _sample(p, work, k, level, out, rates, saved, ticks):
     """Record a sample of every lane.
 
@@ -502,7 +502,7 @@ def _sample(p, work, k, level, out, rates, saved, ticks):
     return over
 
 
-@compiled
+@part
 def _hold(p, work, first, drive):
     """Set each lane's reading for a window; filters must not interpolate across its jump."""
     _find_places(p.factors, work.places, work.begun, first)
@@ -523,7 +523,7 @@ def _hold(p, work, first, drive):
     work.soonest[0] = soonest
 
 
-@compiled
+@part
 def _window(p, work, first, drive, level, out, rates, saved, ticks):
     """Run a window of ticks; return the number of trials that ended, or ``-1 - sample``."""
     ended = 0
@@ -535,7 +535,7 @@ def _window(p, work, first, drive, level, out, rates, saved, ticks):
     for k in range(first, first + len(ticks)):
         _read(p, work, k)
         if (k + 1) % p.clock[0].sample == 0:
-            over = _sample(p, work, k, level, out, rates, saved, ticks)
+            over = _sample(p, work, k, level, out, rates, saved, len(ticks))
             if over < 0:
                 return over
             ended += over

@@ -1,11 +1,17 @@
 """The loops over cells, against plain NumPy."""
 
+import numba
 import numpy as np
 import numpy.testing as npt
 import pytest
 
 from circuits.dynamics import noise
 from circuits.engines.ensemble import lanes
+
+
+def call(part, *given):
+    """Call a part of compiled code, which only compiled code can."""
+    return numba.njit(lambda given: part(*given))(given)
 
 
 def filled(cells, value=0.0):
@@ -30,16 +36,16 @@ def test_words_of_the_loops_are_those_of_noise():
     key, expected = whole_key(stream, 5), noise.byte_counts(noise.words(stream, 5, 128))
     counts = np.zeros(128, np.uint32)
     for byte in range(4):
-        lanes.refresh(counts, 0, 128, (key, byte))
+        call(lanes.refresh, counts, 0, 128, (key, byte))
         npt.assert_array_equal(counts, expected >> np.uint32(8 * byte))
     v = filled(128)
-    lanes.begin(v, 0, 100, 128, key, np.float32(0), np.float32(1))
+    call(lanes.begin, v, 0, 100, 128, key, np.float32(0), np.float32(1))
     npt.assert_allclose(v[:100], noise.uniform(stream, 5, 100), atol=1e-7)
     assert (v[100:] == -np.inf).all()
 
 
 def test_exp32_is_the_exponential():
-    @lanes.numba.njit
+    @numba.njit
     def table(x):
         return np.array([lanes.exp32(value) for value in x])
 
@@ -64,11 +70,11 @@ def test_the_loop_of_lif_cells_does_what_numpy_does():
     constants = (noise_step, np.float32(11), np.float32(-20 * lanes.WAIT))
     fired, decay, noise_of = np.zeros((4, 2), np.uint64), np.float32(0.99), whole_key(stream, 9)
     again, one_by_one, steps = v.copy(), np.zeros((4, 2), np.uint64), four(*mean_step)
-    lanes.lif_identical(v, fired, 0, 128, (noise_of, 0), lanes.FOUR, decay, steps, *constants)
+    call(lanes.lif_identical, v, fired, 0, 128, (noise_of, 0), lanes.FOUR, decay, steps, *constants)
     for t in range(4):
         step, noise_at = four(mean_step[t], 0, 0, 0), (noise_of, t)
         tick = (one_by_one[t:], 0, 128, noise_at, lanes.SINGLE, decay, step, *constants)
-        lanes.lif_identical(again, *tick)
+        call(lanes.lif_identical, again, *tick)
     npt.assert_array_equal(bits(fired), spikes)
     npt.assert_array_equal(one_by_one, fired)
     npt.assert_array_equal(again, v)
@@ -80,15 +86,15 @@ def test_the_loop_of_lif_cells_does_what_numpy_does():
 def test_cells_that_fired_are_counted_and_listed():
     fired = np.array([0b1001, 1 << 63], np.uint64)
     found = np.zeros(128, np.int32)
-    assert lanes.how_many(fired, 128) == lanes.listed(fired, 128, found) == 3
+    assert call(lanes.how_many, fired, 128) == call(lanes.listed, fired, 128, found) == 3
     npt.assert_array_equal(found[:3], [0, 3, 127])
-    assert lanes.how_many(fired, 64) == 2
+    assert call(lanes.how_many, fired, 64) == 2
 
 
 def test_marks_of_cells_are_gathered():
     marks = np.random.default_rng(3).integers(0, 16, 128).astype(np.uint8)
     fired = np.zeros((4, 2), np.uint64)
-    lanes.noted(marks, fired, 128, 4)
+    call(lanes.noted, marks, fired, 128, 4)
     npt.assert_array_equal(bits(fired), marks >> np.arange(4)[:, None] & 1)
 
 
@@ -104,7 +110,7 @@ def test_the_loop_of_phase_cells_does_what_numpy_does():
         expected = expected - (expected >= 1) + mean_step[t] + noise_step[t] * ones
         spikes[t] = expected >= 1
     fired, steps = np.zeros((4, 2), np.uint64), (four(*mean_step), four(*noise_step))
-    lanes.phase_identical(v, fired, 0, 128, (whole_key(stream, 4), 0), lanes.FOUR, *steps)
+    call(lanes.phase_identical, v, fired, 0, 128, (whole_key(stream, 4), 0), lanes.FOUR, *steps)
     npt.assert_allclose(v, expected, rtol=1e-5, atol=1e-6)
     npt.assert_array_equal(bits(fired), spikes)
     assert spikes.any(axis=1).all()
