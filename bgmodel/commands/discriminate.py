@@ -36,8 +36,8 @@ class DiscriminateRun(Shows):
 
     Examples: bgmodel discriminate; bgmodel discriminate msprt "max vs average"; bgmodel
     discriminate macaque --second-edits "lesion STN 10%" --drawing map.pdf; bgmodel discriminate
-    macaque mine.toml result.json; bgmodel discriminate mine.toml mine.toml result.json
-    --second-edits "dopamine 0.9" --plan plan.toml
+    macaque mine.toml result.json --plan plan.toml; bgmodel discriminate mine.toml mine.toml
+    result.json --second-edits "dopamine 0.9"
     """
 
     first: Positional[str] = ""
@@ -101,7 +101,7 @@ class DiscriminateRun(Shows):
         self.show(found.text() + written, found.table, **found.facts(), sequential=rows)
         if self.plan is not None:
             # Last, because the best task may be none that an experiment can hold.
-            text = found.experiment().to_toml()
+            text = found.experiment(self.plan.parent).to_toml()
             with files.replacing(self.plan) as partial:
                 partial.write_text(text, encoding="utf-8")
             self.note(f"-> {self.plan}")
@@ -123,7 +123,7 @@ class DiscriminateRun(Shows):
     def _check(self) -> None:
         """Refuse invalid options before long work starts."""
         from bgmodel.discriminating.models import model_of
-        from bgmodel.discriminating.planned import check_one_circuit
+        from bgmodel.discriminating.planned import edited_from
 
         check_whole(workers=self.workers)
         if self.output is not None:
@@ -134,6 +134,6 @@ class DiscriminateRun(Shows):
             check_ending("plan", self.plan, ".toml")
             if self.first:
                 second = self.second or self.first
-                check_one_circuit(
+                edited_from(
                     model_of(self.first, self.first_edits), model_of(second, self.second_edits)
                 )

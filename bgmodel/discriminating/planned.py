@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,11 +18,14 @@ from bgmodel.exam.examinee import quiet
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
+from bgmodel.integrators.basal_ganglia import checked_circuit
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
+from circuits.declaration.differences import differences
 from circuits.declaration.edits import Edits
+from circuits.declaration.table_files import is_path
 from circuits.errors import InputError
 
 FEWEST, MOST = 400, 4000
@@ -38,6 +43,7 @@ def planned(
     median: float,
     verdict: str,
     seed: int,
+    folder: str | Path = ".",
 ) -> Experiment:
     """Return the best task as an experiment: the second model against the first.
 
@@ -55,15 +61,16 @@ def planned(
         What the search found, for the note.
     seed : int
         Seed of the check, on whose trials predictions are made; the experiment has another.
+    folder : path
+        Folder from which the path of a circuit's file is given: that of the experiment's file.
 
     Raises
     ------
     ValueError
-        If the models are not edits of one circuit given by name or file.
+        As for ``edited_from``.
     """
-    first, second = models
     probe, design = check.design.probe, check.design
-    check_one_circuit(first, second)
+    first, second = models = models[0], edited_from(*models, channels=probe.channels)
     _check_order(models, probe)
     levels = [way.levels[0] for way in check.directions]
     if min(levels) <= 0:
@@ -77,12 +84,14 @@ def planned(
         Changes(edits=one.edits, posterior=round(float(np.exp(-level)), 4))
         for one, level in zip(models, levels, strict=True)
     )
-    path = Path(first.source)
+    circuit = first.source
+    if is_path(circuit):
+        circuit = os.path.relpath(circuit, folder)
     return Experiment(
         name=f"{second.name} against {first.name}",
         note=f"Planned by bgmodel discriminate: {verdict}. These are the probe trials of the best "
         f"task ({design.text()}); each condition has its matched threshold.",
-        circuit=CircuitName(path.resolve() if path.suffix == ".toml" else first.source),
+        circuit=CircuitName(circuit),
         edits=Edits(probe.lines),
         engine=EngineName(first.engine),
         seed=seed + 2,
@@ -105,15 +114,30 @@ def _task(design: Design, step_ms: float, median: float) -> Stimuli:
     )  # fmt: skip
 
 
-def check_one_circuit(first: Model, second: Model) -> None:
-    """Raise ValueError unless the models are edits of one circuit, given by name or file."""
-    if not first.source or first.source != second.source:
-        raise InputError(
-            f"an experiment changes one circuit, given by name or file, and {first.name} and "
-            f"{second.name} are not edits of one: name one circuit, and give the difference as "
-            "edits of the second",
-            "second",
-        )
+def edited_from(first: Model, second: Model, channels: int | None = None) -> Model:
+    """Return the second model as edits of the first one's circuit, before the edits of either.
+
+    Parameters
+    ----------
+    first, second : Model
+        Two circuits, given by name or file.
+    channels : int, optional
+        Number of alternatives for which edits are found; by default 2, or that of a file.
+
+    Raises
+    ------
+    ValueError
+        If a model is a test, or if no edits turn one circuit into the other.
+    """
+    for model in (first, second):
+        if not model.source:
+            said = "an experiment changes one circuit, given by name or file"
+            raise InputError(f"{said}, which {model.name} is not", "second")
+    if first.source == second.source:
+        return second
+    circuits = [checked_circuit(model.source, channels) for model in (first, second)]
+    edits = Edits([*differences(*circuits), *second.edits])
+    return replace(second, source=first.source, edits=edits)
 
 
 def _check_order(models: tuple[Model, Model], probe: Probe) -> None:

@@ -166,18 +166,23 @@ class Discrimination(Facts):
         tried = "the best tasks of the search; values of the best are too good, hence the check"
         return "\n".join([*parts, "", check, table, "", tried, shown])
 
-    def experiment(self) -> Experiment:
+    def experiment(self, folder: str | Path = ".") -> Experiment:
         """Return the best task as an experiment, the second model against the first.
+
+        Parameters
+        ----------
+        folder : path
+            Folder of the experiment's file, from which the path of a circuit's file is given.
 
         Raises
         ------
         ValueError
-            Unless the models are edits of one circuit given by name or file.
+            If a model is a test, or if no edits turn one circuit into the other.
         """
         median = float(self.sequential["median"].max())
         return planned(
             self.models, self.check, self.space, median, self.sentence(),
-            self.settings["check_seed"],
+            self.settings["check_seed"], folder,
         )  # fmt: skip
 
     def plot(self) -> Figure:

@@ -148,7 +148,7 @@ class Exam:
         rows = []
         for one in self.questions.numbers:
             asked = Asked(tables, self.questions.tasks, seed)
-            rows.append(_answered(one, name, asked))
+            rows.append(_answered(one, "", asked))
         record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
         if (record.table["outcome"] == "not answered").all():
             raise InputError(
@@ -167,10 +167,9 @@ class Exam:
             if undone:
                 raise next(iter(undone.values()))
         except (Unanswered, Failed) as reason:
-            return marked(number, sitting.examinee.name, reason, isinstance(reason, Failed))
-        return _answered(
-            number, sitting.examinee.name, Asked(tables, sitting.tasks, sitting.seed, sitting)
-        )
+            return marked(number, sitting.examinee.table, reason, isinstance(reason, Failed))
+        asked = Asked(tables, sitting.tasks, sitting.seed, sitting)
+        return _answered(number, sitting.examinee.table, asked)
 
     def _record(
         self, name: str, rows: list[dict[str, Any]], seed: int, about: dict[str, Any]
@@ -192,7 +191,7 @@ def bench(circuit: Circuit | Examinee | str | Path, **options: Any) -> ExamRecor
     return Exam.shipped().take(circuit, **options)
 
 
-def _answered(number: Number, name: str, asked: Asked) -> dict[str, Any]:
+def _answered(number: Number, table: str, asked: Asked) -> dict[str, Any]:
     in_hz = number.unit == "Hz" and number.direction is None
     answer: Answer | Exception
     failed = False
@@ -202,7 +201,7 @@ def _answered(number: Number, name: str, asked: Asked) -> dict[str, Any]:
         answer = reason
     except Failed as reason:
         answer, failed = reason, True
-    return marked(number, name, answer, failed)
+    return marked(number, table, answer, failed)
 
 
 def _identities(sitting: Sitting) -> dict[str, dict[str, str]]:

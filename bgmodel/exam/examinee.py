@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from bgmodel.exam.tables import Failed, Unanswered
-from circuits.anatomy import load_circuit
+from circuits.anatomy import is_included, load_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.errors import BgmodelWarning, InputError
@@ -32,12 +32,15 @@ class Examinee:
     gain : float, optional
         Nats in the circuit per nat of evidence; by default that of the circuit, or the one of five
         at which a circuit without nats is fastest for an accuracy of 0.9.
+    table : str
+        Name of the included circuit that it is, whose rows some numbers have set; "" for others.
     """
 
     name: str
     build: Callable[[int], Circuit]
     engine: str | None = None
     gain: float | None = None
+    table: str = ""
 
     def engine_for(self, circuit: Circuit) -> str:
         """Return the name of the engine for a circuit."""
@@ -65,15 +68,21 @@ def examinee(
                 "name or file, from which others are built"
             )
 
-        return Examinee(fixed.name, build, engine, gain)
+        return Examinee(fixed.name, build, engine, gain, _table(fixed))
     lines = Edits(edits)
     name = Path(circuit).stem if str(circuit).endswith(".toml") else str(circuit)
 
     def built(channels: int) -> Circuit:
         return load_circuit(circuit, channels).edited(*lines)
 
-    built(2)  # an unknown name or edit raises here
-    return Examinee(f"{name}, {'; '.join(lines)}" if lines else name, built, engine, gain)
+    whole = load_circuit(circuit).edited(*lines)  # an unknown name or edit raises here
+    title = f"{name}, {'; '.join(lines)}" if lines else name
+    return Examinee(title, built, engine, gain, _table(whole))
+
+
+def _table(circuit: Circuit) -> str:
+    """Return the name of the included circuit that a circuit is, or ""."""
+    return circuit.name if is_included(circuit) else ""
 
 
 @contextmanager

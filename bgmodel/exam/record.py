@@ -30,17 +30,15 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def marked(
-    number: Number, examinee: str, answer: Answer | Exception, failed: bool
-) -> dict[str, Any]:
+def marked(number: Number, table: str, answer: Answer | Exception, failed: bool) -> dict[str, Any]:
     """Return the row of a number.
 
     Parameters
     ----------
     number : Number
         What was published.
-    examinee : str
-        Name of the circuit.
+    table : str
+        Name of the included circuit that answers; "" for others.
     answer : Answer or Exception
         Its value, or why there is none.
     failed : bool
@@ -48,7 +46,7 @@ def marked(
     """
     row: dict[str, Any] = {name: getattr(number, name, None) for name in COLUMNS}
     row |= {"published": number.published(), "reason": "", "z": np.nan, "trials": 0}
-    row["set_by"] = "set by" if examinee in number.set_by else "predicted"
+    row["set_by"] = "set by" if table in number.set_by else "predicted"
     if isinstance(answer, Exception):
         outcome = FAILS if failed else UNANSWERED
         return row | {"value": np.nan, "se": np.nan, "outcome": outcome, "reason": str(answer)}
@@ -173,7 +171,8 @@ agrees: within 2 standard errors (root of the published and the simulated varian
 fails: the circuit does not do what the number is about; not answered: it cannot be asked.
 share: weight of the numbers that agree among those that agree, disagree or fail. A: only the
 abstract was read. *: the circuit, or an assumed size, was set by this number; predicted_agrees
-counts the others that agree. A file carries no stars, even if it holds a table that numbers set."""
+counts the others that agree. An edited circuit carries no stars, although numbers may have set rows
+that it kept."""
 
 
 def _line(row: dict[Any, Any]) -> str:

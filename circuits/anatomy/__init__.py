@@ -6,7 +6,9 @@ each row's baseline and gain. "assumed" and "tuned" mark values without a publis
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from circuits import DEFAULT, table_reader
@@ -18,7 +20,7 @@ from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
 from circuits.declaration import table_files
-from circuits.errors import require
+from circuits.errors import EditWarning, require
 
 __all__ = [
     "CIRCUITS",
@@ -27,6 +29,7 @@ __all__ = [
     "bogacz_gurney",
     "gpr",
     "humphries",
+    "is_included",
     "linear_gpe",
     "load_circuit",
     "macaque",
@@ -37,6 +40,8 @@ __all__ = [
 _TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr, humphries, stewart)
 CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
+MOST_COMPARED = 12
+"""Largest number of channels for which the rows of a file are recognised."""
 
 
 def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
@@ -58,6 +63,13 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     channels : int, optional
         Number of alternatives; by default 2, or the number in the file.
 
+    Returns
+    -------
+    Circuit
+        A file that still has the name of an included circuit, but another content, is named after
+        the file. If its rows are those of the included circuit with another number of channels, a
+        warning says so: biases depend on that number.
+
     Raises
     ------
     ValueError
@@ -66,7 +78,36 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     named = isinstance(name, (str, Path))
     require(named, "circuit", "must be a name or the path of a .toml file", name)
     if table_files.is_path(name):
-        return table_reader.read(name, channels)
+        return _own(table_reader.read(name, channels), Path(name))
     must = f"must be one of {', '.join(CIRCUITS)}, or the path of a .toml file"
     require(name in CIRCUITS, "circuit", must, str(name))
     return CIRCUITS[str(name)](2 if channels is None else channels)
+
+
+def is_included(circuit: Circuit) -> bool:
+    """Whether a circuit is the included one of its name, without any edit."""
+    make = CIRCUITS.get(circuit.name)
+    if make is None:
+        return False
+    try:
+        return table_files.digest(circuit) == table_files.digest(make(circuit.channels))
+    except ValueError:  # more channels than it can have
+        return False
+
+
+def _own(found: Circuit, path: Path) -> Circuit:
+    """Return the circuit of a file under a name that no included circuit has."""
+    if found.name not in CIRCUITS or is_included(found):
+        return found
+    make = CIRCUITS[found.name]
+    for channels in range(2, MOST_COMPARED + 1):
+        if channels != found.channels and make(channels).populations == found.populations:
+            warnings.warn(
+                f"{path.name} is for {found.channels} channels, but its rows, whose biases depend "
+                f"on that number, are those of {found.name} for {channels}: write the file again "
+                f"with `bgmodel circuit show {found.name} --channels {found.channels} --save`",
+                EditWarning,
+                stacklevel=3,
+            )
+            break
+    return replace(found, name=path.stem)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+import numba
 import numpy as np
 
 from circuits import anatomy
@@ -21,6 +22,11 @@ MEMBERS = {
     "appendix_b, strong D2": lambda n: anatomy.appendix_b(n, w_gpe_stn=0.9, w_d2_gpe=2),
     "appendix_b, weak GPe": lambda n: anatomy.appendix_b(n, w_gpe_stn=0.1, w_d2_gpe=1),
 }
+
+
+def call(part, *given):
+    """Call a part of compiled code, which only compiled code can."""
+    return numba.njit(lambda given: part(*given))(given)
 
 
 def evidence(channels, trials=40, seed=0):

@@ -6,6 +6,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.support.files import read_provenance, read_table
+from circuits.declaration import table_files
 from tests.helpers import run
 
 SPACE = """
@@ -47,9 +48,28 @@ def test_it_writes_result_drawing_and_an_experiment_that_runs(space, tmp_path, c
     bg.Experiment.from_toml(plan).check_differs()
 
 
-def test_a_plan_of_two_circuits_is_refused_before_the_search(space, tmp_path, capsys):
+def test_a_plan_of_two_files_edits_the_first_and_moves_with_them(space, tmp_path, monkeypatch):
+    circuit = bg.load_circuit("macaque").edited("set STN.bias_nats -1.9")
+    other = circuit.edited("lesion STN 100%", "set D1->SNr.weight -0.9")
+    (tmp_path / "work" / "plans").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "work")
+    for name, made in (("one", circuit), ("other", other)):
+        table_files.write(made, f"{name}.toml")
+    options = ("--plan", "plans/plan.toml", "--space", space, *FEW)
+    assert run("discriminate", "one.toml", "other.toml", *options) == 0
+    (tmp_path / "work").rename(tmp_path / "moved")
+    plan = bg.Experiment.from_toml(tmp_path / "moved" / "plans" / "plan.toml")
+    read = bg.load_circuit(plan.circuit)
+    control, manipulation = (read.edited(*plan.edits, *each.edits) for each in plan.conditions)
+    assert control.populations == circuit.populations
+    assert manipulation.projection("D1->SNr").weight == -0.9
+    assert manipulation.population("STN").intact == 0
+
+
+@pytest.mark.parametrize("second", ["msprt", "appendix_b"])
+def test_a_plan_that_no_edits_make_is_refused_before_the_search(space, tmp_path, capsys, second):
     plan = ("--plan", tmp_path / "plan.toml", "--space", space)
-    assert run("discriminate", "macaque", "msprt", *plan, *FEW) == 2
+    assert run("discriminate", "macaque", second, *plan, *FEW) == 2
     error = capsys.readouterr().err
     assert "check of" not in error
     assert error.count("\n") == 1

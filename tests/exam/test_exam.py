@@ -14,6 +14,7 @@ from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import marked, totals
 from bgmodel.exam.sitting import Sitting
 from circuits.anatomy import load_circuit
+from circuits.declaration import table_files
 from circuits.errors import InputError
 
 EXAM = Exam.shipped()
@@ -200,3 +201,10 @@ def test_a_record_is_a_table_a_picture_and_json(record, tmp_path):
     assert len(record.plot().axes) == 2
     assert set(record.facts()) >= set(DOMAINS)
     assert "not answered" in record.text()
+
+
+def test_stars_follow_the_table_and_not_its_name(tmp_path):
+    path = table_files.write(load_circuit("macaque"), tmp_path / "mine.toml")
+    assert examinee(path).table == examinee(load_circuit("macaque")).table == "macaque"
+    assert examinee("macaque", ["dopamine 0.9"]).table == ""
+    assert examinee(load_circuit("macaque").edited("dopamine 0.9")).table == ""

@@ -6,6 +6,7 @@ import pytest
 from circuits.declaration.transfer import TRANSFERS, named
 from circuits.engines.ensemble import kernel as ensemble
 from circuits.engines.population import kernel as population
+from tests.circuits.helpers import call
 
 X = np.array([-70.0, -3.2, -0.4, 0.3, 0.7, 1.3, 4.9, 5.4, 5.6, 8.0])
 """On both sides of every kink, and on none."""
@@ -68,6 +69,6 @@ def test_the_population_kernel_has_the_same_transfers_in_single_precision(name):
     values = np.zeros(-(-len(X) // population.LANES) * population.LANES, np.float32)
     values[: len(X)] = X
     no_table = (np.float32(0), np.float32(0), np.zeros(2, np.float32))
-    population._apply(len(values), population.TRANSFERS[name], values, *no_table)
+    call(population._apply, len(values), population.TRANSFERS[name], values, *no_table)
     found = values[: len(X)]
     np.testing.assert_allclose(found, named(name)(X.astype(np.float32)), rtol=3e-7, atol=1e-30)

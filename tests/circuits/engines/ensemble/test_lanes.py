@@ -7,11 +7,7 @@ import pytest
 
 from circuits.dynamics import noise
 from circuits.engines.ensemble import lanes
-
-
-def call(part, *given):
-    """Call a part of compiled code, which only compiled code can."""
-    return numba.njit(lambda given: part(*given))(given)
+from tests.circuits.helpers import call
 
 
 def filled(cells, value=0.0):

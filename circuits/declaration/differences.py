@@ -1,0 +1,91 @@
+"""The edits that turn one circuit into another."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import Any
+
+from circuits.cells import Cell
+from circuits.circuit import Circuit
+from circuits.declaration.edits import Edits
+from circuits.declaration.row_edits import NAMES, OF_CELL, Row
+from circuits.declaration.rows import Population
+from circuits.errors import InputError
+
+FOR_READERS = ("cite", "published_hz")
+"""Fields that change no run."""
+
+
+def differences(first: Circuit, second: Circuit) -> Edits:
+    """Return edits of the first circuit that give the rows of the second.
+
+    Fields that change no run, such as citations, are left out.
+
+    Parameters
+    ----------
+    first, second : Circuit
+        Two circuits with the same number of alternatives.
+
+    Raises
+    ------
+    ValueError
+        If no edits do: rows are missing in the second, or the circuits differ in more than rows,
+        such as their input, unit or courses.
+    """
+    edits = Edits(_lines(first, second))
+    edited = first.edited(*edits)
+    for name in ("channels", "input", "readout", "drive_gain", "reference_nats", "centred", "unit",
+                 "readout_tau_ms", "default_gain", "courses"):  # fmt: skip
+        if getattr(edited, name) != getattr(second, name):
+            said = f"no edits turn {first.name} into {second.name}: they differ in {name}"
+            raise InputError(said, "second")
+    for before, after in zip(_rows(edited), _rows(second), strict=True):
+        if before != after:
+            said = f"no edits turn {first.name} into {second.name}: {after.name} differs"
+            raise InputError(said, "second")
+    return edits
+
+
+def _rows(circuit: Circuit) -> list[Row]:
+    """Return all rows by name, without what is for readers."""
+    rows: list[Row] = [replace(row, cite="", published_hz=()) for row in circuit.populations]
+    rows += [replace(row, cite="") for row in circuit.projections]
+    return sorted(rows, key=lambda row: row.name)
+
+
+def _lines(first: Circuit, second: Circuit) -> Iterator[str]:
+    old, new = ({row.name: row for row in _rows(one)} for one in (first, second))
+    if missing := [name for name in old if name not in new]:
+        said = f"no edits turn {first.name} into {second.name}, which has no {missing[0]}"
+        raise InputError(said, "second")
+    for name, row in new.items():
+        if name not in old:
+            given = (f"{field}={shlex.quote(_text(value))}" for field, value in _values(row, None))
+            yield " ".join((f"add {name}", *given))
+            continue
+        for field, value in _values(row, old[name]):
+            yield f"set {name}.{field} {_text(value)}"
+
+
+def _values(row: Row | Cell, old: Row | Cell | None) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of a row that differ from those of another, or from their defaults."""
+    for field in fields(row):
+        if not field.init or field.name in (*NAMES, *FOR_READERS):
+            continue
+        value = getattr(row, field.name)
+        if isinstance(row, Population) and field.name == "cell":
+            same = isinstance(old, Population) and type(old.cell) is type(value)
+            if not same:
+                yield "cell", type(value).__name__
+            kept = old.cell if same and isinstance(old, Population) else None
+            for name, constant in _values(value, kept):
+                yield OF_CELL + name, constant
+        elif value != (field.default if old is None else getattr(old, field.name)):
+            yield field.name, value
+
+
+def _text(value: Any) -> str:
+    """Return a value as the text that an edit takes."""
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
