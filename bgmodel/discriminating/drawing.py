@@ -22,6 +22,8 @@ NAMES = {
 """The label of each axis."""
 LEAST_NATS = 1e-5
 """Information is drawn from here on."""
+WIDE = 300.0
+"""Ratio of the ends of an axis with few ticks."""
 
 
 def label(axis: str, value: str) -> str:
@@ -48,12 +50,27 @@ def draw(rows: pd.DataFrame, sequential: pd.DataFrame, title: str) -> Figure:
     draw_trials(axes[0, 1], sequential)
     for ax, name in zip(axes[0], "ab", strict=True):
         ax.set_title(name, loc="left", fontweight="bold")
+    _legend(figure)
     figure.suptitle(title, x=0.01, ha="left")
     return figure
 
 
+def _legend(figure: Figure) -> None:
+    """Explain points, lines and crosses."""
+    from matplotlib.lines import Line2D
+
+    predicted = "Predicted, with 95 % interval (in a its lower end)"
+    figure.legend(
+        handles=[
+            Line2D([], [], color=GREY, lw=1, marker="o", ms=4, label=predicted),
+            Line2D([], [], color="k", ls="", marker="x", ms=6, label="Simulated experiments"),
+        ],
+        loc="outside lower center", ncols=2, fontsize=7,
+    )  # fmt: skip
+
+
 def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw, for each value of each axis, what the best task with that value tells."""
+    """Draw what the best task with each value of each axis tells, down to its lower end (95 %)."""
     nats = np.maximum(rows["nats"], LEAST_NATS)
     low = np.maximum(rows["low"], LEAST_NATS)
     y = np.arange(len(rows))
@@ -63,20 +80,16 @@ def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
         ax.axhline(start - 0.5, color="0.85", lw=0.6)
     names = [label(row["axis"], row["value"]) for row in rows.to_dict("records")]
     ax.set_yticks(y, [fill(name, 28) for name in names])
-    _log_axis(ax)
-    ax.set(
-        xlim=(low.min() / 2, nats.max() * 2), ylim=(len(rows) - 0.5, -0.5),
-        xlabel="Most information per trial (nats)",
-    )  # fmt: skip
+    _log_axis(ax, low.min() / 2, nats.max() * 2)
+    ax.set(ylim=(len(rows) - 0.5, -0.5), xlabel="Most information per trial (nats)")
 
 
 def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
     """Draw predicted and simulated numbers of trials, for either model being true."""
     known = np.isfinite(sequential["median"])
     if known.any():
-        _log_axis(ax)
         ends = sequential.loc[known, ["low", "high", "simulated_median"]]
-        ax.set_xlim(ends.min().min() / 2, ends.max().max() * 2)
+        _log_axis(ax, ends.min().min() / 2, ends.max().max() * 2)
     else:
         ax.set_xticks([])
     for y, row in enumerate(sequential.to_dict("records")):
@@ -93,11 +106,14 @@ def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
     ax.set(ylim=(len(sequential) - 0.5, -0.5), xlabel=f"Trials until a Bayes factor of {FACTOR:g}")
 
 
-def _log_axis(ax: Axes) -> None:
-    """Give a logarithmic axis ticks at 1, 2 and 5 without exponents."""
+def _log_axis(ax: Axes, *ends: float) -> None:
+    """Give a logarithmic axis ticks at 1, 2 and 5, or at 1 if it is wide."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
+    low, high = ends
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=8))
+    ax.set_xlim(low, high)
+    subs = (1,) if high > WIDE * low else (1, 2, 5)
+    ax.xaxis.set_major_locator(LogLocator(subs=subs, numticks=8))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.minorticks_off()

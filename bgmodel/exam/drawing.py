@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 FAILS, UNANSWERED = "fails", "not answered"
-MOST_SHOWN = 6.0
-"""Larger z scores are drawn here, as arrows."""
+MOST_SHOWN, WITHOUT_Z = 6.0, 8.0
+"""Larger z scores are drawn at the first, as arrows; outcomes without a z score at the second."""
 LOOKS: dict[str, Look] = {
     AGREES: {"marker": "o", "color": PALETTE[0]},
     DISAGREES: {"marker": "X", "color": PALETTE[1]},
@@ -46,39 +46,58 @@ def page(table: pd.DataFrame, totals: pd.DataFrame, title: str) -> Figure:
     _domains(domains, totals)
     for ax, name in zip((numbers, domains), "ab", strict=True):
         ax.set_title(name, loc="left", fontweight="bold")
-    handles = [_entry(name) for name in LOOKS if name in set(table["outcome"])]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    _legend(figure, [name for name in LOOKS if name in set(table["outcome"])])
     figure.suptitle(title, x=0.01, ha="left")
     return figure
 
 
-def _entry(name: str) -> Any:
-    """Return an entry of the legend."""
+def _legend(figure: Figure, names: list[str]) -> None:
+    """Explain the marker and the bar of each outcome, and stars and arrows."""
+    from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    return Line2D([], [], ls="", ms=5, label=name.capitalize(), **LOOKS[name])
+    handles: list[Any] = [
+        (Line2D([], [], ls="", ms=5, **LOOKS[name]), Patch(lw=0.5, ec="k", **_fill(name)))
+        for name in names
+    ]
+    handles += [Line2D([], [], ls="", marker=">", ms=5, color=GREY), Line2D([], [], ls="")]
+    labels = [name.capitalize() for name in names]
+    labels += [f"Beyond {MOST_SHOWN:g}", "* Set by this number"]
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(handles), fontsize=6,
+        handler_map={tuple: HandlerTuple(ndivide=None)}, columnspacing=1.2, handletextpad=0.4,
+    )  # fmt: skip
+
+
+def _fill(name: str) -> dict[str, Any]:
+    """Return the filling of the bar of an outcome."""
+    face = {OPEN: "w", FAILS: "w", UNANSWERED: "0.8"}.get(name, LOOKS[name]["color"])
+    hatch = {OPEN: "////", FAILS: "xxxx"}.get(name, "")
+    return {"fc": face, "hatch": hatch}
 
 
 def _numbers(ax: Axes, table: pd.DataFrame) -> None:
-    """Draw a row per number: its z score, or the outcome of a direction at 0."""
+    """Draw a row per number: its z score, or on the right the outcome of one without."""
     ax.axvspan(-2, 2, color="0.9", lw=0, zorder=0)
+    ax.axvline(MOST_SHOWN + 1, color=GREY, lw=0.5)
     for y, row in enumerate(table.to_dict("records")):
         z = row["z"]
         style: Look = {"ms": 5, "ls": "", **LOOKS[row["outcome"]]}
         if np.isfinite(z) and abs(z) > MOST_SHOWN:
             style["marker"] = ">" if z > 0 else "<"
-        x = float(np.clip(z, -MOST_SHOWN, MOST_SHOWN)) if np.isfinite(z) else 0.0
+        x = float(np.clip(z, -MOST_SHOWN, MOST_SHOWN)) if np.isfinite(z) else WITHOUT_Z
         ax.plot(x, y, clip_on=False, zorder=3, **style)
-        if not np.isfinite(z) and row["outcome"] not in (FAILS, UNANSWERED):
-            ax.text(0.5, y, "direction", va="center", fontsize=5, color=GREY)
     starts = np.flatnonzero(table["domain"].ne(table["domain"].shift()))
     for start in starts[1:]:
         ax.axhline(start - 0.5, color=GREY, lw=0.5)
     names = table["id"] + np.where(table["set_by"] == "set by", " *", "")
     ax.set_yticks(range(len(table)), names, fontsize=6)
     ax.tick_params(axis="y", length=0)
+    ticks = range(-6, 7, 2)
+    ax.set_xticks([*ticks, WITHOUT_Z], [*map("{:g}".format, ticks), "direction\nor none"])
     ax.set(
-        xlim=(-MOST_SHOWN - 0.5, MOST_SHOWN + 0.5), ylim=(len(table) - 0.5, -0.5),
+        xlim=(-MOST_SHOWN - 0.5, WITHOUT_Z + 1), ylim=(len(table) - 0.5, -0.5),
         xlabel="Model less published (standard errors)",
     )  # fmt: skip
 
@@ -87,11 +106,9 @@ def _domains(ax: Axes, whole: pd.DataFrame) -> None:
     """Draw, for each domain, how many numbers have each outcome."""
     for y, row in enumerate(whole.to_dict("records")):
         left = 0
-        for name, look in LOOKS.items():
+        for name in LOOKS:
             count = row[name]
-            hatch = "////" if name in (OPEN, FAILS) else ""
-            face = "w" if name == UNANSWERED else look["color"]
-            ax.barh(y, count, left=left, height=0.6, fc=face, ec="k", lw=0.5, hatch=hatch)
+            ax.barh(y, count, left=left, height=0.6, ec="k", lw=0.5, **_fill(name))
             left += count
         ax.text(0.05, y - 0.36, row["domain"], fontsize=6, va="bottom")
     ax.set(xlabel="Numbers", ylim=(len(whole) - 0.5, -0.8), yticks=[])
