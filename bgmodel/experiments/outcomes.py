@@ -18,6 +18,7 @@ from bgmodel.deciding.measures import (
     OF_DECIDED,
     OF_DIFFUSION,
     OF_STOP,
+    P_RANGE,
     SHARES,
 )
 from bgmodel.deciding.tradeoff import decides_without_evidence
@@ -306,7 +307,13 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     for measure, cells in measured(table):
         lines.append(f"{measure:<{wide}}" + "".join(f"{cell:<26}" for cell in cells))
     said = uncalibrated(experiment, table)
-    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else [])]
+    lines += [
+        "",
+        _units(table),
+        *_withheld(experiment, table),
+        *_without_ssrt(table),
+        *([said] if said else []),
+    ]
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -424,6 +431,18 @@ def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
             continue
         found.append(f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: {why}")
     return found
+
+
+def _without_ssrt(table: pd.DataFrame) -> list[str]:
+    """Return why a condition has no stop-signal reaction time, one line per condition."""
+    values = table.set_index(["condition", "measure"])["value"]
+    low, high = P_RANGE
+    return [
+        f"ssrt_ms of the {condition} is unknown: at no delay do {low:.0%} to {high:.0%} of stop "
+        "trials have a response; give other delays, or staircases"
+        for condition in CONDITIONS[:2]
+        if np.isnan(values.get((condition, "ssrt_ms"), 0.0))
+    ]
 
 
 def _edits(experiment: ExperimentRecord) -> list[str]:
