@@ -23,9 +23,9 @@ from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
-from circuits.declaration.differences import differences
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
+from circuits.differences import differences
 from circuits.errors import InputError
 
 FEWEST, MOST = 400, 4000

@@ -264,14 +264,15 @@ def _section(found, c, state, s, values, ticks):
 
 
 @part
-def _send(block, state, values, noise, ring, first, ticks):
-    """Turn activity into a rate, with the noise of a finite number of cells.
+def _send(block, state, values, noise, ring, total, kept, first, ticks):
+    """Turn activity into a rate, with the noise of a finite number of cells; sum rates up.
 
     The amplitude of the noise is that of the rate at the first of the ticks that share a word.
     """
     gain, base, floor = spread(block.hz_per_nat), spread(block.baseline), spread(block.floor)
     each, none, amplitude = spread(block.noise), spread(ZERO), load(state, _at(AMPLITUDE))
     place = first & (len(ring) // LANES - 1)
+    summed = load(total, _at(0))
     for t in range(len(ticks)):
         rate = most(multiply_add(gain, load(values, _at(t)), base), floor)
         if block.noise > ZERO:
@@ -279,7 +280,10 @@ def _send(block, state, values, noise, ring, first, ticks):
                 amplitude = each * root(most(rate, none))
             rate = multiply_add(amplitude, load(noise, _at(t)), rate)
         store(ring, _at(place + t), rate)
+        summed = summed + rate
     store(state, _at(AMPLITUDE), amplitude)
+    if kept:
+        store(total, _at(0), summed)
 
 
 @numba.njit(inline="always")
@@ -377,22 +381,19 @@ def _advance(p, work, b, first, ticks):
     _apply(n, block.law, values, block.lowest, block.per, p.laws[block.column])
     if block.noise > ZERO:
         _noise(found, state, work.noise, _counts(work.keys[b], first, ticks), ticks)
-    _send(block, state, values, work.noise, work.ring[b], first, ticks)
+    total, kept = work.totals[b], work.kept
+    _send(block, state, values, work.noise, work.ring[b], total, kept, first, ticks)
 
 
 @part
 def _read(p, work, k):
-    """Low-pass the read-out (step 4 of the scheme), and sum up rates."""
+    """Low-pass the read-out (step 4 of the scheme)."""
     mask = work.ring.shape[1] // LANES - 1
     gain, before = spread(p.clock[0].readout_gain), spread(p.clock[0].readout_before)
     for c in range(len(p.readout)):
         low, rates = work.low_pass[c], work.ring[p.readout[c]]
         now, past = load(rates, _at(k & mask)), load(rates, _at((k - 1) & mask))
         store(low, _at(0), _low_passed(gain, before, now, load(low, _at(0)), past))
-    if work.kept:
-        for b in range(len(p.blocks)):
-            total = load(work.totals[b], _at(0)) + load(work.ring[b], _at(k & mask))
-            store(work.totals[b], _at(0), total)
 
 
 @part

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from math import lcm
+from math import gcd, lcm
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -250,9 +250,10 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
 
 
 def window(p: records.Plan) -> tuple[int, ...]:
-    """Return the longest window of ticks that fits the delays and the readings."""
-    least = int(p.units["delay"].min(initial=kernel.WINDOW))
-    fits = [n for n in kernel.WINDOWS if n <= least and p.clock["step"][0] % n == 0]
+    """Return the longest window of ticks that fits the delays, the readings and the samples."""
+    least, clock = int(p.units["delay"].min(initial=kernel.WINDOW)), p.clock[0]
+    whole = gcd(clock["step"], clock["sample"])
+    fits = [n for n in kernel.WINDOWS if n <= least and whole % n == 0]
     return kernel.WINDOWS[max(fits)]
 
 

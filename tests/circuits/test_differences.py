@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from circuits.anatomy import load_circuit
-from circuits.declaration.differences import differences
+from circuits.differences import differences
 from circuits.errors import InputError
 
 
