@@ -130,7 +130,9 @@ class Counts:
     def box(self) -> tuple[int, int, int]:
         """Number of bins up to the last decision; first column with decisions, and end of these."""
         bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in (1, 0))
-        return (int(bins[-1]) + 1, int(columns[0]), int(columns[-1]) + 1) if len(bins) else (0, 0, 0)
+        if not len(bins):
+            return 0, 0, 0
+        return int(bins[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
@@ -204,7 +206,8 @@ def read(
 
 def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, slice]]:
     """Return the weighted sum of counts within the box that holds all of them, and that box."""
-    late, low, high = np.array([counts.box for counts, _ in weighed if counts.box[0]]).T
+    boxes = [counts.box for counts, _ in weighed if counts.box[0]] or [(0, 0, 0)]
+    late, low, high = np.array(boxes).T
     box = (slice(late.max()), slice(low.min(), high.max()))
     seen = weighed[0][1] * weighed[0][0].decided[box]
     for counts, weight in weighed[1:]:

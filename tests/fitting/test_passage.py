@@ -215,9 +215,7 @@ def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):
     at_rest = passage.falling_at_rest(gap, slope, times, start=start)
     mass = passage.with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
     wanted = mass.reshape(4, 2, 75, 4).sum(axis=3)
-    found = passage.binned(
-        at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins
-    )
+    found = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
     assert found == pytest.approx(wanted, rel=1e-11, abs=1e-200)
     other = passage.binned(
         at_rest, gap, times, drifts + 0.01, start, drift_sd, width_s=width_s, bins=bins
