@@ -13,7 +13,7 @@ from bgmodel.fitting import passage
 from bgmodel.fitting.gaps import CONSTANT, FALL, Gap
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 
 SENSITIVITY = Parameter(
     "sensitivity", 0.02, 18.0, 4.0, "drift per unit of strength, 1/sqrt(s), of unit noise"
@@ -122,8 +122,11 @@ class GapModel:
         settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
         found = np.zeros((len(strength), 2, grid.bins))
         time_s, width_s, bins = _parts(grid.bins)
-        for setting in distinct(settings):
-            cells = (settings == setting).all(axis=1)
+        every = distinct(settings)
+        for setting in every:
+            cells: slice | Truths = (
+                slice(None) if len(every) == 1 else (settings == setting).all(axis=1)
+            )
             share, bound, spread, *falls = map(float, setting)
             starts, weights = _starts(bound * share, spread * bound * (1 - share))
             shape = dict(zip(self.gap.names, falls, strict=True))

@@ -91,6 +91,16 @@ class _Sum:
     high: float
     bounded: bool
 
+    @cached_property
+    def applies(self) -> Truths:
+        """Whether any number has a weight in a cell, (cells,)."""
+        return np.asarray(self.design.any(axis=0))
+
+    @cached_property
+    def everywhere(self) -> bool:
+        """Whether it applies in every cell."""
+        return bool(self.applies.all())
+
     def value(self, vector: Array) -> Array:
         """Return the sum in each cell, (cells,)."""
         return np.asarray(vector[self.places] @ self.design)
@@ -174,7 +184,7 @@ class ParameterSpace:
     @property
     def held(self) -> dict[str, float]:
         """Values of the parameters that are fixed in some or all cells."""
-        free = {each.name for each in self._sums if each.design.any(axis=0).all()}
+        free = {each.name for each in self._sums if each.everywhere}
         return {p.name: p.start for p in self.parameters if p.name not in free}
 
     def values(self, vector: Array) -> dict[str, Array]:
@@ -182,13 +192,20 @@ class ParameterSpace:
 
         What a formula gives is limited to the range of the parameter.
         """
-        found = {each.name: np.full(self.cells, each.start) for each in self.parameters}
+        found = {name: start.copy() for name, start in self._starts.items()}
         for each in self._sums:
             value = each.value(vector)
             if each.bounded:
                 value = np.clip(value, each.low, each.high)
-            found[each.name] = np.where(each.design.any(axis=0), value, found[each.name])
+            if not each.everywhere:
+                value = np.where(each.applies, value, found[each.name])
+            found[each.name] = value
         return found
+
+    @cached_property
+    def _starts(self) -> dict[str, Array]:
+        """The default value of each parameter in every cell, (cells,)."""
+        return {each.name: np.full(self.cells, each.start) for each in self.parameters}
 
 
 def freedom(
