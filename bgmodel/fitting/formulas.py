@@ -142,6 +142,36 @@ def formula_of(text: str) -> Formula:
     return Formula(*parts)
 
 
+def ranged(
+    within: tuple[float, float], start: float, columns: Array, k: int
+) -> tuple[float, float, float]:
+    """Return range and start of a coefficient, such that the parameter can be within its own range.
+
+    The ends are those of the polytope of all such coefficients, by linear programming. The start
+    gives the parameter its own start in every cell, or as nearly as the columns can.
+
+    Parameters
+    ----------
+    within : tuple of float
+        Range of the parameter in every cell.
+    start : float
+        Its start.
+    columns : array (coefficients, cells)
+        Columns of its design, independent.
+    k : int
+        Number of the coefficient.
+    """
+    from scipy.optimize import linprog
+
+    rows = np.unique(columns.T, axis=0)
+    limits = np.concatenate([rows, -rows]), np.repeat([within[1], -within[0]], len(rows))
+    aim = np.eye(len(columns))[k]
+    ends = [linprog(sign * aim, *limits, bounds=(None, None)).fun for sign in (1, -1)]
+    own = np.linalg.lstsq(rows, np.full(len(rows), start), rcond=None)[0][k]
+    low, high = float(ends[0]), float(-ends[1])
+    return low, high, float(np.clip(round(own, 12), low, high))
+
+
 def _names(factor: str) -> set[str]:
     """Return the names in a factor other than those of functions."""
     try:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bgmodel.fitting.formulas import ranged
 from bgmodel.support.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
@@ -296,23 +297,9 @@ def _numbers(each: Parameter, design: Mapping[str, Array]) -> list[FreeParameter
     levels = bool(np.isin(columns, (0, 1)).all() and (columns.sum(axis=0) <= 1).all())
     found = []
     for k, label in enumerate(design):
-        own = each if levels else _ranged(each, columns, k)
+        own = each
+        if not levels:
+            low, high, start = ranged((each.low, each.high), each.start, columns, k)
+            own = replace(each, low=low, high=high, start=start)
         found.append(FreeParameter(f"{each.name}[{label}]", own, columns[k], not levels))
     return found
-
-
-def _ranged(each: Parameter, columns: Array, k: int) -> Parameter:
-    """Return a coefficient's range, in which the parameter can be within its own in every cell.
-
-    The ends are those of the polytope of all such coefficients, by linear programming. The start
-    gives the parameter its own start in every cell, or as nearly as the columns can.
-    """
-    from scipy.optimize import linprog
-
-    rows = np.unique(columns.T, axis=0)
-    within = np.concatenate([rows, -rows]), np.repeat([each.high, -each.low], len(rows))
-    aim = np.eye(len(columns))[k]
-    ends = [linprog(sign * aim, *within, bounds=(None, None)).fun for sign in (1, -1)]
-    start = np.linalg.lstsq(rows, np.full(len(rows), each.start), rcond=None)[0][k]
-    low, high = float(ends[0]), float(-ends[1])
-    return replace(each, low=low, high=high, start=float(np.clip(round(start, 12), low, high)))
