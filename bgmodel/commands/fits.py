@@ -37,6 +37,7 @@ class FitRun(FitSettings, Shows):
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
+    bgmodel fit mine.csv --strength contrast --formula "bound ~ instruction * side";
     bgmodel fit mine.csv --strength contrast --mechanism onset_stn --draws
 
     With --hierarchical all participants are fitted together:
@@ -155,6 +156,8 @@ class FitRun(FitSettings, Shows):
                "hierarchical", "compare", "evidence", *EVIDENCE_ONLY, *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
+        if not self.formula:
+            del said["formula"]  # so that tables of earlier versions can be added to
         if self.rt_window is not None:
             # As text, since JSON has no infinity.
             said["rt_window"] = [f"{time:g}" for time in self.rt_window]

@@ -13,7 +13,7 @@ from bgmodel.fitting import passage
 from bgmodel.fitting.gaps import CONSTANT, FALL, Gap
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 
 SENSITIVITY = Parameter(
     "sensitivity", 0.02, 18.0, 4.0, "drift per unit of strength, 1/sqrt(s), of unit noise"
@@ -121,17 +121,21 @@ class GapModel:
         names = (BOUND.name, SPREAD.name, *self.gap.names)
         settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
         found = np.zeros((len(strength), 2, grid.bins))
-        time_s, width_s, first = _parts(grid.bins)
-        for setting in _distinct(settings):
-            cells = (settings == setting).all(axis=1)
+        time_s, width_s, bins = _parts(grid.bins)
+        every = distinct(settings)
+        for setting in every:
+            cells: slice | Truths = (
+                slice(None) if len(every) == 1 else (settings == setting).all(axis=1)
+            )
             share, bound, spread, *falls = map(float, setting)
             starts, weights = _starts(bound * share, spread * bound * (1 - share))
             shape = dict(zip(self.gap.names, falls, strict=True))
             at_rest, gap = self._at_rest(bound, shape, starts, time_s, width_s)
             for one, z, weight in zip(at_rest, starts, weights, strict=True):
                 here = (drift[cells], float(z), drift_sd[cells])
-                mass = passage.with_drift(one, gap, time_s, *here) * width_s
-                found[cells] += weight * np.add.reduceat(mass, first, axis=2)
+                found[cells] += weight * passage.binned(
+                    one, gap, time_s, *here, width_s=width_s, bins=bins
+                )
         found[mirrored] = found[mirrored, ::-1]
         return found
 
@@ -158,7 +162,7 @@ class GapModel:
         return {"model": self.name}
 
 
-def _distinct(settings: Array) -> Array:
+def distinct(settings: Array) -> Array:
     """Return the distinct rows; cells mostly have one setting, and sorting rows is slow."""
     same = (settings == settings[0]).all()
     return settings[:1] if same else np.unique(settings, axis=0)
@@ -174,10 +178,10 @@ def _starts(mean: float, half: float) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def _parts(bins: int) -> tuple[Array, Array, Integers]:
-    """Return middles and widths of the parts of all bins, s, and the first part of each bin."""
+    """Return middles and widths of the parts of all bins, s, and the bin of each part."""
     parts = np.where(np.arange(bins) < EARLY, PARTS, 2)
     parts[0] = FIRST
     width_s = np.repeat(BIN_S / parts, parts)
     # Narrow at first: from a start near a bound, densities have their peak within a millisecond.
     width_s[:FIRST] = np.diff(BIN_S * np.linspace(0, 1, FIRST + 1) ** 2)
-    return width_s.cumsum() - width_s / 2, width_s, parts.cumsum() - parts
+    return width_s.cumsum() - width_s / 2, width_s, np.repeat(np.arange(bins), parts)

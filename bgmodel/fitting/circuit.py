@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.algorithms import SENSITIVITY
+from bgmodel.fitting.algorithms import SENSITIVITY, distinct
 from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes, Run, simulated
 from bgmodel.fitting.mechanisms import MECHANISMS, NONE, Axis, Mechanism
@@ -144,7 +144,7 @@ class CircuitModel:
         settings = np.stack([values[name] for name in names], axis=1)
         drift = values[SENSITIVITY.name] * strength
         found = np.zeros((len(strength), 2, grid.bins))
-        for setting in np.unique(settings, axis=0):
+        for setting in distinct(settings):
             cells = (settings == setting).all(axis=1)
             near = [(self.stored(point), share) for point, share in self._corners(setting[1:])]
             found[cells] = decided(near, float(setting[0]), drift[cells], grid)

@@ -206,10 +206,10 @@ def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
     nodes, masses = _walk(bound, bins)
     v = np.asarray(drift)
     step, sd = v * BIN_S, np.sqrt(BIN_S)
-    weights = np.exp(nodes[:, None] * v)
+    sides = np.array([-1.0, 1.0])[:, None]
+    over = ndtr((sides * (nodes[:, None] + step)[:, None] - bound) / sd)
+    over *= np.exp(nodes[:, None] * v)[:, None]
     spent = np.exp(-(v**2) / 2 * BIN_S * np.arange(bins)[:, None])
-    ends: list[Array] = []
-    for side in (-1, 1):
-        over = ndtr((side * (nodes[:, None] + step) - bound) / sd)
-        ends.append(masses @ (weights * over) * spent)
-    return np.stack(ends, axis=1)
+    ends = (masses @ over.reshape(len(nodes), -1)).reshape(bins, 2, len(v))
+    ends *= spent[:, None]
+    return np.asarray(ends)

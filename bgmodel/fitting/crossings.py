@@ -126,6 +126,14 @@ class Counts:
     decided: Array
     never: Array
 
+    @cached_property
+    def box(self) -> tuple[int, int, int]:
+        """Number of bins up to the last decision; first column with decisions, and end of these."""
+        bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in (1, 0))
+        if not len(bins):
+            return 0, 0, 0
+        return int(bins[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
 
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
     """Return the rows used to interpolate a table at a place between two rows, with weights.
@@ -178,20 +186,33 @@ def read(
         (first.counted(row) if len(settings) == 1 else _count(settings, row), weight)
         for row, weight in rows
     ]
-    seen = np.sum([weight * counts.decided for counts, weight in weighed], axis=0)
+    drifts, shape = tuple(first.drifts.tolist()), weighed[0][0].decided.shape
     never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
-    read_s = (np.arange(len(seen)) + 1) * BIN_S
+    read_s = (np.arange(shape[0]) + 1) * BIN_S
     # A stored trial and its mirror image: drift in favour of the choice, and against it.
-    read_so_far = _evidence(seen.shape[1])
+    read_so_far = _evidence(shape[1])
     moved = _moved(np.abs(v) * read_so_far[-1])
     towards = np.exp(read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2))
-    seen *= _unmixed(tuple(first.drifts.tolist()), *seen.shape)
-    mass = (seen @ towards).reshape(len(seen), 2, len(v))
+    seen, box = _seen(weighed)
+    seen *= _unmixed(drifts, *shape)[box]
+    mass = np.zeros((shape[0], 2, len(v)))
+    mass[box[0]] = (seen @ towards[box[1]]).reshape(-1, 2, len(v))
     mass *= np.exp(moved - np.outer(read_s, v**2) / 2)[:, None]
-    last_s, evidence = read_s[_ends(settings) - 1], _evidence(len(never))[:, None]
-    apart = v * evidence - v**2 * last_s / 2 - log_mixture(first.drifts, last_s, evidence)
+    last_s, evidence = float(read_s[_ends(settings) - 1]), _evidence(len(never))[:, None]
+    apart = v * evidence - v**2 * last_s / 2 - _mixed(drifts, last_s, len(never))
     undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
     return np.asarray(mass[:, ::-1] / (mass.sum(axis=(0, 1)) + undecided))
+
+
+def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, slice]]:
+    """Return the weighted sum of counts within the box that holds all of them, and that box."""
+    boxes = [counts.box for counts, _ in weighed if counts.box[0]] or [(0, 0, 0)]
+    late, low, high = np.array(boxes).T
+    box = (slice(late.max()), slice(low.min(), high.max()))
+    seen = weighed[0][1] * weighed[0][0].decided[box]
+    for counts, weight in weighed[1:]:
+        seen += weight * counts.decided[box]
+    return seen, box
 
 
 def _moved(largest: Array) -> Array:
@@ -231,6 +252,12 @@ def _unmixed(drifts: tuple[float, ...], bins: int, columns: int) -> Array:
     """Return the inverse of the mixture of ``log_mixture`` on the grid of ``Counts.decided``."""
     read_s = (np.arange(bins) + 1) * BIN_S
     return np.exp(-log_mixture(drifts, read_s[:, None], _evidence(columns)))
+
+
+@lru_cache(maxsize=16)
+def _mixed(drifts: tuple[float, ...], last_s: float, columns: int) -> Array:
+    """Return ``log_mixture`` at the end of trials on the grid of ``Counts.never``, as a column."""
+    return log_mixture(drifts, last_s, _evidence(columns)[:, None])
 
 
 def log_odds(threshold_nats: npt.ArrayLike) -> Any:

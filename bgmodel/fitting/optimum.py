@@ -11,6 +11,7 @@ import numpy as np
 
 from bgmodel.fitting.algorithms import SENSITIVITY, START, Model
 from bgmodel.fitting.design import Design
+from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
 from bgmodel.fitting.responses import moments, responded
 from bgmodel.support.arrays import Array, Truths
@@ -60,8 +61,7 @@ class Likelihood:
 
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf outside the bounds."""
-        inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
-        return float(self.each(vector).sum()) if inside.all() else -np.inf
+        return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
 
 
 def likelihood_of(
@@ -71,13 +71,15 @@ def likelihood_of(
     free: list[str] | None = None,
     fixed: dict[str, float] | None = None,
     vary: dict[str, str] | None = None,
+    formulas: Sequence[Formula] = (),
     largest: float | None = None,
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
 
-    Bounds and start of sensitivity are divided by the largest strength, by default that of the
-    design, so that the drift has the same range in every unit of strength. Warns of responses that
-    are later than the end of a model's simulated trials.
+    ``formulas`` gives parameters that are linear in conditions of the design. Bounds and start of
+    sensitivity are divided by the largest strength, by default that of the design, so that the
+    drift has the same range in every unit of strength. Warns of responses that are later than the
+    end of a model's simulated trials.
     """
     _warn_of_later(model, design)
     unit = design.strength.max() if largest is None else largest
@@ -85,7 +87,12 @@ def likelihood_of(
     own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
     known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
     cells = design.cells
-    freed = freedom(known, design.conditions, cells, free=free, fixed=fixed, vary=vary)
+    designs = {
+        each.parameter: each.matrix(design.conditions, design.observed.cell) for each in formulas
+    }
+    freed = freedom(
+        known, design.conditions, cells, free=free, fixed=fixed, vary=vary, designs=designs
+    )
     return Likelihood(model, design, freed)
 
 
@@ -213,7 +220,7 @@ def starts_of(likelihood: Likelihood) -> list[Array]:
     fastest = float(np.nanquantile(likelihood.design.observed.rt_s, 0.02))
     first = freed.start
     for k, each in enumerate(freed.moved):
-        if each.parameter.name == "t0_s":
+        if each.parameter.name == "t0_s" and not each.effect:
             first[k] = np.clip(fastest - 0.05, freed.low[k], freed.high[k])
     inner = np.array([each.parameter.name not in RESPONSES for each in freed.moved])
     stuck = inner & ((first == freed.low) | (first == freed.high))

@@ -11,13 +11,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""
 LARGEST = 700.0
 """Largest exponent; where it is larger, the density without drift is 0 in floating point."""
+NEGLIGIBLE = 1e-20
+"""Share of a sum below which further terms are left out."""
 
 
 def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
@@ -84,7 +86,10 @@ def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) ->
     scaled, z = np.asarray(time_s, float) / (2 * bound) ** 2, np.atleast_1d(start)
     # Distance from the start to the bound of response 0 and of 1, in units of that between them.
     away = np.stack([bound + z, bound - z], axis=1)[:, :, None] / (2 * bound)
-    found = standard_at_rest(away, scaled, terms=6) / (2 * bound) ** 2
+    # From a start in the middle both densities are the same.
+    sides = away if z.any() else away[:, :1]
+    found = standard_at_rest(sides, scaled, terms=6) / (2 * bound) ** 2
+    found = np.broadcast_to(found, (len(z), 2, len(scaled)))
     return np.asarray(found if np.ndim(start) else found[0])
 
 
@@ -100,22 +105,40 @@ def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
     terms : int
         Terms of either series; with 4 the error is below 1e-9.
     """
-    # sin(n theta) and the powers of exp(-pi^2 s / 2) by recurrence: one sine and one exponential.
-    theta, first = np.pi * away, np.exp(-(np.pi**2) * scaled / 2)
-    sine, before, double = np.sin(theta), 0.0, 2 * np.cos(theta)
-    power, odd = first, first
-    modes = np.zeros(np.broadcast_shapes(np.shape(away), np.shape(scaled)))
-    for n in range(1, 2 * terms):
-        modes += n * sine * power
-        sine, before = double * sine - before, sine
-        odd = odd * first * first
-        power = power * odd
-    images = np.zeros(modes.shape)
-    for k in range(-terms // 2, terms // 2):
-        there = away + 2 * k
-        images += there * np.exp(-(there**2) / (2 * scaled))
-    early = images / np.sqrt(2 * np.pi * scaled**3)
-    return np.asarray(np.maximum(np.where(scaled > 0.15, np.pi * modes, early), 0.0))
+    far, late = np.empty((2, *np.broadcast_shapes(np.shape(away), np.shape(scaled))))
+    far[...], late[...] = away, scaled
+    return _series(far.ravel(), late.ravel(), terms).reshape(far.shape)
+
+
+@compiled
+def _series(away: Array, scaled: Array, terms: int) -> Array:
+    """Return the density at a bound by the series that converges faster; all arrays (times,)."""
+    found = np.empty(len(away))
+    last, lowest, double = 0.0, 0.0, 2.0
+    for i in range(len(away)):
+        if away[i] != last:
+            last = away[i]
+            lowest, double = np.sin(np.pi * last), 2 * np.cos(np.pi * last)
+        total = 0.0
+        if scaled[i] > 0.15:
+            # sin(n theta) and the powers of exp(-pi^2 s / 2) by recurrence.
+            first = np.exp(-(np.pi**2) * scaled[i] / 2)
+            sine, before, power, odd = lowest, 0.0, first, first
+            for n in range(1, 2 * terms):
+                total += n * sine * power
+                sine, before = double * sine - before, sine
+                odd *= first * first
+                power *= odd
+                if (n + 1) ** 2 * power < NEGLIGIBLE * first:
+                    break  # no later mode can change the last digit
+            found[i] = max(np.pi * total, 0.0)
+        else:
+            for k in range(-(terms + 1) // 2, terms // 2):
+                there = away[i] + 2 * k
+                if there**2 - away[i] ** 2 < -2 * np.log(NEGLIGIBLE) * scaled[i]:
+                    total += there * np.exp(-(there**2) / (2 * scaled[i]))
+            found[i] = max(total / np.sqrt(2 * np.pi * scaled[i] ** 3), 0.0)
+    return found
 
 
 def falling_at_rest(
@@ -230,3 +253,63 @@ def with_drift(
         for c in (-bound - start, bound - start)
     ]
     return np.asarray(np.stack(weights, axis=1) / np.sqrt(spread)[:, None] * at_rest)
+
+
+def binned(
+    at_rest: Array,
+    bound: Array,
+    time_s: Array,
+    drift: npt.ArrayLike,
+    start: float = 0.0,
+    drift_sd: npt.ArrayLike = 0.0,
+    *,
+    width_s: Array,
+    bins: Integers,
+) -> Array:
+    """Return the probabilities of both responses in bins of time, at drifts.
+
+    The densities of ``with_drift``, to whose arguments two are added, are integrated.
+
+    Parameters
+    ----------
+    width_s : array (times,), s
+        Weight of each time in the integral.
+    bins : int array (times,)
+        Bin of each time, not decreasing.
+
+    Returns
+    -------
+    array (cells, 2, bins)
+    """
+    v = np.asarray(drift, float)
+    variance = np.zeros(v.shape) + np.asarray(drift_sd, float) ** 2
+    return _binned(at_rest * width_s, bound, time_s, bins, v, float(start), variance)
+
+
+@compiled
+def _binned(
+    mass: Array, bound: Array, time_s: Array, bins: Integers, drift: Array, start: float,
+    variance: Array,
+) -> Array:  # fmt: skip
+    """Sum the masses at times without drift (2, times), weighted as in ``with_drift``, by bin."""
+    found = np.zeros((len(drift), 2, bins[-1] + 1))
+    for i in range(len(drift)):
+        v, s2, last, up, down = drift[i], variance[i], -1.0, 1.0, 1.0
+        plain = s2 == 0 and abs(v) * (bound.max() + abs(start)) < LARGEST / 2
+        for k in range(len(time_s)):
+            t, a = time_s[k], bound[k]
+            if plain:
+                # The weight is one factor of the bound, which rarely changes, and one of time.
+                if a != last:
+                    last, up, down = a, np.exp(v * (a - start)), np.exp(-v * (a + start))
+                spent = np.exp(-v * v * t / 2)
+                found[i, 0, bins[k]] += down * spent * mass[0, k]
+                found[i, 1, bins[k]] += up * spent * mass[1, k]
+                continue
+            spread = 1 + s2 * t
+            for side in range(2):
+                c = a - start if side == 1 else -a - start
+                weight = (2 * v * c + s2 * c * c - v * v * t) / (2 * spread)
+                weight = np.exp(min(weight, LARGEST)) / np.sqrt(spread)
+                found[i, side, bins[k]] += weight * mass[side, k]
+    return found

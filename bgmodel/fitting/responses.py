@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.compiling import compiled
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Quantiles of response times at which data and models are compared."""
@@ -16,6 +17,8 @@ BIN_S = 0.01
 """Width of a bin of time, s."""
 TINY = 1e-300
 """Lower limit of probabilities before their logarithm is taken."""
+FARTHEST = 8.5
+"""Standard deviations beyond which the non-decision time has no mass in double precision."""
 EVERY_TIME = (0.0, math.inf)
 """Window that includes all responses, s."""
 
@@ -56,21 +59,39 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     -------
     array (cells, 2, bins), 1/s
     """
-    from scipy.special import ndtr
-
-    bins, width = grid.bins, BIN_S
-    # From the centre of one bin to the edges of another: preserves mass whatever t0 is.
-    edges = (np.arange(-bins, bins + 1) - 0.5) * width
-    # Bins of decisions and of responses, and interpolation between the latter, each add to the
-    # variance of times (Sheppard's corrections): together a third of a squared bin.
-    sd_s = np.sqrt(np.maximum(t0_sd_s**2 - width**2 / 3, (width / 20) ** 2))
-    below = ndtr((edges - t0_s[:, None]) / sd_s[:, None])
-    kernel = np.roll(np.diff(below, axis=1), -bins, axis=1)
-    size = 2 * bins
-    spectrum = np.fft.rfft(decided, size, axis=2) * np.fft.rfft(kernel, size, axis=1)[:, None]
-    density = np.fft.irfft(spectrum, size, axis=2)[:, :, :bins] / width
+    found = np.zeros(decided.shape)
+    _delay(np.ascontiguousarray(decided), t0_s / BIN_S, t0_sd_s / BIN_S, found)
+    # Estimates from simulated trials may be negative, by less than their error.
+    np.maximum(found, 0.0, out=found)
     share = lapse[:, None, None]
-    return np.asarray((1 - share) * np.maximum(density, 0.0) + share * 0.5 / (bins * width))
+    return np.asarray((1 - share) / BIN_S * found + share * 0.5 / (grid.bins * BIN_S))
+
+
+@compiled
+def _delay(decided: Array, t0: Array, t0_sd: Array, found: Array) -> None:
+    """Add the decisions of each bin to later bins; times are in bins.
+
+    The share of a later bin is that of the Gaussian between its edges, counted from the centre of
+    the bin of decisions: mass is preserved whatever t0 is.
+    """
+    bins = decided.shape[2]
+    for cell in range(len(decided)):
+        # Bins of decisions and of responses, and interpolation between the latter, each add to the
+        # variance of times (Sheppard's corrections): together a third of a squared bin.
+        sd = np.sqrt(max(t0_sd[cell] ** 2 - 1 / 3, 0.05**2))
+        first = int(max(np.floor(t0[cell] - FARTHEST * sd), -bins + 1))
+        last = int(min(np.ceil(t0[cell] + FARTHEST * sd), bins - 1))
+        below = math.erfc((t0[cell] - first + 0.5) / (sd * np.sqrt(2.0))) / 2
+        for late in range(first, last + 1):
+            above = math.erfc((t0[cell] - late - 0.5) / (sd * np.sqrt(2.0))) / 2
+            share, below = above - below, above
+            start, end = max(late, 0), min(bins, bins + late)
+            for side in range(2):
+                # Slices, whose loop is compiled to vector instructions.
+                now = decided[cell, side, start - late : end - late]
+                then = found[cell, side, start:end]
+                for k in range(len(then)):
+                    then[k] += share * now[k]
 
 
 @dataclass(frozen=True)

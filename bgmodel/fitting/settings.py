@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
     from bgmodel.fitting.design import Design
     from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.formulas import Formula
     from bgmodel.fitting.known.fit import KnownFit
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.fitting.parameters import Parameter
@@ -63,6 +64,9 @@ class FitSettings:
     vary: tuple[str, ...] = ()
     """Parameters that differ between levels of a column: "sensitivity=conflict",
     "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level off."""
+    formula: tuple[str, ...] = ()
+    """Parameters that are linear in conditions, such as "bound ~ instruction * side" or
+    "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates)."""
     engine: str = "population"
     """Engine of the circuit: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
@@ -89,12 +93,25 @@ class FitSettings:
     @property
     def columns(self) -> list[str]:
         """Columns of the table that define conditions."""
-        return sorted({each.partition("/")[0] for each in self.varied.values()})
+        varied = {each.partition("/")[0] for each in self.varied.values()}
+        return sorted(varied.union(*(each.columns for each in self.formulas.values())))
 
     @property
     def varied(self) -> dict[str, str]:
         """Parameters that differ between conditions, with their columns."""
         return dict(_pair(each, "vary") for each in self.vary)
+
+    @property
+    def formulas(self) -> dict[str, Formula]:
+        """Formulas, by the name of their parameter."""
+        from bgmodel.fitting.formulas import formula_of
+
+        found: dict[str, Formula] = {}
+        for each in map(formula_of, self.formula):
+            if each.parameter in found:
+                raise InputError(f"{each.parameter} has two formulas", "formula", self.formula)
+            found[each.parameter] = each
+        return found
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -146,7 +163,7 @@ class FitSettings:
         from bgmodel.fitting.algorithms import START
         from bgmodel.fitting.design import design_of
 
-        sides = START.name in {*self._named, *self.varied, *self.fixed}
+        sides = START.name in {*self._named, *self.varied, *self.fixed, *self.formulas}
         return design_of(
             choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )
@@ -200,7 +217,10 @@ class FitSettings:
             For a parameter that no model has.
         """
         known = {each.name: 0 for model in models.values() for each in model.parameters}
-        for option, names in (("free", self._named), ("fix", self.fixed), ("vary", self.varied)):
+        for option, names in (
+            ("free", self._named), ("fix", self.fixed), ("vary", self.varied),
+            ("formula", self.formulas),
+        ):  # fmt: skip
             for name in names:
                 if name not in known and name != "threshold":
                     there = ", ".join(("threshold", *known))
@@ -239,6 +259,11 @@ class FitSettings:
             free=self._freed(known, own),
             fixed={k: v for k, v in fixed.items() if k in known},
             vary={k: v for k, v in vary.items() if k in known},
+            formulas=[
+                replace(each, parameter=own(name))
+                for name, each in self.formulas.items()
+                if own(name) in known
+            ],
             largest=largest,
         )
 
@@ -291,6 +316,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     free: Sequence[str] | str = (),
     fix: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
+    formula: Sequence[str] | str = (),
     draws: bool = False,
     engine: str = FitSettings.engine,
     noise_nats: float = FitSettings.noise_nats,
@@ -337,6 +363,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Fixed parameters: ``{"lapse": 0.02}``.
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
+    formula : str, or sequence of str
+        Parameters that are linear in conditions: ``"bound ~ instruction * side"``.
     draws : bool
         Whether to sample from the posterior as well.
     engine, noise_nats, trials, seed :
@@ -393,7 +421,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
         rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         rt_window=rt_window, mechanism=mechanism, engine=engine, free=free, fix=fix, vary=vary,
-        noise_nats=noise_nats, trials=trials, seed=seed,
+        formula=formula, noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
     check_flag("draws", draws)
     # Before the table is read: the column of an unknown parameter may be missing too.
@@ -418,6 +446,7 @@ def settings_of(
     free: Sequence[str] | str = (),
     fix: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
+    formula: Sequence[str] | str = (),
     **others: Any,
 ) -> FitSettings:
     """Return checked settings from the arguments of ``fit``; ValueError for an unknown name."""
@@ -429,6 +458,7 @@ def settings_of(
         free=_names(free),
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
         vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
+        formula=_names(formula, "formula"),
         **others,
     )
     asked.check()
@@ -437,6 +467,7 @@ def settings_of(
 
 NOT_KNOWN = {
     "strength": None, "pooled": False, "deadline": None, "rt_window": None, "vary": None,
+    "formula": (),
     "mechanism": FitSettings.mechanism, "draws": False, "noise_nats": FitSettings.noise_nats,
     "trials": FitSettings.trials, "folder": None,
 }  # fmt: skip
@@ -479,10 +510,12 @@ def need_fit() -> None:
         raise ImportError(f'fits need {needed}: pip install ".[fit]"') from error
 
 
-def _names(free: str | Iterable[str]) -> tuple[str, ...]:
-    if not isinstance(free, (str, list, tuple)) or not all(isinstance(name, str) for name in free):
-        raise InputError.of("free", "must be the name of a parameter, or a list of them", free)
-    return (free,) if isinstance(free, str) else tuple(free)
+def _names(given: str | Iterable[str], option: str = "free") -> tuple[str, ...]:
+    texts = isinstance(given, (str, list, tuple)) and all(isinstance(each, str) for each in given)
+    if not texts:
+        kind = "the name of a parameter" if option == "free" else "a formula"
+        raise InputError.of(option, f"must be {kind}, or a list of them", given)
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:

@@ -204,3 +204,20 @@ def test_a_few_terms_of_the_series_are_enough():
     assert passage.standard_at_rest(away, scaled, 4) == pytest.approx(exact, abs=1e-9)
     assert passage.standard_at_rest(away, scaled) == pytest.approx(exact, abs=1e-12)
     assert np.abs(passage.standard_at_rest(away, scaled, 2) - exact).max() > 1e-9
+
+
+@pytest.mark.parametrize("fall_per_s", [0.0, 1.5])
+@pytest.mark.parametrize(("start", "drift_sd"), [(0.0, 0.0), (0.2, 0.0), (-0.1, 0.8)])
+def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):
+    times, width_s = (np.arange(300) + 0.5) * 0.004, np.full(300, 0.004)
+    bins, drifts = np.arange(300) // 4, np.array([-3.0, 0.0, 0.4, 90.0])
+    gap, slope = EXPONENTIAL.at(0.8, {"fall_per_s": fall_per_s}, times)
+    at_rest = passage.falling_at_rest(gap, slope, times, start=start)
+    mass = passage.with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
+    wanted = mass.reshape(4, 2, 75, 4).sum(axis=3)
+    found = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
+    assert found == pytest.approx(wanted, rel=1e-11, abs=1e-200)
+    other = passage.binned(
+        at_rest, gap, times, drifts + 0.01, start, drift_sd, width_s=width_s, bins=bins
+    )
+    assert np.abs(other - wanted).max() > 1e-6

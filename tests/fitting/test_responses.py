@@ -53,6 +53,22 @@ def test_time_that_is_not_decision_adds_its_mean_and_its_variance(seed, t0_s, t0
     assert after[1] - before[1] == pytest.approx(t0_sd_s**2 - BIN_S**2 / 4, abs=2e-6)
 
 
+@given(SEEDS, st.floats(0.05, 1.5), st.floats(0.01, 0.3), st.floats(0, 0.2))
+@settings(max_examples=20)
+def test_responses_are_sums_over_every_pair_of_bins(seed, t0_s, t0_sd_s, lapse):
+    """By one matrix of the shares of all later and earlier bins."""
+    decided = some_decided(seed)
+    decided[0, 0, 40] = -1e-5  # an estimate from simulated trials may be negative
+    later = (np.arange(GRID.bins) - np.arange(GRID.bins)[:, None]) * BIN_S
+    sd = np.sqrt(max(t0_sd_s**2 - BIN_S**2 / 3, (BIN_S / 20) ** 2))
+    edges = [norm.cdf(later + side * BIN_S / 2, t0_s, sd) for side in (1, -1)]
+    wanted = np.maximum(decided @ (edges[0] - edges[1]) / BIN_S, 0)
+    wanted = (1 - lapse) * wanted + lapse / 2 / (GRID.bins * BIN_S)
+    found = heard(decided, t0_s, t0_sd_s, lapse)
+    assert found == pytest.approx(wanted, rel=1e-10, abs=1e-13)
+    assert np.abs(heard(decided, t0_s + 0.001, t0_sd_s, lapse) - wanted).max() > 1e-6
+
+
 @pytest.mark.parametrize("sd_s", [0.01, 0.05])
 def test_the_likelihood_of_gamma_decisions_is_that_of_the_exact_sum(sd_s):
     """Of a smooth density, that rises from 0 as those of decisions do."""

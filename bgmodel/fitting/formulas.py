@@ -1,0 +1,193 @@
+"""Formulas of parameters over the conditions of a trial, such as ``bound ~ instruction * side``."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_VALUES = 30
+"""Largest number of values of a column in a formula: each may need its own evaluation."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A parameter as a linear function of conditions, in the notation of Wilkinson & Rogers (1973).
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter.
+    terms : str
+        The right side, as the library formulaic reads it.
+    """
+
+    parameter: str
+    terms: str
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of the table of trials that the terms name.
+
+        Raises
+        ------
+        ValueError
+            If the terms cannot be read.
+        """
+        found: set[str] = set()
+        for term in self._parsed():
+            for factor in term.factors:
+                found |= _names(str(factor.expr))
+        return sorted(found)
+
+    def matrix(self, conditions: Mapping[str, Sequence[str]], cell: Integers) -> dict[str, Array]:
+        """Return the columns of the design by name, (cells,) each.
+
+        Parameters
+        ----------
+        conditions : dict of str to sequence of str (cells,)
+            Level of each cell in each column. Levels that are all numbers are a covariate.
+        cell : int array (trials,)
+            Cell of each trial: functions such as ``center`` are over trials.
+
+        Raises
+        ------
+        ValueError
+            For an unknown column, one with a single value or more than 30, terms that have no
+            value in some cell, and designs whose columns are collinear.
+        """
+        from formulaic.errors import FormulaicError
+
+        parsed, frame = self._parsed(), self._frame(conditions)
+        places, first = np.unique(cell, return_index=True)
+        try:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                made = parsed.get_model_matrix(
+                    frame.iloc[cell], na_action="ignore", output="pandas"
+                )
+        except FormulaicError as error:
+            raise self._refused(f"cannot be computed ({_first_line(error)})") from None
+        design = np.full((len(frame), made.shape[1]), np.nan)
+        design[places] = np.asarray(made, float)[first]
+        labels = [_label(str(name)) for name in made.columns]
+        self._check(design, labels)
+        return dict(zip(labels, design.T, strict=True))
+
+    def _parsed(self) -> Any:
+        """Return the terms as formulaic reads them."""
+        try:
+            import formulaic
+            from formulaic.errors import FormulaicError
+        except ImportError as error:
+            raise ImportError('formulas need formulaic: pip install ".[fit]"') from error
+        try:
+            return formulaic.Formula(self.terms)
+        except (FormulaicError, SyntaxError) as error:
+            raise self._refused(f"cannot be read ({_first_line(error)})") from None
+
+    def _frame(self, conditions: Mapping[str, Sequence[str]]) -> pd.DataFrame:
+        """Return the conditions of each cell, as numbers where all are."""
+        import pandas as pd
+
+        frame = {}
+        for column in self.columns:
+            if column not in conditions:
+                there = ", ".join(conditions) or "none"
+                raise self._refused(f"has the unknown column {column!r}: conditions are {there}")
+            values = sorted(set(conditions[column]))
+            if not 1 < len(values) <= MOST_VALUES:
+                raise self._refused(
+                    f"needs 2 to {MOST_VALUES} values of {column!r}, which has {len(values)}: "
+                    + ("leave it out" if len(values) < 2 else "round it, or divide it into bins")
+                )
+            numbers = pd.to_numeric(pd.Series(list(conditions[column])), errors="coerce")
+            frame[column] = pd.Series(list(conditions[column])) if numbers.isna().any() else numbers
+        size = len(next(iter(conditions.values()), [""]))
+        return pd.DataFrame(frame, index=range(size))
+
+    def _check(self, design: Array, labels: list[str]) -> None:
+        """Raise ValueError unless every cell has a value and columns are independent."""
+        if not np.isfinite(design).all() or not design.any(axis=1).all():
+            raise self._refused("must give every combination of conditions a finite, non-zero term")
+        empty = [name for name, column in zip(labels, design.T, strict=True) if not column.any()]
+        if empty:
+            raise self._refused(f"has a term without trials: {', '.join(empty)}")
+        ranks = [np.linalg.matrix_rank(design[:, : k + 1]) for k in range(len(labels))]
+        extra = [name for k, name in enumerate(labels) if ranks[k] == (ranks[k - 1] if k else 0)]
+        if extra:
+            raise self._refused(
+                f"is collinear in these trials: {', '.join(extra)} follows from the other terms"
+            )
+
+    def _refused(self, why: str) -> InputError:
+        return InputError(f"formula {self.parameter} ~ {self.terms} {why}", "formula", self.terms)
+
+
+def formula_of(text: str) -> Formula:
+    """Return a formula from its text; ValueError unless it is a parameter, ``~`` and terms."""
+    parts = [part.strip() for part in text.split("~")] if isinstance(text, str) else []
+    if len(parts) != 2 or not all(parts):
+        must = "must be a parameter, ~, and terms, such as 'bound ~ instruction * side'"
+        raise InputError.of("formula", must, text)
+    return Formula(*parts)
+
+
+def ranged(
+    within: tuple[float, float], start: float, columns: Array, k: int
+) -> tuple[float, float, float]:
+    """Return range and start of a coefficient, such that the parameter can be within its own range.
+
+    The ends are those of the polytope of all such coefficients, by linear programming. The start
+    gives the parameter its own start in every cell, or as nearly as the columns can.
+
+    Parameters
+    ----------
+    within : tuple of float
+        Range of the parameter in every cell.
+    start : float
+        Its start.
+    columns : array (coefficients, cells)
+        Columns of its design, independent.
+    k : int
+        Number of the coefficient.
+    """
+    from scipy.optimize import linprog
+
+    rows = np.unique(columns.T, axis=0)
+    limits = np.concatenate([rows, -rows]), np.repeat([within[1], -within[0]], len(rows))
+    aim = np.eye(len(columns))[k]
+    ends = [linprog(sign * aim, *limits, bounds=(None, None)).fun for sign in (1, -1)]
+    own = np.linalg.lstsq(rows, np.full(len(rows), start), rcond=None)[0][k]
+    low, high = float(ends[0]), float(-ends[1])
+    return low, high, float(np.clip(round(own, 12), low, high))
+
+
+def _names(factor: str) -> set[str]:
+    """Return the names in a factor other than those of functions."""
+    try:
+        nodes = list(ast.walk(ast.parse(factor.strip(), mode="eval")))
+    except SyntaxError:
+        return {factor}  # the name of a column in backticks
+    called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
+    modules = {id(node.value) for node in nodes if isinstance(node, ast.Attribute)}
+    names = [node for node in nodes if isinstance(node, ast.Name)]
+    return {node.id for node in names if id(node) not in called | modules}
+
+
+def _label(name: str) -> str:
+    """Return the name of a column, with a level as ``column=level`` where it is not a contrast."""
+    return re.sub(r"(\w+)\[(?!T\.)([^\]]*)\]", r"\1=\2", name)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0]

@@ -1,0 +1,161 @@
+"""Parameters that are linear in conditions: designs, ranges, fits, and what is refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.hierarchy.fit import check_people
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.settings import settings_of
+from bgmodel.support.seeds import stream
+from circuits.errors import InputError
+from tests.drawn import drawn
+
+pytest.importorskip("formulaic", reason="formulas need formulaic: pip install '.[fit]'")
+
+SEED = 24_331
+FIXED = {"t0_sd_s": 0.05, "lapse": 0.01}
+BOUNDS = {("fast", 1): 0.5, ("fast", 2): 0.6, ("safe", 1): 0.9, ("safe", 2): 1.0}
+
+
+def table(trials=300):
+    """Return trials whose bound is 0.4, plus 0.4 if safe, plus 0.1 in each block."""
+    parts = []
+    for number, ((instruction, block), bound) in enumerate(BOUNDS.items()):
+        some = drawn(GapModel(), [0.1, 0.4], trials, SEED + number, sensitivity=8.0, bound=bound)
+        columns = {"rt": some.rt_s, "response": some.response.astype(int), "x": some.strength}
+        parts.append(pd.DataFrame(columns).assign(instruction=instruction, block=block))
+    return pd.concat(parts, ignore_index=True).assign(participant_id="a", same="yes")
+
+
+def likelihood(data=None, **options):
+    asked = settings_of(strength="x", fix=FIXED, **options)
+    choices = asked.read(table(60) if data is None else data)
+    return asked.likelihood(asked.design(choices), GapModel())
+
+
+def test_a_value_for_each_level_is_what_vary_gives_byte_for_byte():
+    formula, vary = (
+        likelihood(formula="bound ~ 0 + instruction"),
+        likelihood(vary={"bound": "instruction"}),
+    )
+    assert formula.freedom.names == vary.freedom.names
+    assert "bound[instruction=fast]" in formula.freedom.names
+    vector = vary.freedom.start + np.arange(4) * 0.01
+    assert formula.each(vector).tobytes() == vary.each(vector).tobytes()
+    for name in ("low", "high", "start"):
+        assert getattr(formula.freedom, name).tolist() == getattr(vary.freedom, name).tolist()
+
+
+def test_a_product_of_conditions_spans_the_same_values_as_their_combinations():
+    product = likelihood(formula="threshold ~ instruction * C(block)").freedom
+    combined = likelihood(formula="bound ~ 0 + instruction:C(block)").freedom
+    wanted = combined.values(np.array([5.0, 0.5, 0.9, 0.6, 1.0, 0.3]))["bound"]
+    design = np.array([one.weights for one in product.moved[1:5]])
+    coefficients = np.linalg.solve(
+        np.unique(design.T, axis=0), np.unique(np.stack([*design, wanted]).T, axis=0)[:, -1]
+    )
+    found = product.values(np.array([5.0, *coefficients, 0.3]))["bound"]
+    assert found == pytest.approx(wanted)
+    assert not combined.moved[1].effect
+    assert product.moved[1].effect
+
+
+def test_ranges_are_those_in_which_the_parameter_can_stay_within_its_own():
+    a = Parameter("a", 1.0, 3.0, 2.0)
+    columns = {"a": {"Intercept": np.ones(3), "x": np.array([0.0, 2.0, 4.0])}}
+    space = freedom([a], {}, 3, designs=columns)
+    assert space.low == pytest.approx([1.0, -0.5])
+    assert space.high == pytest.approx([3.0, 0.5])
+    assert space.start == pytest.approx([2.0, 0.0])
+    assert space.values(np.array([1.5, 0.25]))["a"] == pytest.approx([1.5, 2.0, 2.5])
+    assert space.inside(np.array([1.5, 0.25]))
+    assert not space.inside(np.array([2.5, 0.25]))
+    # In the third cell the parameter is at its upper bound by both, in the first by the intercept.
+    assert space.at_bound(np.array([1.5, 0.375])).tolist() == [True, True]
+    assert space.at_bound(np.array([1.0, 0.375])).tolist() == [True, False]
+    assert space.at_bound(np.array([1.5, 0.25])).tolist() == [False, False]
+    assert space.values(np.array([2.5, 0.25]))["a"].max() == 3.0
+
+
+def test_slopes_and_differences_are_recovered():
+    found = optimum(likelihood(table(), formula="bound ~ instruction + block"))
+    assert found.values["bound[Intercept]"] == pytest.approx(0.4, abs=0.06)
+    assert found.values["bound[instruction[T.safe]]"] == pytest.approx(0.4, abs=0.05)
+    assert found.values["bound[block]"] == pytest.approx(0.1, abs=0.04)
+
+
+def test_functions_are_over_trials():
+    data = table(60)
+    data = data[(data["block"] == 1) | (data.index % 3 == 0)]
+    space = likelihood(data, formula="bound ~ center(block)").freedom
+    weights = next(one.weights for one in space.moved if "center" in one.name)
+    assert sorted(set(weights.round(6))) == sorted(
+        (np.array([1, 2]) - data["block"].mean()).round(6)
+    )
+
+
+def checked(data, **options):
+    """Check options and data as a fit does."""
+    asked = settings_of(strength="x", **options)
+    asked.check_parameters({"model": GapModel()})
+    return asked.likelihood(asked.design(asked.read(data)), GapModel())
+
+
+@pytest.mark.parametrize(
+    ("formula", "field"),
+    [
+        ("bound ~ day", "source"),
+        ("bound ~ instruction + block + instruction:block + block:instruction + I(2 * block)", ""),
+        ("bound ~ same", ""),
+        ("bound ~ many", ""),
+        ("bound ~ instruction **", ""),
+        ("bound ~", ""),
+        ("bound", ""),
+        ("bound ~ block ~ same", ""),
+        ("bound ~ log(block - 1)", ""),
+        ("bound ~ nothing(block)", ""),
+        ("speed ~ block", ""),
+        (["bound ~ block", "bound ~ instruction"], ""),
+        (3, ""),
+    ],
+)
+def test_formulas_that_cannot_be_fitted_are_refused(formula, field):
+    data = table(200)
+    data["many"] = np.arange(len(data)) // 20
+    with pytest.raises(InputError) as error:
+        checked(data, formula=formula)
+    assert field or error.value.field == "formula"
+    assert len(str(error.value)) < 300
+
+
+def test_a_parameter_has_one_rule():
+    with pytest.raises(InputError) as error:
+        likelihood(formula="bound ~ block", vary={"bound": "instruction"})
+    assert error.value.field == "vary"
+    with pytest.raises(InputError) as error:
+        checked(table(60), formula="bound ~ block", fix={"bound": 0.7})
+    assert error.value.field == "fix"
+
+
+def test_in_a_hierarchy_each_combination_needs_a_value():
+    every = table(60)
+    people = {f"p{k}": every.assign(participant_id=f"p{k}") for k in range(3)}
+    levels = {who: likelihood(t, formula="bound ~ 0 + instruction") for who, t in people.items()}
+    check_people(levels)
+    slopes = {who: likelihood(t, formula="bound ~ block") for who, t in people.items()}
+    with pytest.raises(InputError) as error:
+        check_people(slopes)
+    assert error.value.field == "formula"
+
+
+def test_noise_of_the_search_does_not_leave_the_range():
+    one = likelihood(formula="bound ~ instruction * block")
+    rng = stream(SEED, "points")
+    for _ in range(20):
+        vector = rng.uniform(one.freedom.low, one.freedom.high)
+        if not one.freedom.inside(vector):
+            assert one(vector) == -np.inf
+        assert np.isfinite(one.each(vector)).all()
