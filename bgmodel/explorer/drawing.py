@@ -94,6 +94,7 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
         ax.set_xlim(edges[0], edges[-1])
         ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
         ax.locator_params(axis="y", integer=True)
+        ax.locator_params(axis="x", nbins=6)
         _legend(ax, 2)
         return svg(figure)
 
