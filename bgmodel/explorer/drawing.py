@@ -148,7 +148,8 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
         if np.isfinite(most) and most > 0:
             ax.set_xlim(0, 1.6 * most)
         ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
-        ax.set_ylim(min(chance, 1.0) - 0.08, 1.02)
+        lowest = min(rows.loc["accuracy"].to_numpy(dtype=float)[1] for rows in points.values())
+        ax.set_ylim(float(np.nanmin([chance, lowest])) - 0.08, 1.02)
         _legend(ax, 4)
         return svg(figure)
 

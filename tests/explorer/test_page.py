@@ -27,7 +27,7 @@ def explorer():
 def reset(explorer):
     """Show the first state again."""
     explorer.history.go(explorer.history.first)
-    explorer.change(lambda state: state)
+    explorer._show()
 
 
 def shown(explorer):
