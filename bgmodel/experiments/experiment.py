@@ -25,7 +25,6 @@ from bgmodel.bootstrap import (
 from bgmodel.conditions import Observed
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.evidence import Evidence
 from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE

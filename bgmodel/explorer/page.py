@@ -5,17 +5,16 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from html import escape
-from typing import Any, ClassVar
+from typing import Any
 
 import panel as pn
-import param
-from panel.custom import JSComponent
 
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.components import Drawing, Page
 from bgmodel.explorer.controls import NUMBERS, Controls
 from bgmodel.explorer.history import History
 from bgmodel.explorer.html import html_of
-from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Panel
+from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Memory, Panel
 from bgmodel.explorer.runs import Runs
 from bgmodel.explorer.state import State, opened
 from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
@@ -24,48 +23,6 @@ COMPUTING = "Computing…"
 FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
 COLUMNS = ((CIRCUIT, TIMES, TRADEOFF), (MEASURES, TRIAL))
 """Panels of each column of a wide page: what an edit changes first is on top."""
-
-
-class Drawing(JSComponent):
-    """The drawing of the circuit; a click on a nucleus or a pathway reports its name."""
-
-    svg = param.String(default="")
-    chosen = param.String(default="")
-    clicks = param.Integer(default=0)
-    _esm = """
-    export function render({ model }) {
-      const box = document.createElement("div");
-      const draw = () => {
-        box.innerHTML = model.svg;
-        const svg = box.querySelector("svg");
-        if (!svg) return;
-        svg.setAttribute("role", "img");
-        svg.setAttribute("aria-label", "The circuit; a list below has its rows");
-      };
-      draw();
-      model.on("svg", draw);
-      box.addEventListener("click", (event) => {
-        let at = event.target;
-        while (at !== box && !at.id) at = at.parentNode;
-        if (at === box) return;
-        model.chosen = at.id;
-        model.clicks += 1;
-      });
-      return box;
-    }
-    """
-    _stylesheets: ClassVar[list[str]] = [
-        ":host(.busy) { opacity: .45; } svg { width: 100%; height: auto; display: block; } "
-        "g[id] > path, g[id] > text { cursor: pointer; }"
-    ]
-
-
-class Page(pn.Template):
-    """A template whose text is short: Panel writes it anew for every part that is added."""
-
-    def __repr__(self, depth: int = 0) -> str:
-        """Return its kind."""
-        return "Page"
 
 
 class Explorer:
@@ -79,6 +36,8 @@ class Explorer:
         The address of the page, to which links lead; empty in a notebook.
     later : function, optional
         Runs a function in the thread of the page; by default at once.
+    memory : Memory, optional
+        Results that are known already.
 
     Raises
     ------
@@ -91,6 +50,7 @@ class Explorer:
         state: State,
         address: str = "",
         later: Callable[[Callable[[], None]], None] | None = None,
+        memory: Memory | None = None,
     ) -> None:
         self.history = History(state)
         self._address, self._later = address, later or (lambda call: call())
@@ -100,6 +60,7 @@ class Explorer:
         self.runs = Runs(
             lambda panel: self._later(lambda: self._deliver(panel)),
             lambda state: self._later(lambda: self._ended(state)),
+            memory=memory,
         )
         self._show()
 

@@ -66,7 +66,7 @@ PAGE = """{% extends base %}
   aside details[open] summary { margin-bottom: 6px; }
   .panels { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 16px; }
   .panels .card { margin: 0 0 16px; }
-  .hint { margin: 0 0 8px; font-size: 13px; color: #444; }
+  .hint { margin: 0 10px 8px; font-size: 13px; color: #444; }
   :focus-visible { outline: 3px solid #0072B2; outline-offset: 2px; }
   @media (max-width: 1240px) {
     .panels { display: flex; flex-direction: column; }
@@ -115,7 +115,8 @@ PAGE = """{% extends base %}
   <aside id="controls" aria-label="Controls">
     <details open><summary>Open</summary>{{ embed(roots.open) }}</details>
     <details open><summary>Edits of the circuit</summary>
-      <p class="hint">Edits add up. Results compare all of them with the baseline.</p>{{ embed(roots.edits) }}</details>
+      <p class="hint">Edits add up. Results compare all of them with the baseline.</p>
+      {{ embed(roots.edits) }}</details>
     <details open><summary>A row of the circuit</summary>{{ embed(roots.row) }}</details>
     <details><summary>Add a pathway</summary>{{ embed(roots.pathway) }}</details>
     <details open><summary>Task and decision</summary>{{ embed(roots.task) }}</details>
