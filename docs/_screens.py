@@ -51,7 +51,9 @@ def panel(page: Page, name: str, title: str) -> None:
 
 def written(picture: Image.Image, name: str) -> None:
     """Write a picture to a small file with few colours."""
-    small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
+    # Few pixels are orange: the usual choice of colours would turn them brown.
+    every = Image.Quantize.MAXCOVERAGE
+    small = picture.quantize(COLOURS, method=every, kmeans=2, dither=Image.Dither.NONE)
     small.save(FOLDER / f"explore_{name}.png", optimize=True)
 
 

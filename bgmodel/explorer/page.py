@@ -112,7 +112,8 @@ class Explorer:
         self.baseline = pn.widgets.Button(name="Use the edited circuit as the baseline")
         self.baseline.on_click(lambda _: self.change(State.as_baseline))
         self.status = pn.pane.HTML("", stylesheets=[NOTICE])
-        self.notices, self.refused = pn.pane.HTML("", stylesheets=[NOTICE]), ""
+        self.notices = pn.pane.HTML("", stylesheets=[NOTICE], margin=0)
+        self.refused = ""
         self.drawing = Drawing()
         self.drawing.param.watch(lambda _: self.controls.choose(self.drawing.chosen), "clicks")
         self.panes = {
