@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Callable
 
@@ -88,3 +89,5 @@ class Runs:
                 self._check()
                 self._deliver(panel)
         self._ended(state)
+        # Figures refer to themselves: until Python looks for such rings, memory would grow.
+        gc.collect()
