@@ -50,6 +50,7 @@ benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.decisions
 	$(BIN)/python -m benchmarks.speed.circuits
 	$(BIN)/python -m benchmarks.speed.sessions
+	$(BIN)/python -m benchmarks.speed.explorer
 
 score: $(VENV)/figures.installed $(VENV)/compare.installed
 	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)

@@ -36,29 +36,69 @@ def saved(page: Page, name: str, left: int, high: int) -> None:
     """Write the upper part of the page, from a column on, to a small file with few colours."""
     page.evaluate("window.scrollTo(0, 0)")
     whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
-    picture = whole.crop((left, 0, whole.width, high))
-    small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
+    written(whole.crop((left, 0, whole.width, high)), name)
+
+
+def panel(page: Page, name: str, title: str) -> None:
+    """Write one panel of the page."""
+    page.evaluate("window.scrollTo(0, 0)")
+    whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    box = page.get_by_label(title, exact=True).bounding_box()
+    assert box is not None
+    left, top = box["x"], box["y"]
+    written(whole.crop((*map(int, (left, top, left + box["width"], top + box["height"])),)), name)
+
+
+def written(picture: Image.Image, name: str) -> None:
+    """Write a picture to a small file with few colours."""
+    # Few pixels are orange: the usual choice of colours would turn them brown.
+    every = Image.Quantize.MAXCOVERAGE
+    small = picture.quantize(COLOURS, method=every, kmeans=2, dither=Image.Dither.NONE)
     small.save(FOLDER / f"explore_{name}.png", optimize=True)
 
 
-def series(page: Page) -> None:
-    """Take the pictures of the tutorial, in its order."""
-    settled(page)
+def lesions(page: Page) -> None:
+    """Take a lesion that makes decisions faster, and one that slows them."""
     enter(page, "Lesion: cells lost (%)", "10")
     saved(page, "lesion", 0, 1130)
-    page.get_by_role("button", name="Reset").click()
-    settled(page)
+    again(page)
+    enter(page, "New edit (then Enter)", "lesion D1 10%")
+    panel(page, "lesion_d1", "Behaviour")
+
+
+def conflict(page: Page) -> None:
+    """Take the first loss under conflict, and an additional one of D1."""
+    again(page)
     enter(page, "Conflict (0 none, below 1)", "0.7")
     enter(page, "New edit (then Enter)", "lesion STN 5%")
+    panel(page, "conflict_stn", "Behaviour")
     page.get_by_role("button", name="Use the edited circuit as the baseline").click()
     settled(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
     saved(page, "conflict", 0, 780)
-    page.get_by_role("button", name="Reset").click()
-    settled(page)
+
+
+def dopamine(page: Page) -> None:
+    """Take the warning of an oscillation, and a trial that has it."""
+    again(page)
     enter(page, "New edit (then Enter)", "dopamine 0.1")
     saved(page, "dopamine", 360, 420)
-    page.get_by_role("button", name="Undo").click()
+    panel(page, "dopamine_trial", "One trial in spikes")
+
+
+def again(page: Page) -> None:
+    """Show the first state."""
+    page.get_by_role("button", name="Reset").click()
+    settled(page)
+
+
+def series(page: Page) -> None:
+    """Take the pictures of the tutorial, in its order: a series for each question, and a phone."""
+    settled(page)
+    lesions(page)
+    conflict(page)
+    dopamine(page)
+    again(page)
     enter(page, "New edit (then Enter)", "lesion STN 10%")
     page.set_viewport_size({"width": PHONE, "height": 800})
     page.wait_for_timeout(1500)

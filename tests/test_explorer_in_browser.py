@@ -123,6 +123,7 @@ def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page
     assert state.digest == three
     assert state.edits == ("lesion STN 10%", "add D1->GPe weight=-0.1 delay_ms=4")
     refuse(page, capsys)
+    by_keyboard(page)
     on_a_phone(page)
 
 
@@ -149,6 +150,39 @@ def refuse(page, capsys):
     sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
     assert said == f"Refused: {sentence}"
     assert page.locator("[data-key]").evaluate_all(EVERY) == before
+
+
+FOCUSED = """() => {
+    let e = document.activeElement;
+    while (e.shadowRoot && e.shadowRoot.activeElement) e = e.shadowRoot.activeElement;
+    const label = e.labels && e.labels.length ? e.labels[0].textContent : "";
+    const named = e.getAttribute("aria-label") || label || e.textContent;
+    const ring = getComputedStyle(e);
+    return [e.tagName, named.trim(), ring.outlineStyle === "none" ? "0px" : ring.outlineWidth];
+}"""
+ON_THE_WAY = [
+    *("To the results", "To the controls", "Undo", "Reset", "New edit (then Enter)"),
+    *("Dopamine level (1 is normal)", "Lesion: cells lost (%)", "Alternatives N", "Save as SVG"),
+    *("Trial shown in spikes", "Trials (CSV)", "The experiment's file (TOML)", "Link"),
+]
+"""Some of what the Tab key reaches, in this order."""
+
+
+def by_keyboard(page):
+    """Tab from the top to the end: all that is reached has a name, and shows that it is reached."""
+    page.locator(".skip").first.focus()
+    page.wait_for_timeout(1200)
+    reached = [page.evaluate(FOCUSED)]
+    for _ in range(90):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate(FOCUSED))
+        if reached[-1][0] == "BODY":
+            break
+    assert reached.pop()[0] == "BODY"
+    names = [name for _, name, _ in reached]
+    assert all(names)
+    assert [tag for tag, _, ring in reached if ring == "0px"] == []
+    assert sorted(ON_THE_WAY, key=names.index) == ON_THE_WAY
 
 
 def on_a_phone(page):

@@ -6,8 +6,9 @@ and, before anything is run, the direction of each measure's change and the leas
 
 from __future__ import annotations
 
-from collections.abc import Hashable, MutableMapping
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,12 +21,11 @@ from bgmodel.bootstrap import (
     check_resamples,
     check_trials,
     interval,
-    resampled,
 )
 from bgmodel.conditions import Observed
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.evidence import Evidence
+from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
@@ -42,7 +42,6 @@ from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
-from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.declaration.table_files import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
@@ -140,7 +139,7 @@ class Experiment(ExperimentRecord):
         *,
         workers: int = 1,
         given: Trials | None = None,
-        known: MutableMapping[Hashable, Behaviour] | None = None,
+        kept: Kept | None = None,
     ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
 
@@ -150,9 +149,9 @@ class Experiment(ExperimentRecord):
             Number of threads, for engines that can use several; it does not affect results.
         given : Trials, optional
             The result of ``given()``, to avoid computing it twice.
-        known : mutable mapping, optional
-            Behaviour of conditions that have been run already; those of this run are added. For
-            programs that edit the manipulation again and again, while the control stays.
+        kept : Kept, optional
+            What earlier runs have computed already; results of this run are added. For programs
+            that edit the manipulation again and again, while the control stays.
 
         Raises
         ------
@@ -183,14 +182,16 @@ class Experiment(ExperimentRecord):
         models[0].warn_of_noise(control.threshold_nats)
         groups = self.groups(evidence.trials)
         check_resamples(RESAMPLES, groups)
-        rng = stream(self.seed, "bootstrap")
-        weights = resampled(evidence.trials, RESAMPLES, rng, groups)
+        # Without the argument nothing is looked up: keys are None.
+        store = Kept() if kept is None else kept
+        weights = store.weights(evidence.trials, self.seed, groups)
         found: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
-            behaviour = self._behaviour(condition, model, drive, known)
+            key = None if kept is None else self._key(condition, model)
+            behaviour = store.behaviour_of(key, partial(condition.behaviour, model, drive))
             _check_decided(name, behaviour, self.waited_ms)
-            found.append(behaviour.measures(weights))
+            found.append(store.measures(key, behaviour, weights))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
             table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
@@ -207,21 +208,12 @@ class Experiment(ExperimentRecord):
         whole = pd.concat(trials, ignore_index=True)
         return Outcome(self, given, tuple(models), measures, whole)
 
-    def _behaviour(
-        self,
-        condition: Observed,
-        model: BasalGanglia,
-        evidence: Evidence,
-        known: MutableMapping[Hashable, Behaviour] | None,
-    ) -> Behaviour:
-        """Return the behaviour of a condition, computed unless it is known."""
-        if known is None or self.learnings != (None, None):
-            return condition.behaviour(model, evidence)
+    def _key(self, condition: Observed, model: BasalGanglia) -> Hashable:
+        """Return what the behaviour of a condition depends on; None if it is not to be kept."""
+        if self.learnings != (None, None):
+            return None
         # A circuit's file may have changed since.
-        key = condition, self.truth, digest(model.circuit)
-        if key not in known:
-            known[key] = condition.behaviour(model, evidence)
-        return known[key]
+        return condition, self.truth, digest(model.circuit)
 
 
 def shipped() -> dict[str, Experiment]:

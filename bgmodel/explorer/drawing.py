@@ -20,7 +20,6 @@ from circuits.plots import (
     STYLE,
     Look,
     look,
-    raster,
     smoothed,
 )
 
@@ -35,6 +34,10 @@ WIDE, OF_CIRCUIT = 4.0, 4.6
 """Width of figures, and of the drawing of the circuit, inches: they fill a phone's screen."""
 LEFT, RIGHT = 0.15, 0.97
 """Edges of the axes, as fractions of the width."""
+LANE = 0.84
+"""Height of a nucleus in the drawing of a trial, of the distance between nuclei."""
+POOLED = -1
+"""Stands for the channel of a nucleus that all alternatives share."""
 SMOOTH_MS = 15.0
 """Standard deviation of the kernel that smooths rates, ms."""
 CONTROL: Look = {"color": "k"}
@@ -91,6 +94,7 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
         ax.set_xlim(edges[0], edges[-1])
         ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
         ax.locator_params(axis="y", integer=True)
+        ax.locator_params(axis="x", nbins=6)
         _legend(ax, 2)
         return svg(figure)
 
@@ -144,7 +148,8 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
         if np.isfinite(most) and most > 0:
             ax.set_xlim(0, 1.6 * most)
         ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
-        ax.set_ylim(min(chance, 1.0) - 0.08, 1.02)
+        lowest = min(rows.loc["accuracy"].to_numpy(dtype=float)[1] for rows in points.values())
+        ax.set_ylim(float(np.nanmin([chance, lowest])) - 0.08, 1.02)
         _legend(ax, 4)
         return svg(figure)
 
@@ -154,21 +159,21 @@ def trial(shown: Shown) -> str:
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
-        names = list(shown.rates_hz)
-        high = 2.45 + 0.5 * len(names)
+        rows = len(shown.rates_hz)
+        high = 2.45 + 0.5 * rows
         figure = _figure(high)
         per = 1 / high
-        top = figure.add_axes((LEFT, 1 - 1.62 * per, RIGHT - LEFT, 1.22 * per))
-        _out(top, shown)
+        _out(figure.add_axes((LEFT, 1 - 1.62 * per, RIGHT - LEFT, 1.22 * per)), shown)
         half = (RIGHT - LEFT - 0.11) / 2
-        for k, name in enumerate(names):
-            y = 0.42 * per + 0.5 * per * (len(names) - 1 - k)
-            left = figure.add_axes((LEFT, y, half, 0.42 * per), sharex=top)
-            right = figure.add_axes((RIGHT - half, y, half, 0.42 * per), sharex=top)
-            _nucleus(left, right, name, shown, last=k == len(names) - 1)
-            if k == 0:
-                left.set_title(f"Spikes of up to {ROWS} cells")
-                right.set_title("Rate (Hz)")
+        for left, lanes in ((LEFT, _spikes), (RIGHT - half, _rates)):
+            # All nuclei share the axes: a pair for each would take several times as long to draw.
+            ax = figure.add_axes((left, 0.42 * per, half, 0.5 * rows * per))
+            lanes(ax, shown)
+            ax.set(xlabel="Time (ms)", ylim=(rows - 1 + LANE, -0.02))
+            ax.set_xlim(min(0.0, shown.time_ms[0]), shown.end_ms)
+            ax.locator_params(axis="x", nbins=4)
+            if np.isfinite(shown.decided_ms):
+                ax.axvline(shown.decided_ms, color="k", lw=0.9)
         return svg(figure)
 
 
@@ -193,32 +198,71 @@ def _out(ax: Axes, shown: Shown) -> None:
     _legend(ax, 3)
 
 
-def _nucleus(left: Axes, right: Axes, name: str, shown: Shown, *, last: bool) -> None:
-    """Draw spikes and rates of one nucleus."""
-    rates, spikes = shown.rates_hz[name], shown.spikes.get(name)
-    channels = rates.shape[1]
-    if spikes is not None:
-        raster(left, spikes, channels=channels, neurons=max(2, ROWS // channels), ms=1.1)
-    else:
-        left.text(
-            0.5, 0.5, "no spikes", transform=left.transAxes, ha="center", va="center", color=GREY
-        )
-        left.set(yticks=[])
-    apart_ms = float(np.median(np.diff(shown.time_ms))) if len(shown.time_ms) > 1 else 1.0
-    lines = smoothed(rates, apart_ms, SMOOTH_MS) if len(rates) > 2 else rates
-    for channel in range(channels):
-        style: Look = look(channel) if channels > 1 else {"color": GREY}
-        right.plot(shown.time_ms, lines[:, channel], **style)
-    right.set_ylim(bottom=0)
-    right.locator_params(axis="y", nbins=2)
-    right.locator_params(axis="x", nbins=4)
-    left.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=3)
-    for ax in (left, right):
-        ax.tick_params(labelbottom=last)
-        if np.isfinite(shown.decided_ms):
-            ax.axvline(shown.decided_ms, color="k", lw=0.9)
-        if last:
-            ax.set_xlabel("Time (ms)")
+def _spikes(ax: Axes, shown: Shown) -> None:
+    """Draw the spikes of every nucleus, a lane for each, with the cells of channel 0 on top."""
+    names = list(shown.rates_hz)
+    for style, lanes in _by_look(shown):
+        parts = [_dots(shown, *lane) for lane in lanes if names[lane[0]] in shown.spikes]
+        if parts:
+            dots: Look = {**style, "marker": "s", "ms": 1.1, "mew": 0, "ls": ""}
+            ax.plot(*np.concatenate(parts, axis=1), rasterized=True, **dots)
+    for k, name in enumerate(names):
+        if name not in shown.spikes:
+            where = ax.get_yaxis_transform()
+            ax.text(0.5, k + LANE / 2, "no spikes", transform=where, ha="center", color=GREY)
+    ax.set_title(f"Spikes of up to {ROWS} cells")
+    ax.set_yticks(np.arange(len(names)) + LANE / 2, names)
+    ax.tick_params(axis="y", length=0)
+
+
+def _dots(shown: Shown, lane: int, channel: int) -> Array:
+    """Return times and heights (2, spikes) of the spikes of a channel of a nucleus."""
+    name = list(shown.rates_hz)[lane]
+    channels = shown.rates_hz[name].shape[1]
+    cells = max(2, ROWS // channels)
+    spikes = shown.spikes[name]
+    rows = spikes[(spikes["channel"] == channel) & (spikes["neuron"] < cells)]
+    high = lane + LANE * (channel * cells + rows["neuron"] + 0.5) / (channels * cells)
+    return np.array([rows["time_ms"], high], np.float64)
+
+
+def _rates(ax: Axes, shown: Shown) -> None:
+    """Draw the rates of every nucleus, a lane for each, from 0 to the highest of the nucleus."""
+    time_ms = shown.time_ms
+    apart_ms = float(np.median(np.diff(time_ms))) if len(time_ms) > 1 else 1.0
+    smooth = [
+        smoothed(rates, apart_ms, SMOOTH_MS) if len(rates) > 2 else np.asarray(rates, np.float64)
+        for rates in shown.rates_hz.values()
+    ]
+    tops = [max(float(np.nanmax(rates, initial=0.0)), 1e-3) for rates in smooth]
+    for style, lanes in _by_look(shown):
+        # NaN separates the lines of the nuclei.
+        x = np.tile(np.append(time_ms, np.nan), len(lanes))
+        y = [np.append(k + LANE * (1 - smooth[k][:, c] / tops[k]), np.nan) for k, c in lanes]
+        ax.plot(x, np.concatenate(y), **style)
+    ticks = np.array([(0.0, _round(top)) for top in tops])
+    bottom = LANE + np.arange(len(tops))[:, None]
+    ax.set_yticks((bottom - LANE * ticks / np.array(tops)[:, None]).ravel())
+    ax.set_yticklabels([f"{tick:g}" for tick in ticks.ravel()], fontsize=6.0)
+    ax.hlines(bottom[:-1], 0, 1, transform=ax.get_yaxis_transform(), color=GREY, lw=0.6)
+    ax.set_title("Rate (Hz)")
+
+
+def _by_look(shown: Shown) -> list[tuple[Look, list[tuple[int, int]]]]:
+    """Return each colour and line style with its lanes and channels; pooled nuclei are grey."""
+    found: dict[int, list[tuple[int, int]]] = {}
+    for lane, rates in enumerate(shown.rates_hz.values()):
+        channels = rates.shape[1]
+        for channel in range(channels):
+            found.setdefault(channel if channels > 1 else POOLED, []).append((lane, channel))
+    grey: Look = {"color": GREY}
+    return [(grey if kind == POOLED else look(kind), lanes) for kind, lanes in found.items()]
+
+
+def _round(top: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is at most a value."""
+    power = 10.0 ** np.floor(np.log10(top))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= top))
 
 
 def _legend(ax: Axes, columns: int) -> None:

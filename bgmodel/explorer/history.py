@@ -30,8 +30,8 @@ class History:
         ValueError
             If the state is refused; the shown one stays.
         """
-        if state == self.state:
-            return
+        if state == self.state and state.key == self.state.key:
+            return  # Keys differ if a circuit's file has changed.
         state.check()
         self._states = [*self._states[: self._at + 1], state][-LONGEST:]
         self._at = len(self._states) - 1

@@ -49,7 +49,7 @@ def explore(what: Circuit | Experiment | str | Path = "") -> Any:
     from bgmodel.explorer.page import Explorer
 
     state = state_of(what)
-    pn.extension()
+    pn.extension(inline=True)  # scripts from the package: there may be no network
     found: Explorer = Explorer(state, later=lambda call: pn.state.execute(call))
     layout = found.layout()
     layout.explorer = found

@@ -5,65 +5,24 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from html import escape
-from typing import Any, ClassVar
+from typing import Any
 
 import panel as pn
-import param
-from panel.custom import JSComponent
 
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.components import Drawing, Page
 from bgmodel.explorer.controls import NUMBERS, Controls
 from bgmodel.explorer.history import History
 from bgmodel.explorer.html import html_of
-from bgmodel.explorer.panels import CIRCUIT, TITLES, Panel
+from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Memory, Panel
 from bgmodel.explorer.runs import Runs
 from bgmodel.explorer.state import State, opened
 from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
 
 COMPUTING = "Computing…"
 FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
-
-
-class Drawing(JSComponent):
-    """The drawing of the circuit; a click on a nucleus or a pathway reports its name."""
-
-    svg = param.String(default="")
-    chosen = param.String(default="")
-    clicks = param.Integer(default=0)
-    _esm = """
-    export function render({ model }) {
-      const box = document.createElement("div");
-      const draw = () => {
-        box.innerHTML = model.svg;
-        const svg = box.querySelector("svg");
-        if (!svg) return;
-        svg.setAttribute("role", "img");
-        svg.setAttribute("aria-label", "The circuit; a list below has its rows");
-      };
-      draw();
-      model.on("svg", draw);
-      box.addEventListener("click", (event) => {
-        let at = event.target;
-        while (at !== box && !at.id) at = at.parentNode;
-        if (at === box) return;
-        model.chosen = at.id;
-        model.clicks += 1;
-      });
-      return box;
-    }
-    """
-    _stylesheets: ClassVar[list[str]] = [
-        ":host(.busy) { opacity: .45; } svg { width: 100%; height: auto; display: block; } "
-        "g[id] > path, g[id] > text { cursor: pointer; }"
-    ]
-
-
-class Page(pn.Template):
-    """A template whose text is short: Panel writes it anew for every part that is added."""
-
-    def __repr__(self, depth: int = 0) -> str:
-        """Return its kind."""
-        return "Page"
+COLUMNS = ((CIRCUIT, TIMES, TRADEOFF), (MEASURES, TRIAL))
+"""Panels of each column of a wide page: what an edit changes first is on top."""
 
 
 class Explorer:
@@ -77,6 +36,8 @@ class Explorer:
         The address of the page, to which links lead; empty in a notebook.
     later : function, optional
         Runs a function in the thread of the page; by default at once.
+    memory : Memory, optional
+        Results that are known already.
 
     Raises
     ------
@@ -89,6 +50,7 @@ class Explorer:
         state: State,
         address: str = "",
         later: Callable[[Callable[[], None]], None] | None = None,
+        memory: Memory | None = None,
     ) -> None:
         self.history = History(state)
         self._address, self._later = address, later or (lambda call: call())
@@ -98,6 +60,7 @@ class Explorer:
         self.runs = Runs(
             lambda panel: self._later(lambda: self._deliver(panel)),
             lambda state: self._later(lambda: self._ended(state)),
+            memory=memory,
         )
         self._show()
 
@@ -110,12 +73,17 @@ class Explorer:
 
     def change(self, made: Callable[[State], State]) -> None:
         """Apply a change of the state; a refusal is shown, and the state stays."""
+        before = self.state
         try:
-            self.history.go(made(self.state))
+            self.history.go(made(before))
         except (ValueError, OSError) as error:
             self.refuse(str(error))
             return
-        self._show()
+        if self.state is not before:
+            self._show()
+        else:
+            # An Enter is reported twice, with the text and as a key: the run goes on.
+            self.controls.show(before)
 
     def open(self, name: str) -> None:
         """Open a circuit, an experiment or a link."""
@@ -144,7 +112,8 @@ class Explorer:
         self.baseline = pn.widgets.Button(name="Use the edited circuit as the baseline")
         self.baseline.on_click(lambda _: self.change(State.as_baseline))
         self.status = pn.pane.HTML("", stylesheets=[NOTICE])
-        self.notices, self.refused = pn.pane.HTML("", stylesheets=[NOTICE]), ""
+        self.notices = pn.pane.HTML("", stylesheets=[NOTICE], margin=0)
+        self.refused = ""
         self.drawing = Drawing()
         self.drawing.param.watch(lambda _: self.controls.choose(self.drawing.chosen), "clicks")
         self.panes = {
@@ -193,7 +162,11 @@ class Explorer:
 
     def _show(self) -> None:
         """Show the state, and have its panels computed; until then the old ones are dimmed."""
-        state = self.state
+        with pn.io.hold():  # one message to the browser instead of fifty
+            self._show_widgets(self.state)
+        self.runs.show(self.state)
+
+    def _show_widgets(self, state: State) -> None:
         self.refused = ""
         self._notice()
         self.controls.show(state)
@@ -207,7 +180,6 @@ class Explorer:
         for pane in (*self.panes.values(), self.drawing):
             pane.css_classes = ["busy"]
         self._say(COMPUTING if self.shown else FIRST)
-        self.runs.show(state)
 
     def _edits(self, state: State) -> list[Any]:
         """Return a line for each edit, with a button that removes it."""
@@ -227,6 +199,10 @@ class Explorer:
         if panel.key != self.state.key:
             return
         self.shown[panel.name] = panel
+        with pn.io.hold():
+            self._show_panel(panel)
+
+    def _show_panel(self, panel: Panel) -> None:
         pane = self.panes[panel.name]
         pane.object = html_of(panel)
         pane.css_classes = []
@@ -237,16 +213,20 @@ class Explorer:
 
     def _notice(self) -> None:
         """Show why the last change was refused, and the warnings of the panels of this state."""
-        key = self.state.key
-        said = [note for p in self.shown.values() if p.key == key for note in p.warnings]
         parts = [
             f'<p class="warning" role="status">Warning: {escape(note)}</p>'
-            for note in dict.fromkeys(said)
+            for note in self._warnings()
         ]
         if self.refused:
             why = escape(self.refused)
             parts.insert(0, f'<p class="refusal" role="alert">Refused: {why}</p>')
         self.notices.object = "".join(parts)
+
+    def _warnings(self) -> list[str]:
+        """Return the warnings of the panels of this state, each once."""
+        key = self.state.key
+        said = (note for p in self.shown.values() if p.key == key for note in p.warnings)
+        return [*dict.fromkeys(said)]
 
     def refuse(self, sentence: str) -> None:
         """Show why a change was refused, and the state that stays."""
@@ -256,7 +236,9 @@ class Explorer:
 
     def _ended(self, state: State) -> None:
         if state == self.state:
-            self._say("Up to date.")
+            count = len(self._warnings())
+            above = f" {count} warning{'s' if count > 1 else ''} above the results."
+            self._say("Up to date." + (above if count else ""))
 
     def _say(self, text: str) -> None:
         name, circuit = self.state.experiment.name, self.state.experiment.circuit
@@ -288,7 +270,7 @@ class Explorer:
             "notices": self.notices,
             **self.panes,
             CIRCUIT: circuit,
-            "trial": column(c.numbers["trial"], self.panes["trial"]),
+            TRIAL: column(c.numbers["trial"], self.panes[TRIAL]),
             "export": column(
                 pn.FlexBox(self.trials_csv, self.measures_csv, self.circuit_toml),
                 self.toml, self.apply, self.python, self.link,
@@ -299,6 +281,7 @@ class Explorer:
         """Return the page for a server."""
         page = Page(PAGE)
         page.add_variable("titles", TITLES)
+        page.add_variable("columns", COLUMNS)
         for name, part in self.parts().items():
             page.add_panel(name, part)
         return page

@@ -12,10 +12,10 @@ from html import escape
 import numpy as np
 import pandas as pd
 
-from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.experiment import Outcome
+from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer import drawing
 from bgmodel.explorer.state import State
@@ -39,8 +39,8 @@ THRESHOLDS = 40
 """Number of thresholds of the MSPRT's curve."""
 LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
-KEPT = 12
-"""Largest number of conditions whose behaviour is remembered."""
+KEPT = 3
+"""Largest number of tasks whose evidence, and the MSPRT's curve on it, are remembered."""
 
 _turn = threading.RLock()
 
@@ -83,7 +83,7 @@ class Panel:
 class Memory:
     """What is computed once and used again while the edited circuit changes."""
 
-    behaviour: dict[Hashable, Behaviour] = field(default_factory=dict)
+    conditions: Kept = field(default_factory=Kept)
     evidence: dict[Hashable, Trials] = field(default_factory=dict)
     tests: dict[Hashable, pd.DataFrame] = field(default_factory=dict)
     outcome: tuple[str, Outcome] | None = None
@@ -100,7 +100,7 @@ class Memory:
 
     def forget(self) -> None:
         """Forget what was used first, beyond ``KEPT`` of a kind."""
-        for kept in (self.behaviour, self.tests, self.evidence):
+        for kept in (self.tests, self.evidence):
             for old in [*kept][: max(0, len(kept) - KEPT)]:
                 del kept[old]
 
@@ -131,7 +131,7 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
     try:
         with kept_warnings() as notes:
             outcome = state.experiment.run(
-                workers=workers, given=memory.given(state), known=memory.behaviour
+                workers=workers, given=memory.given(state), kept=memory.conditions
             )
         memory.outcome = key, outcome
         if state.alike:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Callable
 
@@ -28,12 +29,19 @@ class Runs:
         Called with a state when all of its panels have been delivered.
     workers : int
         Number of threads of an engine; it does not affect results.
+    memory : Memory, optional
+        Results that are known already.
     """
 
     def __init__(
-        self, deliver: Deliver, ended: Callable[[State], None], *, workers: int = 2
+        self,
+        deliver: Deliver,
+        ended: Callable[[State], None],
+        *,
+        workers: int = 2,
+        memory: Memory | None = None,
     ) -> None:
-        self.memory = Memory()
+        self.memory = Memory() if memory is None else memory
         self._deliver, self._ended, self._workers = deliver, ended, workers
         self._wanted: State | None = None
         self._stopped = False
@@ -81,3 +89,5 @@ class Runs:
                 self._check()
                 self._deliver(panel)
         self._ended(state)
+        # Figures refer to themselves: until Python looks for such rings, memory would grow.
+        gc.collect()

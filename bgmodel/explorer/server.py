@@ -9,6 +9,7 @@ import sys
 import threading
 import warnings
 import webbrowser
+from contextlib import suppress
 from typing import Any
 
 import panel as pn
@@ -16,6 +17,7 @@ from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
 from bgmodel.explorer.page import Explorer
+from bgmodel.explorer.panels import Memory, kept_warnings
 from bgmodel.explorer.state import QUERY, State
 from circuits.errors import BgmodelWarning, InputError, require
 
@@ -98,7 +100,7 @@ class Served:
         state.check()
         self.port, self.token = free_port(port), secrets.token_urlsafe(24)
         self.explorers: list[Explorer] = []
-        self._state = state
+        self._state, self._memory = state, Memory()
         self._server = pn.io.server.get_server(
             {"/": self._page},
             port=self.port,
@@ -134,7 +136,9 @@ class Served:
                 state.check()
             except (ValueError, OSError) as error:
                 state, said = self._state, str(error)
-        explorer = Explorer(state, self.root, doc.add_next_tick_callback)
+        # The first tab finds what was computed while the browser started.
+        memory, self._memory = self._memory, Memory()
+        explorer = Explorer(state, self.root, doc.add_next_tick_callback, memory)
         if said:
             explorer.refuse(said)
         self.explorers.append(explorer)
@@ -158,6 +162,7 @@ class Served:
         self.start()
         print(f"bgmodel explorer: {self.address}", flush=True)
         print("It is for this machine only; Ctrl-C ends it.", file=sys.stderr, flush=True)
+        threading.Thread(target=self.compute, args=(self._memory,), daemon=True).start()
         if browser:
             threading.Thread(target=self._open, daemon=True).start()
         try:
@@ -183,6 +188,18 @@ class Served:
         for explorer in self.explorers:
             explorer.stop()
         self._server.stop()
+
+    def compute(self, memory: Memory) -> None:
+        """Run the first state, which also loads the engine; its page shows what is refused.
+
+        Parameters
+        ----------
+        memory : Memory
+            Receives the results.
+        """
+        with suppress(ValueError), kept_warnings():
+            given = memory.given(self._state)
+            self._state.experiment.run(workers=2, given=given, kept=memory.conditions)
 
     def _open(self) -> None:
         if not webbrowser.open(self.address):

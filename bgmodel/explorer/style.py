@@ -64,17 +64,43 @@ PAGE = """{% extends base %}
           padding: 12px 14px; margin: 0 0 12px; }
   aside summary { font-size: 15px; font-weight: 600; cursor: pointer; }
   aside details[open] summary { margin-bottom: 6px; }
-  .panels { column-width: 440px; column-gap: 16px; }
-  .panels .card { break-inside: avoid; margin: 0 0 16px; }
+  .panels { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 16px; }
+  .panels .card { margin: 0 0 16px; }
+  .hint { margin: 0 10px 8px; font-size: 13px; color: #444; }
   :focus-visible { outline: 3px solid #0072B2; outline-offset: 2px; }
+  @media (max-width: 1240px) {
+    .panels { display: flex; flex-direction: column; }
+    .column { display: contents; }
+    .times, .tradeoff { order: 1; }
+    .trial { order: 2; }
+    .export { order: 3; }
+  }
   @media (max-width: 860px) {
     .page { grid-template-columns: minmax(0, 1fr); padding: 10px; }
     header { position: static; padding: 10px; }
     .jump { display: inline; }
     main { order: 1; } aside { order: 2; }
-    .panels { column-width: auto; column-count: 1; }
   }
 </style>
+<script>
+  /* Widgets are in shadow roots: there, focus is shown and what has no name gets one. */
+  const focus = new CSSStyleSheet();
+  focus.replaceSync(":focus-visible { outline: 3px solid #0072B2 !important; }");
+  const tidy = (root) => {
+    if (!root.adoptedStyleSheets.includes(focus)) root.adoptedStyleSheets.push(focus);
+    root.querySelectorAll("button:empty").forEach((step) => {  /* arrow keys do the same */
+      step.tabIndex = -1;
+      step.setAttribute("aria-hidden", "true");
+    });
+    root.querySelectorAll("[role=slider]:not([aria-label])").forEach((handle) => {
+      const title = root.querySelector(".bk-slider-title");
+      if (title) handle.setAttribute("aria-label", title.textContent.split(":")[0]);
+    });
+    root.querySelectorAll("*").forEach((e) => { if (e.shadowRoot) tidy(e.shadowRoot); });
+  };
+  document.addEventListener("focusin", () => tidy(document));
+  setInterval(() => tidy(document), 1000);
+</script>
 {% endblock %}
 {% block contents %}
 <a class="skip" href="#results">To the results</a>
@@ -88,7 +114,9 @@ PAGE = """{% extends base %}
 <div class="page">
   <aside id="controls" aria-label="Controls">
     <details open><summary>Open</summary>{{ embed(roots.open) }}</details>
-    <details open><summary>Edits of the circuit</summary>{{ embed(roots.edits) }}</details>
+    <details open><summary>Edits of the circuit</summary>
+      <p class="hint">Edits add up. Results compare all of them with the baseline.</p>
+      {{ embed(roots.edits) }}</details>
     <details open><summary>A row of the circuit</summary>{{ embed(roots.row) }}</details>
     <details><summary>Add a pathway</summary>{{ embed(roots.pathway) }}</details>
     <details open><summary>Task and decision</summary>{{ embed(roots.task) }}</details>
@@ -97,14 +125,20 @@ PAGE = """{% extends base %}
   <main id="results" aria-label="Results">
     {{ embed(roots.notices) }}
     <div class="panels">
-      {% for name, title in titles.items() %}
-      <section class="card" aria-label="{{ title }}">
-        <h2>{{ title }}</h2>{{ embed(roots[name]) }}
-      </section>
+      {% for column in columns %}
+      <div class="column">
+        {% for name in column %}
+        <section class="card {{ name }}" aria-label="{{ titles[name] }}">
+          <h2>{{ titles[name] }}</h2>{{ embed(roots[name]) }}
+        </section>
+        {% endfor %}
+        {% if loop.last %}
+        <section class="card export" aria-label="Take it with you">
+          <h2>Take it with you</h2>{{ embed(roots.export) }}
+        </section>
+        {% endif %}
+      </div>
       {% endfor %}
-      <section class="card" aria-label="Take it with you">
-        <h2>Take it with you</h2>{{ embed(roots.export) }}
-      </section>
     </div>
   </main>
 </div>

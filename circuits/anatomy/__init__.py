@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from circuits import DEFAULT, table_reader
@@ -81,7 +82,15 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
         return _own(table_reader.read(name, channels), Path(name))
     must = f"must be one of {', '.join(CIRCUITS)}, or the path of a .toml file"
     require(name in CIRCUITS, "circuit", must, str(name))
-    return CIRCUITS[str(name)](2 if channels is None else channels)
+    table, count = CIRCUITS[str(name)], 2 if channels is None else channels
+    # The table itself refuses what is no whole number.
+    return _built(table, count) if type(count) is int else table(count)
+
+
+@lru_cache(maxsize=32)
+def _built(table: Callable[..., Circuit], channels: int) -> Circuit:
+    """Return an included circuit; circuits never change, so one that was built serves again."""
+    return table(channels)
 
 
 def is_included(circuit: Circuit) -> bool:

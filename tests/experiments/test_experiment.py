@@ -13,6 +13,7 @@ from bgmodel.conditions import POSTERIOR
 from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import Experiment, shipped
+from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.experiments.record import Changes
@@ -288,25 +289,37 @@ def test_anticipations_are_judged_over_the_foreperiod_in_which_they_are_counted(
     assert SHIPPED["stn_lesion_partial"].waited_ms == 500
 
 
-def test_behaviour_that_is_known_is_not_computed_again_and_changes_nothing(tmp_path):
+def test_behaviour_that_is_kept_is_not_computed_again_and_changes_nothing():
     experiment = Experiment.from_text(GOOD)
-    known = {}
-    first = experiment.run(known=known)
-    assert len(known) == 2
-    again = experiment.run(known=known)
-    assert len(known) == 2
+    kept = Kept()
+    first = experiment.run(kept=kept)
+    before = [*map(id, kept.behaviour.values())]
+    assert len(before) == 2
+    again = experiment.run(kept=kept)
+    assert [*map(id, kept.behaviour.values())] == before
     assert again.measures.equals(experiment.run().measures)
     assert again.measures.equals(first.measures)
-    assert not replace(experiment, seed=4).run(known=known).measures.equals(first.measures)
-    assert len(known) == 4
+    other = replace(experiment, seed=4)
+    assert other.run(kept=kept).measures.equals(other.run().measures)
+    assert not other.run(kept=kept).measures.equals(first.measures)
+    assert len(kept.behaviour) == 4
+
+
+def test_conditions_that_were_kept_first_are_forgotten():
+    kept = Kept(most=3)
+    for name in "abcde":
+        kept.behaviour_of(name, lambda: None)
+    assert [*kept.behaviour] == ["c", "d", "e"]
+    kept.behaviour_of(None, lambda: None)
+    assert len(kept.behaviour) == 3
 
 
 def test_behaviour_of_a_file_that_has_changed_is_computed_again(tmp_path):
     file = tmp_path / "mine.toml"
-    known, found = {}, []
+    kept, found = Kept(), []
     for edits in ((), ("scale D1->SNr 0.98",)):
         write(load_circuit("spiking_msprt").edited(*edits), file)
         text = GOOD.replace('"spiking_msprt"', f'"{file}"')
-        found.append(Experiment.from_text(text).run(known=known).measures)
-    assert len(known) == 4
+        found.append(Experiment.from_text(text).run(kept=kept).measures)
+    assert len(kept.behaviour) == 4
     assert not found[0].equals(found[1])

@@ -44,7 +44,7 @@ def moved(history, step):
 def said_by_the_command(state, step, tmp_path, capsys):
     """Return what `bgmodel experiment` says of the file that has the step's change."""
     # Conditions that are alike would be refused for that alone.
-    asked = state if state.edits else state.edited("set ctx.cite compared")
+    asked = state.edited("set ctx.cite compared") if state.alike else state
     file = tomllib.loads(asked.experiment.to_toml())
     kind, name, *value = step
     task = file.setdefault("task", {})

@@ -27,7 +27,7 @@ def explorer():
 def reset(explorer):
     """Show the first state again."""
     explorer.history.go(explorer.history.first)
-    explorer.change(lambda state: state)
+    explorer._show()
 
 
 def shown(explorer):
@@ -67,6 +67,16 @@ def test_every_widget_changes_the_state_and_shows_it(explorer):
     assert State.from_link(explorer.link.value) == explorer.state
     explorer.reset.clicks += 1
     assert explorer.state.edits == ()
+
+
+def test_a_change_that_changes_nothing_leaves_the_run_alone(explorer, monkeypatch):
+    """A browser reports an Enter twice: as a new text, and as a key."""
+    asked = []
+    monkeypatch.setattr(explorer.runs, "show", asked.append)
+    explorer.controls.line.value = "lesion STN 10%"
+    explorer.controls.line.value = "lesion STN 10%"
+    assert asked == [explorer.state]
+    assert explorer.controls.line.value == ""
 
 
 def test_a_pathway_is_added_and_an_edit_removed_by_a_button(explorer):

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
 from bgmodel.cli import main
+from bgmodel.explorer.panels import Memory
 from bgmodel.explorer.server import HOST, Served
 from circuits.errors import InputError
 from tests.explorer.helpers import small
@@ -139,3 +140,11 @@ def test_what_cannot_be_opened_is_refused_before_anything_is_served(refusal, giv
 def test_a_port_is_a_number_of_one(refusal):
     assert "port must be within 0..65535" in refusal("explore", "--port", 70000)
     assert main(["explore", "--port", "-1"]) == 2
+
+
+def test_the_first_state_is_computed_before_a_page_is_open(served):
+    memory = Memory()
+    served.compute(memory)
+    (kept,) = {*map(id, memory.conditions.behaviour.values())}
+    served.compute(memory)
+    assert {*map(id, memory.conditions.behaviour.values())} == {kept}
