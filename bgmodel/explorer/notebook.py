@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,10 +70,10 @@ def state_of(what: Circuit | Experiment | str | Path) -> State:
 
 
 def _written(circuit: Circuit) -> Path:
-    """Write a circuit to the cache folder, under its hash, and return the path."""
+    """Write a circuit to the cache folder, in a folder for its hash, and return the path."""
     from circuits.declaration.table_files import digest, write
 
-    folder = platformdirs.user_cache_path("bgmodel") / "explored"
+    folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{digest(circuit)[:16]}.toml"
+    path = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"
     return path if path.exists() else Path(write(circuit, path))
