@@ -1,7 +1,9 @@
-"""Checks of the types of user input: numbers, whole numbers, arrays of numbers."""
+"""Checks of the types of user input: numbers, whole numbers, arrays of numbers; several at once."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,9 @@ from circuits.checks import check_range as check_range
 from circuits.checks import is_number as is_number
 from circuits.checks import is_whole as is_whole
 from circuits.errors import InputError, require
+
+MOST_SAID = 390
+"""Longest message of several problems; the rest are counted."""
 
 
 def whole(name: str, value: Any, least: int) -> int:
@@ -92,3 +97,41 @@ def path_of(given: str | Path, field: str = "path") -> Path:
     if not isinstance(given, (str, PathLike)):
         raise InputError.of(field, "must be the path of a file", given)
     return Path(given)
+
+
+class Problems:
+    """All that is wrong with a table, in one error: checks that do not depend on one another.
+
+    Use ``with problems.caught():`` around each check, and ``problems.refuse()`` after them.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[ValueError] = []
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Keep a ValueError for later."""
+        try:
+            yield
+        except ValueError as error:
+            self.found.append(error)
+
+    def refuse(self) -> None:
+        """Raise the error that was kept, or one of all of them.
+
+        Raises
+        ------
+        ValueError
+            With the field of the first one.
+        """
+        if len(self.found) == 1:
+            raise self.found[0]
+        if self.found:
+            texts = [str(error) for error in self.found]
+            said = f"{len(texts)} problems: {texts[0]}"
+            for number, text in enumerate(texts[1:], 1):
+                if len(said) + len(text) > MOST_SAID:
+                    said += f"; and {len(texts) - number} more"
+                    break
+                said += f"; {text}"
+            raise InputError(said, getattr(self.found[0], "field", "table"))

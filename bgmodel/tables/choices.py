@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.checks import path_of
+from bgmodel.support.checks import Problems, path_of
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables.cautions import (
     FIT_STOPS,
@@ -32,11 +32,13 @@ from bgmodel.tables.cautions import (
 from bgmodel.tables.columns import (
     FEWEST,
     NO_RESPONSE,
-    answers,
+    check_answers,
     levels,
     participants,
+    responses,
     rows,
     strengths,
+    times,
 )
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped
@@ -221,7 +223,7 @@ def read_choices(
     ------
     ValueError
         With the name of the source and, for a wrong value, its column, value and row, counted
-        from 0.
+        from 0; problems of several columns are in one message.
     """
     name, table = _table(source)
     if not isinstance(conditions, (str, list, tuple)):
@@ -233,12 +235,24 @@ def read_choices(
         table = renamed(table, rt=rt, response=response, participant_column=participant_column)
         table = rows(table, used, participant)
         warn_of_copies(table, used)
-        rt_s, chosen = answers(table, deadline_s, upper, rt_unit)
+        problems, held = Problems(), {}
+        with problems.caught():
+            rt_s = times(table["rt"], rt_unit)
+        with problems.caught():
+            chosen = responses(table["response"], table["rt"], upper)
+        signed = None
+        if strength is not None:
+            with problems.caught():
+                signed = without_rounding(strengths(table[strength]))
+        for column in wanted:
+            with problems.caught():
+                held[column] = levels(table[column])
+        problems.refuse()
+        check_answers(table, rt_s, chosen, deadline_s)
         check_times(rt_s)
         warn_of_mixed_units(rt_s, participants(table))
         if deadline_s is not None:
             check_deadline(rt_s, deadline_s)
-        signed = None if strength is None else without_rounding(strengths(table[strength]))
         if signed is not None:
             warn_of_far(signed)
             warn_of_units(signed)
@@ -247,7 +261,7 @@ def read_choices(
             rt_s,
             chosen,
             signed,
-            pd.DataFrame({c: levels(table[c]) for c in wanted}, index=range(len(table))),
+            pd.DataFrame(held, index=range(len(table))),
             deadline_s,
             name,
         )

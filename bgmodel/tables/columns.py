@@ -77,12 +77,13 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
             held = "seems to hold participants: rename it to participant_id, or name it"
             held += " (participant_column, at the terminal --participant-column)"
             raise InputError(f"column {name!r} {held}", "participant")
-    for name in wanted:
-        if name not in names:
-            hint = ""
-            if name == "response" and "correct" in names:
-                hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
-            raise InputError(f"there is no column {name}; there are {', '.join(names)}{hint}", name)
+    if missing := [name for name in wanted if name not in names]:
+        hint = ""
+        if "response" in missing and "correct" in names:
+            hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
+        absent = " or ".join(missing)
+        said = f"there is no column {absent}; there are {', '.join(names)}{hint}"
+        raise InputError(said, missing[0])
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 
@@ -139,14 +140,11 @@ def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
     return texts(table["participant_id"])
 
 
-def answers(
-    table: pd.DataFrame, deadline_s: float | None, upper: str | None, unit: str = "s"
-) -> tuple[Array, npt.NDArray[np.int8]]:
-    """Return times, s, and responses; ValueError if one is missing, or a time is too late."""
-    require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
+def check_answers(
+    table: pd.DataFrame, rt_s: Array, chosen: npt.NDArray[np.int8], deadline_s: float | None
+) -> None:
+    """Raise ValueError if a time or a response is without the other, or a time is too late."""
     rt, response = table["rt"], table["response"]
-    rt_s, told = times(rt, unit)
-    chosen = responses(response, told, upper)
     absent, silent = np.isnan(rt_s), chosen == NO_RESPONSE
     refuse(absent & ~silent, rt, "given where there is a response")
     refuse(silent & ~absent, response, "given where there is an rt")
@@ -156,7 +154,6 @@ def answers(
     else:
         check_positive(deadline_s=deadline_s)
         refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
-    return rt_s, chosen
 
 
 def strengths(column: pd.Series) -> Array:
@@ -272,8 +269,8 @@ def numbers(column: pd.Series) -> Array:
     return values
 
 
-def times(column: pd.Series, unit: str = "s") -> tuple[Array, Truths]:
-    """Return response times, (rows,), s, NaN if missing, and where HSSM's missing code occurs.
+def times(column: pd.Series, unit: str = "s") -> Array:
+    """Return response times, (rows,), s; NaN if missing, or if it is HSSM's code for that.
 
     Parameters
     ----------
@@ -290,8 +287,7 @@ def times(column: pd.Series, unit: str = "s") -> tuple[Array, Truths]:
     known = isinstance(unit, str) and unit in UNITS
     require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
     values = numbers(column)
-    told = values == MISSING_RT
-    values[told] = np.nan
+    values[values == MISSING_RT] = np.nan
     given = values[np.isfinite(values)]
     median = float(np.median(given)) if len(given) else 1.0 / UNITS[unit]
     if unit == "s" and median > MOST_MEDIAN_S:
@@ -307,18 +303,18 @@ def times(column: pd.Series, unit: str = "s") -> tuple[Array, Truths]:
             column.name,
         )
     refuse(values <= 0, column, f"above 0 {unit}")
-    return values * UNITS[unit], told
+    return values * UNITS[unit]
 
 
-def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDArray[np.int8]:
+def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt.NDArray[np.int8]:
     """Return 1, 0 or, without a response, -1 for each row, (rows,).
 
     Parameters
     ----------
     column : Series
         1 and 0, or two names.
-    missing : (rows,) bool
-        Rows whose response is ignored.
+    rt : Series
+        The times; where they hold HSSM's code for none, the response is ignored.
     upper : str, optional
         The name that counts as 1.
 
@@ -327,7 +323,8 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
     ValueError
         If there are other values, more than two names, or ``upper`` is not among them.
     """
-    missing = missing | _is_missing(column)
+    require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
+    missing = np.array([_number(value) == MISSING_RT for value in rt]) | _is_missing(column)
     names = np.array([_name(v) for v in column], dtype=object)
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])

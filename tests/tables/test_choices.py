@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bgmodel.support.checks import Problems
 from bgmodel.tables.choices import Choices, read_choices
 from bgmodel.tables.exports import MISSING_RT, to_hssm
 from bgmodel.tables.statistics import statistics
+from circuits.errors import InputError
 from tests.helpers import refused
 
 TRIALS = 60
@@ -326,3 +328,38 @@ def test_the_order_of_rows_changes_no_statistic(table, seed):
     one, other = read_choices(shuffled, **ALL), read_choices(table, **ALL)
     assert one.summary() == other.summary()
     assert isinstance(one, Choices)
+
+
+def test_problems_of_several_columns_are_in_one_message():
+    table = pd.DataFrame(
+        {"rt": ["fast", *["0.5"] * 29], "response": ["left", *["1", "0"] * 14, "1"],
+         "strength": ["", *["1"] * 29], "kind": ["a"] * 29 + [""]}
+    )  # fmt: skip
+    with pytest.raises(InputError) as caught:
+        read_choices(table, strength="strength", conditions=["kind"])
+    said = str(caught.value)
+    assert caught.value.field == "rt"
+    for column in ("rt must", "response must", "strength must", "kind must"):
+        assert column in said
+    assert len(said) < 450
+    for column, fixed in (("rt", "0.5"), ("response", "1"), ("strength", "2"), ("kind", "b")):
+        assert f"{column} must" in said
+        table.loc[29 if column == "kind" else 0, column] = fixed
+    with pytest.raises(InputError) as caught:
+        read_choices(table[["rt", "strength"]].rename(columns={"rt": "time"}))
+    assert all(name in str(caught.value) for name in ("rt", "response"))
+
+
+@pytest.mark.parametrize("count", [1, 2, 9])
+def test_many_problems_are_counted_and_one_stays_as_it_was(count):
+    problems = Problems()
+    for number in range(count):
+        with problems.caught():
+            raise InputError(f"problem {number} " + "x" * 100, f"field {number}")
+    with pytest.raises(InputError) as caught:
+        problems.refuse()
+    said = str(caught.value)
+    assert caught.value.field == "field 0"
+    assert len(said) < 450
+    assert ("more" in said) == (count == 9)
+    assert said.startswith("problem 0" if count == 1 else f"{count} problems: problem 0")

@@ -107,8 +107,8 @@ def read_known(
     table = _of_participant(_checked(table, name), participant)
     readings = _read_evidence(evidence, step_ms, participant)
     order = _matched(table, readings)
-    rt_s, told = times(table["rt"], rt_unit)
-    choice = _choices(table["response"], np.isnan(rt_s) | told, readings.names, upper)
+    rt_s = times(table["rt"], rt_unit)
+    choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
         readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
