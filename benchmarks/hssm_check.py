@@ -21,7 +21,7 @@ import pandas as pd
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.deciding.decision import Trace, first_crossing
-from bgmodel.fitting.network import LikelihoodNetwork, read_network
+from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.errors import RangeWarning

@@ -26,10 +26,10 @@ from benchmarks.pages import TABLES
 from benchmarks.scores import likelihood as score
 from benchmarks.scores.pieces import OUT, run
 from bgmodel import stream
-from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.control import decided
-from bgmodel.fitting.network import LikelihoodNetwork, shipped_path
-from bgmodel.fitting.responses import Grid, responded
+from bgmodel.fitting.exact.responses import Grid, responded
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table

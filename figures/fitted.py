@@ -17,9 +17,9 @@ import pandas as pd
 
 from bgmodel import first_crossing, stream
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.circuit import NOISE_NATS
-from bgmodel.fitting.mechanisms import MECHANISMS
-from bgmodel.fitting.responses import BIN_S
+from bgmodel.fitting.exact.responses import BIN_S
+from bgmodel.fitting.simulated.circuit import NOISE_NATS
+from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT, load_circuit
@@ -126,9 +126,9 @@ def follow(
 ) -> Followed:
     """Run a circuit with its fitted threshold, simulated as for the fit.
 
-    Evidence comes every 10 ms, as in ``bgmodel.fitting.crossings``: Gaussian, of unit variance per
-    second in the difference of the channels, and with a drift of the sensitivity times the
-    strength in favour of channel 0. The same seed gives every circuit the same evidence.
+    Evidence comes every 10 ms, as in ``bgmodel.fitting.simulated.crossings``: Gaussian, of unit
+    variance per second in the difference of the channels, and with a drift of the sensitivity times
+    the strength in favour of channel 0. The same seed gives every circuit the same evidence.
 
     Parameters
     ----------

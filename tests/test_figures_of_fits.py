@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.integrators.basal_ganglia import identity

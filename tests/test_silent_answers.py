@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.sides import check_sides

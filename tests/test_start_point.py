@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import FAVOURS, design_of
-from bgmodel.fitting.gaps import GAPS
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import GAPS
+from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.optimum import likelihood_of, optimum
-from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning

@@ -8,10 +8,10 @@ from scipy.integrate import dblquad, quad
 from scipy.stats import norm
 
 import bgmodel as bg
-from bgmodel.fitting import passage
-from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, GapModel
-from bgmodel.fitting.gaps import CONSTANT, EXPONENTIAL, GAPS
-from bgmodel.fitting.responses import BIN_S, Grid, moments
+from bgmodel.fitting.exact import passage
+from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, GapModel
+from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, GAPS
+from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.settings import FitSettings
 from tests.helpers import refused
 from tests.test_start_point import drawn, fitted

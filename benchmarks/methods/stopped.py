@@ -9,8 +9,8 @@ import pandas as pd
 from scipy import special
 
 from bgmodel import stream
-from bgmodel.fitting.stop_data import StopData
-from bgmodel.fitting.stop_likelihood import StopValues
+from bgmodel.fitting.stops.data import StopData
+from bgmodel.fitting.stops.likelihood import StopValues
 from bgmodel.stopping.restored import LATE_MS, restored_delays
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials

@@ -15,19 +15,19 @@ import pandas as pd
 from benchmarks import OUT
 from benchmarks.methods.means import fit_means
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.fitting.algorithms import GapModel, Model
-from bgmodel.fitting.circuit import (
+from bgmodel.fitting.design import Design, design_of
+from bgmodel.fitting.exact.algorithms import GapModel, Model
+from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.predicted import Better, better_by, predicted
+from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,
     NONE,
     SIMULATION_SEED,
     CircuitModel,
     Mechanism,
 )
-from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.gaps import EXPONENTIAL
-from bgmodel.fitting.optimum import likelihood_of
-from bgmodel.fitting.predicted import Better, better_by, predicted
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
 

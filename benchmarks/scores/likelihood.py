@@ -17,11 +17,11 @@ import pandas as pd
 from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import FirstPassageTimes
-from bgmodel.fitting.network import LikelihoodNetwork, read_network
-from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes
+from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 

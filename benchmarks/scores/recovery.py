@@ -20,17 +20,17 @@ from scipy.stats import kstest, norm
 from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.algorithms import GapModel, Model
-from bgmodel.fitting.circuit import NONE
-from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import FirstPassageTimes, simulated
 from bgmodel.fitting.design import Design
+from bgmodel.fitting.exact.algorithms import GapModel, Model
+from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed, responded
 from bgmodel.fitting.fit import fit_likelihood, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
-from bgmodel.fitting.responses import BIN_S, Grid, Observed, responded
-from bgmodel.fitting.simulation import simulation_error
+from bgmodel.fitting.simulated.circuit import NONE
+from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes, simulated
+from bgmodel.fitting.simulated.error import simulation_error
 from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT
 

@@ -15,11 +15,17 @@ import pandas as pd
 
 from benchmarks.scores.fits import difference, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.fitting.circuit import MECHANISMS, NONE, SIMULATION_SEED, CircuitModel, Mechanism
 from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.predicted import Predicted, better_by, predicted
+from bgmodel.fitting.simulated.circuit import (
+    MECHANISMS,
+    NONE,
+    SIMULATION_SEED,
+    CircuitModel,
+    Mechanism,
+)
 from bgmodel.tables.choices import Choices, read_choices
 from circuits.anatomy import DEFAULT
 

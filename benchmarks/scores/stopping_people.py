@@ -28,11 +28,11 @@ from benchmarks.methods.stopped import (
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.stop_data import go_processes
-from bgmodel.fitting.stop_likelihood import StopValues
-from bgmodel.fitting.stop_model import TEST, StopModel, circuit_stop
-from bgmodel.fitting.stop_prediction import Prediction, halves
-from bgmodel.fitting.stops import StopFit, fit_stops
+from bgmodel.fitting.stops.data import go_processes
+from bgmodel.fitting.stops.fit import StopFit, fit_stops
+from bgmodel.fitting.stops.likelihood import StopValues
+from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop
+from bgmodel.fitting.stops.prediction import Prediction, halves
 from bgmodel.stopping.estimates import estimate_ssrt, fit_race
 from bgmodel.stopping.people import estimates_of, read_people
 from bgmodel.stopping.restored import restored_delays

@@ -20,7 +20,7 @@ from bgmodel.version import __version__
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
-    from bgmodel.fitting.algorithms import Model
+    from bgmodel.fitting.exact.algorithms import Model
 
 EVIDENCE_ONLY = ("step_ms", "forced", "runs")
 """Options that need --evidence."""

@@ -12,7 +12,7 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.fitting.stop_model import StopModel
+    from bgmodel.fitting.stops.model import StopModel
     from bgmodel.stopping.trials import StopTrials
 
 PARAMETERS, PEOPLE = "stop_parameters.csv", "stop_people.csv"
@@ -48,8 +48,8 @@ def fit_stop_signals(command: Any) -> None:
 
 def _model(name: str, noise_nats: float) -> StopModel:
     """Return the stop process of the test or of a circuit."""
-    from bgmodel.fitting.gaps import CONSTANT, GAPS
-    from bgmodel.fitting.stop_model import TEST, circuit_stop
+    from bgmodel.fitting.exact.gaps import CONSTANT, GAPS
+    from bgmodel.fitting.stops.model import TEST, circuit_stop
 
     if name in GAPS and name != CONSTANT.name:
         must = "must be of constant_gap, or circuits, for --task stop"
@@ -82,8 +82,8 @@ def _fitted(
     """Return the summary of each model, the parameters of all, and estimates of participants."""
     import pandas as pd
 
-    from bgmodel.fitting.stop_data import go_processes
-    from bgmodel.fitting.stops import fit_stops
+    from bgmodel.fitting.stops.data import go_processes
+    from bgmodel.fitting.stops.fit import fit_stops
     from bgmodel.stopping.people import estimates_of
 
     say(f"fitting the go trials of {len(people)} participants")

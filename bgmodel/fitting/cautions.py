@@ -5,7 +5,7 @@ from __future__ import annotations
 from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.posterior import ENOUGH, Posterior
-from bgmodel.fitting.simulation import Simulation
+from bgmodel.fitting.simulated.error import Simulation
 
 SMALL_SHARE = 1 / 3
 """A fit warns if the simulation error over the error from the data exceeds this ratio."""

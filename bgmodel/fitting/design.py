@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.fitting.window import in_window
 from bgmodel.support.arrays import Array, Integers

@@ -12,6 +12,7 @@ import pandas as pd
 
 from bgmodel.fitting.cautions import cautions
 from bgmodel.fitting.design import Design
+from bgmodel.fitting.exact.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
@@ -24,8 +25,7 @@ from bgmodel.fitting.quantiles import (
     residuals,
     too_few,
 )
-from bgmodel.fitting.responses import BIN_S, QUANTILES, moments
-from bgmodel.fitting.simulation import Simulation, simulation_error, without_parts
+from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
 from bgmodel.fitting.slow import warn_of_slow
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import Likelihood
-from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
 
 ALIKE = 0.95

@@ -10,7 +10,7 @@ import numpy as np
 
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, optimum
-from bgmodel.fitting.simulation import jackknifed, without_parts
+from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 

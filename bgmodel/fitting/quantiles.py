@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.responses import BIN_S, QUANTILES
+from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
 from bgmodel.support.arrays import Array, Integers
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.fitting.algorithms import Model
     from bgmodel.fitting.design import Design
+    from bgmodel.fitting.exact.algorithms import Model
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.formulas import Formula
     from bgmodel.fitting.known.fit import KnownFit
@@ -78,7 +78,7 @@ class FitSettings:
 
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
-        from bgmodel.fitting.mechanisms import MECHANISMS
+        from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from circuits.engines import engine_of
 
         engine_of(self.engine)
@@ -160,8 +160,8 @@ class FitSettings:
 
     def design(self, choices: Choices) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
-        from bgmodel.fitting.algorithms import START
         from bgmodel.fitting.design import design_of
+        from bgmodel.fitting.exact.algorithms import START
 
         sides = START.name in {*self._named, *self.varied, *self.fixed, *self.formulas}
         return design_of(
@@ -184,10 +184,10 @@ class FitSettings:
         folder : path, optional
             Folder that keeps simulated trials for other fits.
         """
-        from bgmodel.fitting.algorithms import GapModel
-        from bgmodel.fitting.circuit import CircuitModel
-        from bgmodel.fitting.gaps import GAPS
-        from bgmodel.fitting.mechanisms import MECHANISMS
+        from bgmodel.fitting.exact.algorithms import GapModel
+        from bgmodel.fitting.exact.gaps import GAPS
+        from bgmodel.fitting.simulated.circuit import CircuitModel
+        from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from bgmodel.integrators.basal_ganglia import checked_circuit
         from circuits.anatomy import CIRCUITS
         from circuits.declaration.table_files import is_path

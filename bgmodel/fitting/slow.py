@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
 from circuits.errors import FitWarning
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bgmodel.fitting.responses import EVERY_TIME
+from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.tables.columns import FEWEST

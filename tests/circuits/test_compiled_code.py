@@ -10,7 +10,7 @@ from numba.core.dispatcher import Dispatcher
 
 import bgmodel.support.compiling
 from bgmodel.deciding import crossing
-from bgmodel.fitting import weights
+from bgmodel.fitting.simulated import weights
 from bgmodel.tactile import sampling
 from circuits.compiled_code import sources_hash
 from circuits.engines import compiling

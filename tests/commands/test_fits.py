@@ -12,10 +12,10 @@ import pytest
 from bgmodel.commands import fitted
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.fitting import optimum
-from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.circuit import CircuitModel
+from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
+from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance
 from tests.drawn import drawn
 from tests.helpers import run

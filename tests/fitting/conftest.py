@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.fitting.hierarchy.people import fit_people
 from circuits.errors import FitWarning

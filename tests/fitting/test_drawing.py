@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.drawing import draw_fits
+from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.quantiles import SIDES, too_few
-from bgmodel.fitting.responses import QUANTILES
 
 
 def cells(shift):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.hierarchy.fit import check_people
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter, freedom

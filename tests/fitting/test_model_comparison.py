@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_models
 from bgmodel.fitting.optimum import likelihood_of

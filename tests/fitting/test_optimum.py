@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import (
     TOLERANCE_NATS,
@@ -200,7 +200,7 @@ def test_a_search_draws_no_number_of_others(small):
 
 def test_responses_after_the_end_of_simulated_trials_are_said():
     """A circuit never decides then: at 0.5 s of 2, sensitivity and lapses would be wrong."""
-    from bgmodel.fitting.circuit import CircuitModel
+    from bgmodel.fitting.simulated.circuit import CircuitModel
     from circuits.anatomy import load_circuit
 
     some = drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.circuit import MECHANISMS, CircuitModel
-from bgmodel.fitting.gaps import WEIBULL
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import WEIBULL
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
 

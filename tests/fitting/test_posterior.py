@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.parameters import Parameter, freedom

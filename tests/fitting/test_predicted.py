@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, predicted
 from bgmodel.support.seeds import stream

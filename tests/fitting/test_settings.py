@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bgmodel.commands.fits import FitRun
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.settings import FitSettings, fit

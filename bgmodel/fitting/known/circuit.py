@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.circuit import SIMULATION_SEED
 from bgmodel.fitting.known.accumulation import leaky_sums
 from bgmodel.fitting.known.models import LEAK, Outputs, Values, read
 from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
 from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia, gain_of, identity
 from bgmodel.support.arrays import Array, Integers
 from circuits.errors import InputError, RangeWarning, require

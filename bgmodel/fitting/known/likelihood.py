@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from bgmodel.fitting.exact.responses import TINY
 from bgmodel.fitting.known.accumulation import runs_of_cues
 from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
-from bgmodel.fitting.responses import TINY
 from bgmodel.support.arrays import Array
 
 RUN = Parameter("run_effect", -2.0, 2.0, 0.0, "OUT per further cue of a run, nats", free=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bgmodel.fitting.known.likelihood import KnownLikelihood
 from bgmodel.fitting.parameters import AT_BOUND
-from bgmodel.fitting.simulation import jackknifed
+from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.support.arrays import Array, Truths
 
 STEP = 1e-4

@@ -1,14 +1,15 @@
 """Choices and times of a diffusion whose drift and start differ from trial to trial.
 
 Noise has unit variance per second, bounds are at +-A and the start at z; see
-``bgmodel.fitting.passage``. A small share of responses, lapses, is independent of the evidence.
+``bgmodel.fitting.exact.passage``. A small share of responses, lapses, is independent of the
+evidence.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from bgmodel.fitting.passage import standard_at_rest
+from bgmodel.fitting.exact.passage import standard_at_rest
 from bgmodel.support.arrays import Array, Integers
 
 LAPSES = 0.02

@@ -14,8 +14,8 @@ from benchmarks.methods.stopped import (
     sequence,
     slopes,
 )
-from bgmodel.fitting.stop_data import stop_data
-from bgmodel.fitting.stop_likelihood import StopValues
+from bgmodel.fitting.stops.data import stop_data
+from bgmodel.fitting.stops.likelihood import StopValues
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import slowing_of

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting import passage
+from bgmodel.fitting.exact import passage
 from bgmodel.learning.values.diffusion import (
     LAPSES,
     LONGEST_S,

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import AFTER, slowing_of

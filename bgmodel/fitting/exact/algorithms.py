@@ -9,10 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from bgmodel.fitting import passage
-from bgmodel.fitting.gaps import CONSTANT, FALL, Gap
+from bgmodel.fitting.exact import passage
+from bgmodel.fitting.exact.gaps import CONSTANT, FALL, Gap
+from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.support.arrays import Array, Integers, Truths
 
 SENSITIVITY = Parameter(

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import Trace, first_crossing
-from bgmodel.fitting.responses import BIN_S
+from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError
@@ -277,7 +277,7 @@ def _evidence(columns: int) -> Array:
 
 def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Counts:
     """Count the trials of several settings at one stored threshold."""
-    from bgmodel.fitting.weights import count
+    from bgmodel.fitting.simulated.weights import count
 
     bins, choice, evidence = (
         np.stack([getattr(each, name)[row] for each, _ in settings])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.raised import threshold_nats
+from bgmodel.fitting.exact.raised import threshold_nats
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit
 from bgmodel.stopping.circuit import step_response
 from bgmodel.stopping.inputs import StopSignal

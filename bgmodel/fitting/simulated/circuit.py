@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.algorithms import SENSITIVITY, distinct
-from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
-from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes, Run, simulated
-from bgmodel.fitting.mechanisms import MECHANISMS, NONE, Axis, Mechanism
+from bgmodel.fitting.exact.algorithms import SENSITIVITY, distinct
+from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.fitting.stored import read_crossings, write_crossings
+from bgmodel.fitting.simulated.control import BOUNDS, decided, ideal, matched
+from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes, Run, simulated
+from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
+from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole

@@ -9,11 +9,11 @@ import pytest
 from benchmarks import hssm_check
 from benchmarks.scores import likelihood
 from bgmodel import stream
-from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes
-from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
-from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
+from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import identity
 from circuits.anatomy import DEFAULT, load_circuit
 from tests.helpers import refused
@@ -152,7 +152,7 @@ def test_a_network_of_ones_own_layers_needs_no_file():
 
 
 def test_reading_a_network_needs_no_torch():
-    code = "import sys; from bgmodel.fitting.network import read_network; read_network()"
+    code = "import sys; from bgmodel.fitting.simulated.network import read_network; read_network()"
     code += "; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.stop_data import aligned, stop_data
-from bgmodel.fitting.stop_likelihood import (
+from bgmodel.fitting.stops.data import aligned, stop_data
+from bgmodel.fitting.stops.likelihood import (
     BOUNDS,
     CHANGE,
     StopLikelihood,
@@ -17,7 +17,7 @@ from bgmodel.fitting.stop_likelihood import (
     errors,
     maximum,
 )
-from bgmodel.fitting.stop_model import TEST, StopModel
+from bgmodel.fitting.stops.model import TEST, StopModel
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.stop_data import GO, go_processes, stop_data
-from bgmodel.fitting.stop_likelihood import StopLikelihood, StopValues
-from bgmodel.fitting.stop_model import TEST, StopModel, circuit_stop
-from bgmodel.fitting.stop_prediction import halves
-from bgmodel.fitting.stops import fit_stops
+from bgmodel.fitting.stops.data import GO, go_processes, stop_data
+from bgmodel.fitting.stops.fit import fit_stops
+from bgmodel.fitting.stops.likelihood import StopLikelihood, StopValues
+from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop
+from bgmodel.fitting.stops.prediction import halves
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused

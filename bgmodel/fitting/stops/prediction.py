@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from scipy import special, stats
 
-from bgmodel.fitting.stop_data import StopData, aligned, stop_data
-from bgmodel.fitting.stop_likelihood import SSRT_NODES, StopLikelihood, failures_of
-from bgmodel.fitting.stop_model import TEST, StopModel
-from bgmodel.fitting.stops import StopFit, fit_likelihood
+from bgmodel.fitting.stops.data import StopData, aligned, stop_data
+from bgmodel.fitting.stops.fit import StopFit, fit_likelihood
+from bgmodel.fitting.stops.likelihood import SSRT_NODES, StopLikelihood, failures_of
+from bgmodel.fitting.stops.model import TEST, StopModel
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts

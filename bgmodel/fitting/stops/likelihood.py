@@ -24,9 +24,9 @@ import pandas as pd
 from scipy import optimize, special
 from scipy.ndimage import gaussian_filter1d
 
-from bgmodel.fitting.raised import crossed_later, raised_bound
-from bgmodel.fitting.stop_data import EARLIEST_MS, STEP_MS, StopData
-from bgmodel.fitting.stop_model import StopModel
+from bgmodel.fitting.exact.raised import crossed_later, raised_bound
+from bgmodel.fitting.stops.data import EARLIEST_MS, STEP_MS, StopData
+from bgmodel.fitting.stops.model import StopModel
 from bgmodel.support.arrays import Array
 
 SSRT_NODES, FAILURE_NODES = 11, 7

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
-from bgmodel.fitting.responses import Grid
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
+from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.settings import FitSettings
 from tests.helpers import refused
 from tests.test_start_point import drawn, fitted

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.crossings import FirstPassageTimes
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.crossings import FirstPassageTimes, interpolated, log_odds, read
-from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes, interpolated, log_odds, read
 from bgmodel.support.arrays import Array, Truths
 
 BOUNDS = 31

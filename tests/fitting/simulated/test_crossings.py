@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting import passage
-from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import (
+from bgmodel.fitting.exact import passage
+from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,
     interpolated,
     log_mixture,
     simulated,
 )
-from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
 from tests.helpers import refused

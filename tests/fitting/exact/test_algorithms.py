@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting import passage
-from bgmodel.fitting.algorithms import BOUND, DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.gaps import EXPONENTIAL, FALL, FLOOR
+from bgmodel.fitting.exact import passage
+from bgmodel.fitting.exact.algorithms import BOUND, DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.exact.gaps import EXPONENTIAL, FALL, FLOOR
+from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.parameters import RESPONSE
-from bgmodel.fitting.responses import BIN_S, Grid, moments
 
 GRID = Grid(300)
 CONSTANT, FALLING = GapModel(), GapModel(EXPONENTIAL)

@@ -1,0 +1,1 @@
+"""Tests whose choices and times have a density in closed form."""

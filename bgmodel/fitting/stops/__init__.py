@@ -1,0 +1,1 @@
+"""Fits of stop-signal data: one stop process that participants share."""
