@@ -50,6 +50,7 @@ PARSED = {
     "bgmodel bench mine.toml": "there is no such file; a test of the exam takes a circuit",
     "bgmodel bench --trials": "there are no such tables; a test of the exam writes them",
     "bgmodel discriminate m": "a search takes a minute or more; a test of the command does less",
+    "bgmodel sweep lesions.toml cluster": "there is no SLURM; make validate starts one",
     "bgmodel experiment plan.toml": "there is no such file; a test of the command writes one",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from functools import partial
+from getpass import getuser
 from importlib.resources import files as resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -156,6 +158,10 @@ class SweepRun:
             import snakemake  # noqa: F401
         except ImportError as error:
             raise ImportError('jobs need Snakemake: pip install ".[cluster]"') from error
+        from bgmodel.sweeps.cluster import check_slurm
+
+        if self.on == "slurm" and not self.dry_run:
+            check_slurm(folder)
         own = resources("bgmodel.sweeps")
         command = [sys.executable, "-m", "snakemake", "-s", str(own / "Snakefile")]
         if self.on == "slurm":
@@ -172,7 +178,8 @@ class SweepRun:
             settings.write_text(json.dumps(self._settings(folder, shards)))
             place = folder.absolute() if folder.is_dir() else Path(empty)
             command += ["--directory", str(place), "--configfile", str(settings)]
-            process = subprocess.Popen(command)
+            # The executor for SLURM reads USER, which services and containers leave unset.
+            process = subprocess.Popen(command, env={"USER": getuser(), **os.environ})
             try:
                 status = process.wait()
             except KeyboardInterrupt:

@@ -164,6 +164,14 @@ def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, ca
     assert not folder.exists()
 
 
+def test_a_machine_without_slurm_is_refused_before_jobs_are_submitted(
+    small, tmp_path, monkeypatch, refusal
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "sinfo" in refusal("sweep", small, tmp_path / "found", "--on", "slurm")
+    assert not (tmp_path / "found").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -1,7 +1,7 @@
 """A SLURM of one node on this machine, in a folder, with its database; nothing of it stays.
 
-``python tests/validation/slurm.py COMMAND ...`` starts it, runs a command in it, such as ``bash`` or
-``bgmodel sweep FILE --on slurm``, and stops it. It needs Debian's packages slurm-wlm, slurmdbd,
+``python tests/validation/slurm.py COMMAND ...`` starts it, runs a command in it, such as ``bash``
+or ``bgmodel sweep FILE --on slurm``, and stops it. It needs Debian's packages slurm-wlm, slurmdbd,
 munge and mariadb-server, none of their services, and no rights beyond the caller's.
 """
 
@@ -125,10 +125,10 @@ def commands(folder, port):
     mariadb = [f"--datadir={folder}/mariadb", f"--socket={folder}/mariadb.socket", f"--port={port}",
                "--bind-address=127.0.0.1", "--skip-name-resolve", f"--user={USER}",
                f"--init-file={folder}/init.sql", "--innodb-buffer-pool-size=64M"]  # fmt: skip
-    listens = f"socket.create_connection(('127.0.0.1', {port}))"
+    listens = f"import socket; socket.create_connection(('127.0.0.1', {port}))"
     return [
         (["munged", "-F", *munge], ["munge", "-n", f"--socket={folder}/munge.socket"]),
-        (["mariadbd", "--no-defaults", *mariadb], [sys.executable, "-c", f"import socket; {listens}"]),
+        (["mariadbd", "--no-defaults", *mariadb], [sys.executable, "-c", listens]),
         (["slurmdbd", "-D"], ["sacctmgr", "-n", "list", "cluster"]),
         (["slurmctld", "-D"], ["scontrol", "ping"]),
         (["slurmd", "-D", "-N", NODE], ["sh", "-c", "sinfo -h -o %T | grep -x idle"]),
@@ -198,7 +198,8 @@ def one_node(cpus=2):
         folder = Path(name)
         folder.chmod(0o755)  # munged refuses a folder that others cannot enter
         port = write_settings(folder, cpus)
-        environment = {**os.environ, "PATH": PATHS, "USER": USER, "SLURM_CONF": f"{name}/slurm.conf"}
+        settings = {"PATH": PATHS, "USER": USER, "SLURM_CONF": f"{name}/slurm.conf"}
+        environment = {**os.environ, **settings}
         database = ["--no-defaults", f"--datadir={folder}/mariadb", f"--user={USER}",
                     "--skip-test-db", "--auth-root-authentication-method=normal"]  # fmt: skip
         made = ["mariadb-install-db", *database]

@@ -1,8 +1,14 @@
-"""A sweep through SLURM: a job killed and the node drained half-way, and the same bytes."""
+"""Jobs of SLURM killed half-way, on a node that is drained: the bytes are those of this machine."""
 
+import os
+import re
+import shlex
+import signal
 import subprocess
 import sys
 import time
+from contextlib import chdir, contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -62,37 +68,78 @@ def outcome(folder):
     return {path.name: path.read_bytes() for path in folder.glob("outcome*")}
 
 
-def started(cluster, file, folder, log):
-    command = [sys.executable, "-m", "bgmodel", "sweep", file, folder, "--on", "slurm", "--parts", 3]
+@pytest.fixture
+def file(tmp_path):
+    """Write a sweep; its name would be more than a name to a shell."""
+    path = tmp_path / "a 'small' $(sweep).toml"
+    path.write_text(SWEEP)
+    return path
+
+
+@contextmanager
+def submitted(cluster, file, folder, log):
+    """Submit a sweep in three parts from a login node that names no user; yield the process."""
+    options = ["--on", "slurm", "--parts", "3"]
+    command = [sys.executable, "-m", "bgmodel", "sweep", str(file), str(folder), *options]
+    given = {name: value for name, value in cluster.items() if name != "USER"}
     with log.open("w") as output:
-        return subprocess.Popen(
-            [*map(str, command)], cwd=ROOT, env=cluster, stdout=output, stderr=output
-        )
+        process = subprocess.Popen(
+            command, cwd=ROOT, env=given, stdout=output, stderr=output,
+            start_new_session=True,
+        )  # fmt: skip
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait()
 
 
-def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, tmp_path):
-    file, folder, log = tmp_path / "small.toml", tmp_path / "found", tmp_path / "log"
-    file.write_text(SWEEP)
+@contextmanager
+def drained(ask):
+    """Drain the node: what runs goes on, and nothing is started until the block ends."""
+    ask("scontrol", "update", f"nodename={slurm.NODE}", "state=drain", "reason=test")
+    try:
+        yield
+    finally:
+        ask("scontrol", "update", f"nodename={slurm.NODE}", "state=resume")
+
+
+def jobs(ask, states):
+    """Return the numbers of jobs in some states, the tasks of an array one by one."""
+    return ask("squeue", "--array", "-h", "-t", states, "-o", "%i").split()
+
+
+def wait_until_drained(ask):
+    until(lambda: not jobs(ask, "running,completing"), "the end of jobs")
+    until(lambda: ask("sinfo", "-h", "-o", "%T") == "drained", "the node")
+
+
+def test_an_interrupted_sweep_leaves_no_job(cluster, ask, file, tmp_path):
+    folder = tmp_path / "found here"
+    with drained(ask), submitted(cluster, file, folder, tmp_path / "log") as process:
+        until(lambda: len(jobs(ask, "pending")) == 3 or process.poll() is not None, "jobs")
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(WAIT_S) == 130, (tmp_path / "log").read_text()
+        assert jobs(ask, "pending,running") == []
+    assert not (folder / ".snakemake" / "locks").is_dir()
+
+
+def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, file, tmp_path):
+    folder, log = tmp_path / "found here", tmp_path / "log"
     assert run("sweep", file, tmp_path / "alone", "--workers", 1) == 0
 
     # Three jobs for the two cores of the node: one waits.
-    first = started(cluster, file, folder, log)
-    try:
-        until(lambda: whole(folder) or first.poll() is not None, "the first shard")
-        ask("scontrol", "update", f"nodename={slurm.NODE}", "state=drain", "reason=test")
-        running = ask("squeue", "-h", "-t", "running", "-o", "%i").split()
-        assert running, log.read_text()
-        ask("scancel", running[0])
-        # A drained node finishes what runs, and starts nothing.
-        until(lambda: not ask("squeue", "-h", "-t", "running,completing"), "the end of jobs")
-        assert ask("sinfo", "-h", "-o", "%T") == "drained"
-        assert len(ask("squeue", "-h", "-t", "pending", "-o", "%i").split()) == 1
-        before = whole(folder)
-        ask("scontrol", "update", f"nodename={slurm.NODE}", "state=resume")
-        assert first.wait(WAIT_S) == 1
-    finally:
-        first.terminate()
-        first.wait()
+    with submitted(cluster, file, folder, log) as process:
+        until(lambda: whole(folder) or process.poll() is not None, "the first shard")
+        with drained(ask):
+            running = jobs(ask, "running")
+            assert running, log.read_text()
+            ask("scancel", running[0])
+            wait_until_drained(ask)
+            assert len(jobs(ask, "pending")) == 1
+            before = whole(folder)
+        assert process.wait(WAIT_S) == 1
     said = log.read_text()
     assert "CANCELLED" in said
     assert "the sweep is not finished" in said
@@ -100,11 +147,60 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, tmp
     assert len(before) < len(whole(folder)) < 6  # the job that waited ran, and one is not whole
 
     before = whole(folder)
-    again = started(cluster, file, folder, log)
-    try:
-        assert again.wait(WAIT_S) == 0, log.read_text()
-    finally:
-        again.terminate()
-        again.wait()
+    with submitted(cluster, file, folder, log) as process:
+        assert process.wait(WAIT_S) == 0, log.read_text()
     assert before.items() <= whole(folder).items()  # what was finished is not computed again
     assert outcome(folder) == outcome(tmp_path / "alone")
+
+
+LESS = {
+    "bench": ["--share", "0.05", "--domains", "resting rates"],
+    "discriminate": ["--trials", "200", "--check-trials", "2000", "--evaluations", "8"],
+}
+"""Options that make a command of the page short."""
+
+
+def of_page():
+    """Return the commands of the guide, made short, and the script that runs one of them."""
+    page = (ROOT / "docs/guides/sweeps.md").read_text()
+    lines, script = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    commands = [shlex.split(line) for line in lines.splitlines()]
+    return [[*each, *LESS[each[1]]] for each in commands], script
+
+
+def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
+    """As the guide has it; the first command, a search, is killed once it has tried a task."""
+    commands, script = of_page()
+    (tmp_path / "commands.txt").write_text("".join(f"{shlex.join(each)}\n" for each in commands))
+    (tmp_path / "array.sh").write_text(script)
+    with chdir(tmp_path):
+        place = os.pathsep.join((str(Path(sys.executable).parent), cluster["PATH"]))
+        submit = ["env", f"PATH={place}", "sbatch", "--parsable", "array.sh"]
+        first = ask(*submit)
+        log = tmp_path / f"slurm-{first}_1.out"
+        until(lambda: log.is_file() and "bgmodel: N = " in log.read_text(), "the search")
+        with drained(ask):
+            ask("scancel", f"{first}_1")
+            wait_until_drained(ask)
+            assert jobs(ask, "pending") == [f"{first}_3"]
+        until(lambda: not jobs(ask, "pending,running,completing"), "the end of jobs")
+        assert sorted(path.name for path in tmp_path.glob("done.*")) == ["done.2", "done.3"]
+        before = results(tmp_path)
+        assert len(before) == 2
+
+        ask(*submit)
+        until(lambda: not jobs(ask, "pending,running,completing"), "the end of jobs")
+        found = results(tmp_path)
+        assert before.items() <= found.items()
+        for path in tmp_path.glob("*.json"):
+            path.unlink()
+        for each in commands:
+            assert run(*each[1:]) == 0
+        assert {name: text for name, (text, _) in found.items()} == {
+            name: text for name, (text, _) in results(tmp_path).items()
+        }
+
+
+def results(folder):
+    """Return the bytes of every result, and when it was written, by name."""
+    return {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in folder.glob("*.json")}
