@@ -12,6 +12,7 @@ from tests.explorer.test_explorer import follow
 pytestmark = pytest.mark.validate
 
 
+@pytest.mark.timeout(7200)
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @given(steps=st.lists(STEPS, max_size=15))
 @settings(max_examples=300, phases=[Phase.generate], suppress_health_check=[*HealthCheck])
@@ -35,7 +36,7 @@ print(explorer.panes["measures"].object)
 )
 
 
-def test_a_live_notebook_shows_an_edit_and_needs_no_network():
+def test_a_live_notebook_shows_an_edit_and_has_its_scripts():
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
