@@ -105,9 +105,9 @@ def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
     terms : int
         Terms of either series; with 4 the error is below 1e-9.
     """
-    far, late = np.empty((2, *np.broadcast_shapes(np.shape(away), np.shape(scaled))))
-    far[...], late[...] = away, scaled
-    return _series(far.ravel(), late.ravel(), terms).reshape(far.shape)
+    shape = np.broadcast_shapes(np.shape(away), np.shape(scaled))
+    far, late = (np.array(np.broadcast_to(x, shape), float).ravel() for x in (away, scaled))
+    return _series(far, late, terms).reshape(shape)
 
 
 @compiled
