@@ -62,7 +62,7 @@ def test_a_plan_of_two_files_edits_the_first_and_moves_with_them(space, tmp_path
     read = bg.load_circuit(plan.circuit)
     control, manipulation = (read.edited(*plan.edits, *each.edits) for each in plan.conditions)
     assert control.populations == circuit.populations
-    assert manipulation.projection("D1->SNr").weight == -0.9
+    assert manipulation.projection("D1", "SNr").weight == -0.9
     assert manipulation.population("STN").intact == 0.8
 
 
