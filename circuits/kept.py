@@ -49,7 +49,7 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
 
 
 def _read(path: Path) -> Arrays | None:
-    """Return the arrays of a file, or None if there is none that can be read."""
+    """Return the arrays of a file, or None if it cannot be read."""
     with suppress(OSError, EOFError, ValueError, zipfile.BadZipFile), np.load(path) as file:
         return dict(file)
     return None

@@ -182,7 +182,7 @@ class Experiment(ExperimentRecord):
         models[0].warn_of_noise(control.threshold_nats)
         groups = self.groups(evidence.trials)
         check_resamples(RESAMPLES, groups)
-        # Without the argument nothing is looked up: keys are None.
+        # Without the argument, keys are None and every condition is computed.
         store = Kept() if kept is None else kept
         weights = store.weights(evidence.trials, self.seed, groups)
         found: list[dict[str, Any]] = []

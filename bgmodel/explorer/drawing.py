@@ -37,7 +37,7 @@ LEFT, RIGHT = 0.15, 0.97
 LANE = 0.84
 """Height of a nucleus in the drawing of a trial, of the distance between nuclei."""
 POOLED = -1
-"""Stands for the channel of a nucleus that all alternatives share."""
+"""The channel of a nucleus that all alternatives share."""
 SMOOTH_MS = 15.0
 """Standard deviation of the kernel that smooths rates, ms."""
 CONTROL: Look = {"color": "k"}

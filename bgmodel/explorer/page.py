@@ -22,7 +22,7 @@ from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
 COMPUTING = "Computing…"
 FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
 COLUMNS = ((CIRCUIT, TIMES, TRADEOFF), (MEASURES, TRIAL))
-"""Panels of each column of a wide page: what an edit changes first is on top."""
+"""Panels of each column of a wide page, in the order in which an edit changes them."""
 
 
 class Explorer:
@@ -82,7 +82,7 @@ class Explorer:
         if self.state is not before:
             self._show()
         else:
-            # An Enter is reported twice, with the text and as a key: the run goes on.
+            # The browser reports an Enter twice, with the text and as a key: keep the run.
             self.controls.show(before)
 
     def open(self, name: str) -> None:
