@@ -311,7 +311,8 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
     The columns of ``circuit.more_inputs`` are 0 where only the channels are given.
     """
     try:
-        values = np.asarray(drive, dtype=np.float64)
+        # One layout in memory: for each of them compiled loops would be compiled anew.
+        values = np.asarray(drive, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise InputError.of("drive", "must be an array of numbers, nats", drive) from None
     if values.ndim != 3 or 0 in values.shape[:2]:
