@@ -46,6 +46,7 @@ PARSED = {
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",
+    "bgmodel bench macaque    #": "the whole exam takes a minute; a guide asks for one domain",
     "bgmodel bench macaque exam": "the whole exam takes a minute; the next but one line asks less",
     "bgmodel bench mine.toml": "there is no such file; a test of the exam takes a circuit",
     "bgmodel bench --trials": "there are no such tables; a test of the exam writes them",

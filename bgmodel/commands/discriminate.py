@@ -21,8 +21,10 @@ from bgmodel.conditions import ENGINE
 from bgmodel.names import EngineName
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
+    from bgmodel.discriminating.recording import Recording
     from bgmodel.discriminating.result import Discrimination
 
 
@@ -37,7 +39,8 @@ class DiscriminateRun(Shows):
     Examples: bgmodel discriminate; bgmodel discriminate msprt "max vs average"; bgmodel
     discriminate macaque --second-edits "lesion STN 10%" --drawing map.pdf; bgmodel discriminate
     macaque mine.toml result.json --plan plan.toml; bgmodel discriminate mine.toml mine.toml
-    result.json --second-edits "dopamine 0.9"
+    result.json --second-edits "dopamine 0.9"; bgmodel discriminate macaque --second-edits
+    "lesion STN 10%" --nucleus STN
     """
 
     first: Positional[str] = ""
@@ -61,6 +64,12 @@ class DiscriminateRun(Shows):
     model has the threshold at which it is hardest to tell apart."""
     non_decision: Literal["same", "free"] | None = None
     """Whether the rival's non-decision time is free; by default if one model alone is a test."""
+    nucleus: str | None = None
+    """A nucleus whose cells are recorded: their spikes are a third measure of each trial."""
+    window_ms: tuple[float, float] = (100.0, 300.0)
+    """Window in which spikes are counted, ms from the onset of evidence."""
+    cells: int = 1
+    """Number of recorded cells, in the channel of the true alternative."""
     trials: int = 1000
     """Trials of each kind in the search."""
     check_trials: int = 10_000
@@ -88,7 +97,8 @@ class DiscriminateRun(Shows):
         found = discriminate(
             self.first, self.second or None, first_edits=self.first_edits,
             second_edits=self.second_edits, space=self.space, thresholds=self.thresholds,
-            non_decision=self.non_decision, trials=self.trials, check_trials=self.check_trials,
+            non_decision=self.non_decision, recording=self._recording(),
+            trials=self.trials, check_trials=self.check_trials,
             evaluations=self.evaluations, seed=SEED if self.seed is None else self.seed,
             check_seed=CHECK_SEED if self.check_seed is None else self.check_seed,
             engine=self.engine, workers=self.workers, tell=say,
@@ -105,6 +115,17 @@ class DiscriminateRun(Shows):
             with files.replacing(self.plan) as partial:
                 partial.write_text(text, encoding="utf-8")
             self.note(f"-> {self.plan}")
+
+    def _recording(self) -> Recording | None:
+        from bgmodel.discriminating.recording import Recording
+
+        if self.nucleus is not None:
+            return Recording(self.nucleus, self.window_ms, self.cells)
+        usual = Recording("")
+        for name in ("window_ms", "cells"):
+            if getattr(self, name) != getattr(usual, name):
+                raise InputError(f"{name} is of recorded cells: give --nucleus", name)
+        return None
 
     def _write(self, found: Discrimination) -> None:
         """Write the result and the drawing."""
@@ -124,14 +145,17 @@ class DiscriminateRun(Shows):
         """Refuse invalid options before long work starts."""
         from bgmodel.discriminating.models import model_of
         from bgmodel.discriminating.planned import edited_from
+        from bgmodel.discriminating.result import UNRECORDED
 
         check_whole(workers=self.workers)
+        self._recording()
         if self.output is not None:
             check_ending("output", self.output, ".json", ".csv", ".parquet")
         if self.drawing is not None:
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         if self.plan is not None:
             check_ending("plan", self.plan, ".toml")
+            require(self.nucleus is None, "nucleus", UNRECORDED, self.nucleus)
             if self.first:
                 second = self.second or self.first
                 edited_from(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +14,7 @@ from bgmodel import names
 from bgmodel.discriminating.checking import again, simulated_experiments
 from bgmodel.discriminating.designs import Told, row, told
 from bgmodel.discriminating.models import Model, model_of, same_rule
+from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.search import Place, search
 from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
@@ -42,6 +43,7 @@ def discriminate(
     space: Space | str | Path | None = None,
     thresholds: Literal["matched", "free"] = "matched",
     non_decision: Literal["same", "free"] | None = None,
+    recording: Recording | None = None,
     trials: int = 1000,
     check_trials: int = 10_000,
     evaluations: int = 64,
@@ -70,6 +72,8 @@ def discriminate(
         Whether both models have one non-decision time, or the rival of the true one that at which
         it is hardest to tell apart. By default free if one model alone is a test: tests have no
         latency, so that their times would differ by that of the circuit.
+    recording : Recording, optional
+        Cells of a nucleus whose spikes are counted in each trial, as a third measure.
     trials, check_trials : int
         Trials of each kind in the search and in the check, at least 200.
     evaluations : int
@@ -97,10 +101,10 @@ def discriminate(
 
     Notes
     -----
-    Information per trial is the Kullback-Leibler divergence of choices and response times, binned
-    by quantiles; by the data processing inequality it is a lower bound on what times without bins
-    would tell. The best task is simulated again with another seed, because the best of many noisy
-    estimates is too good.
+    Information per trial is the Kullback-Leibler divergence of choices, response times and counts
+    of recorded spikes, binned by quantiles; by the data processing inequality it is a lower bound
+    on what they tell without bins. The best task is simulated again with another seed, because
+    the best of many noisy estimates is too good.
     """
     models = (
         model_of(first, first_edits, engine=engine, argument="first"),
@@ -111,9 +115,10 @@ def discriminate(
     _check_numbers(trials, check_trials, evaluations, seed, check_seed)
     whole("workers", workers, 1)
     space, left_out = _within(check_space(space), models)
+    _check_recording(recording, models, space)
     one_test = sum(one.test is not None for one in models) == 1
     free_time = non_decision == "free" or (non_decision is None and one_test)
-    searched = Trials(models, space, seed, trials, thresholds == "free", workers)
+    searched = Trials(models, space, seed, trials, thresholds == "free", workers, recording)
     with quiet():
         found, refused = _searched(searched, free_time, evaluations, tell)
         best = max(found, key=lambda one: one.low)
@@ -124,7 +129,8 @@ def discriminate(
     settings = {
         "thresholds": thresholds, "non_decision": "free" if free_time else "same",
         "trials": trials, "check_trials": check_trials, "seed": seed, "check_seed": check_seed,
-        "engine": engine, "left_out": left_out, "refused": refused,
+        "engine": engine, "recording": recording and asdict(recording), "left_out": left_out,
+        "refused": refused,
     }  # fmt: skip
     table = pd.DataFrame([row(one) for one in found])
     return Discrimination(models, space, table, check, sequential, same, settings)
@@ -157,6 +163,24 @@ def _check_numbers(
     # Simulated experiments and the planned one have the next two.
     apart = whole("seed", seed, 0) not in range(first, first + 3)
     require(apart, "check_seed", "and the next two must differ from seed", check_seed)
+
+
+def _check_recording(
+    recording: Recording | None, models: tuple[Model, Model], space: Space
+) -> None:
+    """Raise ValueError unless the cells are in both models, and the window within trials."""
+    if recording is None:
+        return
+    must = 'must be a Recording, such as Recording("STN")'
+    require(isinstance(recording, Recording), "recording", must, recording)
+    for one in models:
+        if one.build is None:
+            raise InputError(f"{one.name} is a test, which has no nuclei to record", "nucleus")
+        for channels in space.channels:
+            recording.check(one.build(channels))
+    last = recording.window_ms[1]
+    must = f"must end within the trials, which end after {space.longest_ms:g} ms"
+    require(last <= space.longest_ms, "window_ms", must, last)
 
 
 def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:

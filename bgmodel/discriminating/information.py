@@ -1,8 +1,11 @@
-"""How much one trial tells about which of two models made it: divergence of choices and times."""
+"""How much one trial tells about which of two models made it.
+
+The divergence of choices and response times, and of spike counts if cells are recorded.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,8 +15,10 @@ CORRECT, COMPETITOR, OTHER, MISSED = range(4)
 """Choices; without conflict every error is ``OTHER``."""
 BINS = 6
 """Most bins of response times for each choice."""
+COUNTS = 4
+"""Most bins of spike counts."""
 FEWEST = 40
-"""Least number of trials of both models in a bin of response times."""
+"""Least number of trials of both models in a bin of response times and counts."""
 PSEUDO = 0.5
 """Trials that are added to each bin of each model (Krichevsky & Trofimov 1981)."""
 GROUPS = 50
@@ -30,49 +35,71 @@ class Recorded:
         ``CORRECT``, ``COMPETITOR``, ``OTHER`` or ``MISSED``.
     time_ms : array (trials,), ms
         Response times; of missed trials they do not count.
+    spikes : int array (trials,), optional
+        Spikes of recorded cells.
     """
 
     choice: Integers
     time_ms: Array
+    spikes: Integers | None = None
 
     def later(self, shift_ms: float) -> Recorded:
         """Return the same trials with a longer non-decision time."""
-        return Recorded(self.choice, self.time_ms + shift_ms)
+        return replace(self, time_ms=self.time_ms + shift_ms)
 
 
 @dataclass(frozen=True)
 class Partition:
-    """Bins of choices and times: edges of times for each choice but the missed trials."""
+    """Bins of what a trial shows.
+
+    Parameters
+    ----------
+    edges : tuple of array
+        Edges of times for each choice but the missed trials.
+    counts : array
+        Edges of spike counts; none unless cells are recorded.
+    """
 
     edges: tuple[Array, ...]
+    counts: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(cls, *models: Recorded) -> Partition:
         """Return bins with equal numbers of trials, all models together."""
+        spikes = [one.spikes for one in models if one.spikes is not None]
+        shares = np.arange(1, COUNTS) / COUNTS
+        counts = np.unique(np.quantile(np.concatenate(spikes), shares)) if spikes else np.empty(0)
         choice = np.concatenate([one.choice for one in models])
         time_ms = np.concatenate([one.time_ms for one in models])
         edges = []
         for each in (CORRECT, COMPETITOR, OTHER):
             times = time_ms[choice == each]
-            bins = int(np.clip(len(times) // FEWEST, 1, BINS))
+            bins = int(np.clip(len(times) // (FEWEST * (len(counts) + 1)), 1, BINS))
             inner = np.quantile(times, np.arange(1, bins) / bins) if bins > 1 else np.empty(0)
             edges.append(np.unique(inner))
-        return cls(tuple(edges))
+        return cls(tuple(edges), counts)
 
     @property
     def bins(self) -> int:
         """Number of bins."""
+        return self._times * (len(self.counts) + 1)
+
+    @property
+    def _times(self) -> int:
         return sum(len(edges) + 1 for edges in self.edges) + 1
 
     def place(self, trials: Recorded) -> Integers:
         """Return the bin of each trial, (trials,)."""
-        found = np.full(len(trials.choice), self.bins - 1, dtype=np.int64)
+        found = np.full(len(trials.choice), self._times - 1, dtype=np.int64)
         first = 0
         for each, edges in enumerate(self.edges):
             here = trials.choice == each
             found[here] = first + np.searchsorted(edges, trials.time_ms[here], side="left")
             first += len(edges) + 1
-        return found
+        if trials.spikes is None:
+            return found
+        counted = np.searchsorted(self.counts, trials.spikes, side="left")
+        return np.asarray(found * (len(self.counts) + 1) + counted)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import cast
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from bgmodel.comparison.thresholds import moved
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
+from bgmodel.discriminating.recording import Recording
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
@@ -28,7 +29,7 @@ from bgmodel.integrators.deciding import (
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
@@ -111,12 +112,33 @@ class Model:
         """
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence, levels)
-        model = self._model(evidence.hypotheses, edits, seed, workers)
-        if stop[0]:
-            signal = StopSignal(amount_nats=stop[0])
-            model = receiving(model, signal)
-            evidence = with_stop(evidence, np.full(evidence.trials, stop[1]), signal)
+        model, evidence = self._stopped(evidence, edits, stop, seed, workers)
         return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+    def spikes(
+        self,
+        evidence: Evidence,
+        recording: Recording,
+        rng: np.random.Generator,
+        *,
+        edits: Iterable[str] = (),
+        stop: tuple[float, float] = (0.0, 0.0),
+        seed: int = 0,
+        workers: int = 1,
+    ) -> Integers:
+        """Return the number of spikes of recorded cells in each trial, (trials,).
+
+        The parameters are those of ``decided``, and random numbers of the spikes.
+        """
+        readings = int(np.ceil(recording.window_ms[1] / evidence.step_ms))
+        seen = replace(evidence, log_likelihood=evidence.log_likelihood[:, :readings])
+        model, seen = self._stopped(seen, edits, stop, seed, workers, rates=True)
+        means = []
+        for part, activity, _ in model.batches(seen):
+            rate_hz = np.asarray(activity.rates_hz[recording.nucleus])
+            assert part.truth is not None
+            means.append(recording.mean_hz(rate_hz, activity.time_ms, part.truth))
+        return recording.counts(np.concatenate(means), model.circuit, rng)
 
     def swept(self, evidence: Evidence, *, seed: int, workers: int = 1) -> Tradeoff:
         """Return the decisions at all thresholds at which evidence decides.
@@ -139,10 +161,29 @@ class Model:
             raise InputError(f"{self.name} decides without evidence at every threshold", "circuit")
         return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
-    def _model(self, channels: int, edits: Iterable[str], seed: int, workers: int) -> BasalGanglia:
+    def _stopped(
+        self,
+        evidence: Evidence,
+        edits: Iterable[str],
+        stop: tuple[float, float],
+        seed: int,
+        workers: int,
+        rates: bool = False,
+    ) -> tuple[BasalGanglia, Evidence]:
+        """Return the model and its evidence, with a stop signal if there is one."""
+        model = self._model(evidence.hypotheses, edits, seed, workers, rates)
+        if not stop[0]:
+            return model, evidence
+        signal = StopSignal(amount_nats=stop[0])
+        late = np.full(evidence.trials, stop[1])
+        return receiving(model, signal), with_stop(evidence, late, signal)
+
+    def _model(
+        self, channels: int, edits: Iterable[str], seed: int, workers: int, rates: bool = False
+    ) -> BasalGanglia:
         assert self.build is not None
         circuit = self.build(channels).edited(*edits)
-        engine = engine_of(self.engine).tuned(workers=workers, rates=False)
+        engine = engine_of(self.engine).tuned(workers=workers, rates=rates)
         noise = seed if engine.noisy else None
         return BasalGanglia(circuit, engine, gain_of(circuit), noise)
 

@@ -20,6 +20,7 @@ from bgmodel.discriminating.space import AXES, Space
 from bgmodel.exam.numbers import Z95
 from bgmodel.support.files import provenance, replacing
 from bgmodel.support.reprs import Facts
+from circuits.errors import require
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 TOLD, UNTOLD = "can be told apart", "cannot tell"
 """Verdicts."""
+UNRECORDED = "must not be given with a plan: an experiment measures choices and times, not spikes"
 
 
 def needed(found: Information) -> dict[str, float]:
@@ -154,6 +156,10 @@ class Discrimination(Facts):
             f"thresholds {self.settings['thresholds']}, non-decision time "
             f"{self.settings['non_decision']}; {len(self.table)} tasks tried",
         ]
+        if recorded := self.settings["recording"]:
+            window = "{:g} to {:g} ms".format(*recorded["window_ms"])
+            cells = f"{recorded['cells']} cell{'s' if recorded['cells'] > 1 else ''}"
+            parts.append(f"recorded: spikes of {cells} of {recorded['nucleus']}, {window}")
         if self.same:
             said = ", ".join(f"N = {n}" for n in self.same)
             parts.append(f"one rule with different thresholds at {said}")
@@ -177,8 +183,11 @@ class Discrimination(Facts):
         Raises
         ------
         ValueError
-            If a model is a test, or if no edits turn one circuit into the other.
+            If a model is a test, if no edits turn one circuit into the other, or if cells are
+            recorded, which an experiment does not do.
         """
+        given = self.settings["recording"]
+        require(not given, "recording", UNRECORDED, given)
         median = float(self.sequential["median"].max())
         return planned(
             self.models, self.check, self.space, median, self.sentence(),

@@ -10,6 +10,7 @@ import numpy as np
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHER, Recorded
 from bgmodel.discriminating.models import Model
+from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.support.arrays import Array, Integers
@@ -38,6 +39,8 @@ class Simulated:
         Whether the channel after the true one is a competitor.
     jitter_ms : array (trials,)
         Non-decision times, less their mean; the same in both models.
+    spikes : int array (trials,), optional
+        Spikes of recorded cells.
     """
 
     tradeoff: Tradeoff
@@ -45,6 +48,7 @@ class Simulated:
     channels: int
     conflict: bool
     jitter_ms: Array
+    spikes: Integers | None = None
 
     def at(self, level: float, deadline_ms: float) -> Recorded:
         """Return choices and times at a threshold, with a deadline."""
@@ -56,7 +60,7 @@ class Simulated:
             choice[rival] = COMPETITOR
         missed = self.tradeoff.forced[k] | ~(found.time_ms <= deadline_ms)
         choice[missed] = MISSED
-        return Recorded(choice, found.time_ms + self.jitter_ms)
+        return Recorded(choice, found.time_ms + self.jitter_ms, self.spikes)
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,8 @@ class Trials:
         Whether thresholds around the matched ones are simulated too.
     workers : int
         Threads; results do not depend on them.
+    recording : Recording, optional
+        Cells that are recorded.
     """
 
     models: tuple[Model, Model]
@@ -85,6 +91,7 @@ class Trials:
     trials: int
     free: bool = False
     workers: int = 1
+    recording: Recording | None = None
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def levels(self, k: int, probe: Probe) -> dict[float, float]:
@@ -138,15 +145,21 @@ class Trials:
             self.trials, d_prime=probe.d_prime, channels=probe.channels, t_max=self.space.readings,
             step_ms=self.space.step_ms, conflict=probe.conflict, seed=stream(self.seed, *names),
         )  # fmt: skip
-        decided = self.models[k].decided(
-            evidence, levels, edits=probe.lines,
-            stop=(probe.stop_nats, self.space.stop_delay_ms), seed=self._noise(kind),
-            workers=self.workers,
-        )  # fmt: skip
+        run: dict[str, Any] = {
+            "edits": probe.lines, "stop": (probe.stop_nats, self.space.stop_delay_ms),
+            "seed": self._noise(kind), "workers": self.workers,
+        }  # fmt: skip
+        decided = self.models[k].decided(evidence, levels, **run)
+        spikes = None
+        if self.recording is not None:
+            rng = stream(self.seed, *names, "spikes")
+            spikes = self.models[k].spikes(evidence, self.recording, rng, **run)
         sd = self.space.non_decision_sd_ms
         jitter = sd * stream(self.seed, *names, "non-decision").standard_normal(self.trials)
         assert evidence.truth is not None
-        return Simulated(decided, evidence.truth, probe.channels, probe.conflict > 0, jitter)
+        return Simulated(
+            decided, evidence.truth, probe.channels, probe.conflict > 0, jitter, spikes
+        )
 
     def _noise(self, kind: str) -> int:
         """Return the seed of the noise of cells in one kind of trials."""

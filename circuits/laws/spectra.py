@@ -92,6 +92,27 @@ def out_variance(
     }
 
 
+def count_ratio(circuit: CircuitTable, name: str) -> float:
+    """Return the variance of one cell's spike counts over their mean, at rest, in long windows.
+
+    For intervals that are independent this is the square of their coefficient of variation
+    (Cox 1962). Variability that cells share by the circuit's feedback is not in it.
+
+    Parameters
+    ----------
+    circuit : CircuitTable
+        The table.
+    name : str
+        The population.
+    """
+    wiring = wired(circuit)
+    blocks = wiring.blocks_of(name)
+    x = solve(wiring, held_drive(wiring, None))
+    own = linear(wiring, x, FREQUENCIES_HZ[:1]).own[0, 0, blocks].mean()
+    rate = wiring.rates(x)[0, blocks].mean()
+    return float(own * circuit.population(name).neurons / rate)
+
+
 def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
     """Return the state (1, blocks), nats, with finite-size shifts, and the shifts of rates, Hz."""
     wiring.circuit.check_steady("its noise in closed form")

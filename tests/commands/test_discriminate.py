@@ -76,6 +76,21 @@ def test_a_plan_that_no_edits_make_is_refused_before_the_search(space, tmp_path,
     assert not (tmp_path / "plan.toml").exists()
 
 
+def test_recorded_spikes_are_a_third_measure_and_no_part_of_a_plan(space, tmp_path, capsys):
+    loss = ("macaque", "--second-edits", "lesion STN 10%", "--space", space, *FEW)
+    assert run("discriminate", *loss, "--nucleus", "STN", "--cells", 20, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["records"][0]["nats"] > 0.01
+    for options in (
+        ("--cells", 3),
+        ("--nucleus", "SNc"),
+        ("--nucleus", "STN", "--plan", tmp_path / "plan.toml"),
+    ):
+        assert run("discriminate", *loss, *options) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "check of" not in error
+
+
 def test_json_has_null_where_no_number_of_trials_is_enough(space, capsys):
     def refuse(constant):
         raise ValueError(constant)
