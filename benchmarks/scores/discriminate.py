@@ -1,7 +1,7 @@
 """Tasks that tell two models apart: pairs that theory says can, or cannot, be told apart.
 
 Each pair is searched with one seed, its best task is checked with another, and two hundred
-sequential experiments are simulated with a third.
+sequential experiments are simulated with a third. One pair is told apart with recorded cells too.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.discriminating.discriminate import discriminate
+from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.space import Space
-from circuits.anatomy import DEFAULT
+from circuits.anatomy import DEFAULT, load_circuit
 
 SEARCH_SEED, CHECK_SEED = 99_101, 99_201
 """Seeds of searches and of checks; simulated experiments have the one after that of the check."""
@@ -29,6 +30,9 @@ COARSE = 400
 LOST = ("lesion STN 100%", "compensate")
 WHOLE, TWO, NO_EDITS, NO_SIGNALS = "whole", "N = 2", "no manipulation", "no signal to STN"
 """Parts of the shipped space."""
+CELLS = (1, 10)
+NUCLEI = tuple(row.name for row in load_circuit(DEFAULT, 2).populations if row.spiking)
+"""Nuclei that are recorded, and numbers of cells."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +104,29 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
     return pd.concat([trials, result.axes().assign(part="axes")]).assign(pair=pair.name)
 
 
+def recorded(count: int, trials: int, workers: int) -> pd.DataFrame:
+    """Return what spikes of each nucleus tell of a tenth of STN lost, in trials without a probe."""
+    rows = []
+    for nucleus in NUCLEI:
+        result = discriminate(
+            DEFAULT, second_edits=TENTH, space=Space(d_prime=(0.7,)), trials=COARSE,
+            check_trials=trials, seed=SEARCH_SEED, check_seed=CHECK_SEED, workers=workers,
+            recording=Recording(nucleus, cells=count),
+        )  # fmt: skip
+        rows.append(result.sequential.assign(nucleus=nucleus, cells=count, verdict=result.verdict))
+    return pd.concat(rows)
+
+
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield a piece per pair."""
     for pair in PAIRS:
         checked = COARSE if fast else CHECKED[pair.kind]
         seconds = 20 if pair.kind == "tests" else 120
         yield Piece("pairs", pair.name, checked, seconds, partial(found, pair, fast, workers))
+    checked = COARSE if fast else CHECKED["circuits"]
+    for count in CELLS:
+        make = partial(recorded, count, checked, workers)
+        yield Piece("recorded", f"{count} cells", checked, 60, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
@@ -119,9 +140,12 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     ]  # fmt: skip
     shown = trials[kept].replace({float("inf"): float("nan")})
     axes = whole[whole["part"] == "axes"]
+    columns = ["nucleus", "cells", *kept[1:11]]
+    seen = made["recorded"][columns].replace({float("inf"): float("nan")})
     return {
         "trials": ("pairs", shown),
         "axes": ("pairs", axes[["pair", "axis", "value", "tried", "nats", "low"]]),
+        "recorded": ("recorded", seen),
     }
 
 

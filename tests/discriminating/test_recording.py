@@ -8,9 +8,11 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.discriminating.information import CORRECT, OTHER, Partition, Recorded, information
+from bgmodel.discriminating.models import model_of
 from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.result import TOLD, UNTOLD
-from bgmodel.discriminating.space import Space
+from bgmodel.discriminating.space import Probe, Space
+from bgmodel.discriminating.trials import Trials
 from circuits.errors import InputError
 from circuits.laws.spectra import count_ratio
 
@@ -100,11 +102,13 @@ def test_spikes_tell_a_loss_of_stn_that_behaviour_cannot(recorded):
     }  # fmt: skip
 
 
-def test_cells_that_the_edit_does_not_reach_add_nothing():
-    """Cortex receives nothing from STN: its spikes are those of the other model, one by one."""
-    found = bg.discriminate("macaque", recording=Recording("ctx", cells=10), **LOSS)
-    assert found.verdict == UNTOLD
-    assert abs(found.check.nats) < 0.01
+def test_cells_that_the_edit_does_not_reach_fire_alike_in_both_models():
+    """SNr sends nothing back: the spikes of all other nuclei are the same, one by one."""
+    models = model_of("macaque"), model_of("macaque", ["scale GPe->SNr 0.9"])
+    for nucleus, alike in (("STN", True), ("ctx", True), ("SNr", False)):
+        trials = Trials(models, SPACE, 7, 200, recording=Recording(nucleus, cells=10))
+        first, second = (trials.simulated(k, Probe(2, 1.0)).spikes for k in (0, 1))
+        assert (first == second).all() == alike
 
 
 def test_the_answer_does_not_depend_on_threads(recorded):

@@ -1,21 +1,61 @@
 """Spikes take the exam, and through the door for tables they get the same marks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from bgmodel.exam import sitting as sittings
 from bgmodel.exam.exam import Exam, examinee
 from bgmodel.exam.sitting import Sitting
+from circuits.anatomy import macaque
 
 EXAM = Exam.shipped()
+MARKS = ["value", "se", "z"]
+ENGINES = ["population", "ensemble", "plain", "brian2"]
+TRIALS = 30
+"""On which thresholds are set, and rates and decisions are taken."""
+SLOW = ("plain", "brian2")
+FEW_CELLS = [f"set {row.name}.neurons 30" for row in macaque(2).populations if row.spiking]
+"""Engines that take seconds per trial with 300 cells, and edits for them."""
+
+
+@pytest.fixture(autouse=True)
+def few_trials(monkeypatch):
+    for name in ("TUNING_TRIALS", "FEWEST_TRIALS"):
+        monkeypatch.setattr(sittings, name, TRIALS)
+
+
+def taking(engine):
+    edits = FEW_CELLS if engine in SLOW else ()
+    return examinee("macaque", edits, engine, 0.5)
+
+
+def sitting_of(engine):
+    return Sitting(taking(engine), EXAM.questions.tasks, 5, share=0.05)
+
+
+def same_marks(outside, inside):
+    assert (outside["outcome"] == inside["outcome"]).all()
+    for column in MARKS:
+        np.testing.assert_allclose(outside[column], inside[column], rtol=1e-9)
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("engine", ["ensemble", "population"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path):
     exam = EXAM.only(["resting rates"])
-    inside = exam.take("macaque", engine=engine, seed=5, share=0.1).table
-    sitting = Sitting(examinee("macaque", engine=engine), EXAM.questions.tasks, 5, share=0.1)
-    sitting.rates_of("rest").to_csv(tmp_path / "rates.csv", index=False)
-    outside = exam.mark(rates=tmp_path / "rates.csv", seed=5).table
-    for column in ("value", "se", "z"):
-        np.testing.assert_allclose(outside[column], inside[column], rtol=1e-9)
+    inside = exam.take(taking(engine), seed=5, share=0.05).table
+    sitting_of(engine).rates_of("rest").to_csv(tmp_path / "rates.csv", index=False)
+    same_marks(exam.mark(rates=tmp_path / "rates.csv", seed=5).table, inside)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("engine", ENGINES)
+def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path):
+    asked = [one for one in EXAM.questions.numbers if one.of.get("task") == "reference"]
+    exam = Exam(replace(EXAM.questions, numbers=tuple(asked)))
+    inside = exam.take(taking(engine), seed=5, share=0.05).table
+    assert inside["value"].notna().any()
+    sitting_of(engine).trials_of("reference").to_csv(tmp_path / "trials.csv", index=False)
+    same_marks(exam.mark(tmp_path / "trials.csv", seed=5).table, inside)
