@@ -10,7 +10,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from bgmodel.explorer.panels import TITLES
+from bgmodel.explorer.html import TITLES
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 from tests.helpers import run
@@ -26,6 +26,7 @@ pytestmark = [
     ),
 ]
 WAIT_MS = 120_000
+LOUD = ("error", "warning")
 EVERY = "els => els.map(e => [e.dataset.key, e.dataset.circuit])"
 
 
@@ -59,7 +60,7 @@ def page(address):
         page = browser.new_page(viewport={"width": 1400, "height": 900})
         page.set_default_timeout(WAIT_MS)
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+        page.on("console", lambda said: wrong.append(said.text) if said.type in LOUD else None)
         page.on("request", lambda asked: wrong.append(asked.url) if elsewhere(asked.url) else None)
         page.goto(address)
         yield page
@@ -123,6 +124,8 @@ def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page
     assert state.digest == three
     assert state.edits == ("lesion STN 10%", "add D1->GPe weight=-0.1 delay_ms=4")
     refuse(page, capsys)
+    rank(page)
+    with_keys(page, key)
     by_keyboard(page)
     on_a_phone(page)
 
@@ -134,8 +137,9 @@ def compare(page, printed):
         "rows => rows.map(r => [r.querySelector('th').title, ...[...r.querySelectorAll('td')]"
         ".map(c => c.textContent)])"
     )
-    assert len(found) > 6
-    for measure, *cells in found:
+    printed_rows = [row for row in found if re.search(rf"^{row[0]} ", printed, re.MULTILINE)]
+    assert len(printed_rows) > 6
+    for measure, *cells in printed_rows:
         line = re.search(rf"^{measure} .*$", printed, re.MULTILINE)[0]
         assert line.split()[1:] == " ".join(cells).split()
 
@@ -150,6 +154,32 @@ def refuse(page, capsys):
     sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
     assert said == f"Refused: {sentence}"
     assert page.locator("[data-key]").evaluate_all(EVERY) == before
+    field = page.get_by_label("New edit (then Enter)", exact=True)
+    assert field.input_value() == line
+    below = page.get_by_role("alert").bounding_box()["y"] - field.bounding_box()["y"]
+    assert 0 < below < 100
+
+
+def with_keys(page, key):
+    """Each key that moves a number applies it: the behaviour panel shows another circuit."""
+    field = page.get_by_label("Dopamine level (1 is normal)", exact=True)
+    field.focus()
+    seen = set()
+    for pressed, level in (("ArrowDown", "0.95"), ("PageDown", "0.45"), ("ArrowUp", "0.5")):
+        page.keyboard.press(pressed)
+        key, circuit = shown(page, key)
+        assert field.input_value() == level
+        assert circuit not in seen
+        seen.add(circuit)
+
+
+def rank(page):
+    """Rank the losses until the ranking is stopped."""
+    page.get_by_role("button", name="Rank losses of 10 %").click()
+    ranking = page.get_by_label("Which loss slows decisions?")
+    ranking.locator("tbody tr").nth(2).wait_for()
+    page.get_by_role("button", name="Stop").click()
+    page.get_by_role("button", name="Rank losses of 10 %", disabled=False).wait_for()
 
 
 FOCUSED = """() => {
@@ -161,7 +191,7 @@ FOCUSED = """() => {
     return [e.tagName, named.trim(), ring.outlineStyle === "none" ? "0px" : ring.outlineWidth];
 }"""
 ON_THE_WAY = [
-    *("To the results", "To the controls", "Undo", "Reset", "New edit (then Enter)"),
+    *("To the results", "To the settings", "Undo", "Reset", "New edit (then Enter)"),
     *("Dopamine level (1 is normal)", "Lesion: cells lost (%)", "Alternatives N", "Save as SVG"),
     *("Trial shown in spikes", "Trials (CSV)", "The experiment's file (TOML)", "Link"),
 ]
@@ -173,7 +203,7 @@ def by_keyboard(page):
     page.locator(".skip").first.focus()
     page.wait_for_timeout(1200)
     reached = [page.evaluate(FOCUSED)]
-    for _ in range(90):
+    for _ in range(120):
         page.keyboard.press("Tab")
         reached.append(page.evaluate(FOCUSED))
         if reached[-1][0] == "BODY":

@@ -310,29 +310,31 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     lines += [
         "",
         _units(table),
-        *_withheld(experiment, table),
-        *_without_ssrt(table),
+        *unknown(experiment, table),
         *([said] if said else []),
     ]
     return "\n".join(line.rstrip() for line in lines)
 
 
-def measured(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
+def measured(table: pd.DataFrame, *, every: bool = False) -> list[tuple[str, list[str]]]:
     """Return each measure with the texts of control, manipulation and change, as on a page.
 
     Parameters
     ----------
     table : DataFrame
         The measures, as in ``Outcome``.
+    every : bool
+        Whether to include measures that are unknown, and those of all trials where none is missed.
     """
     # Without missed trials these repeat the measures of decided ones.
     repeated = OF_ALL if not any(_both(table, "missed")) else ()
     found = []
-    for measure in table["measure"].unique():
-        rows = table[table["measure"] == measure]
-        if measure not in repeated and rows["value"].notna().any():
-            cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
-            found.append((measure, [_cell(measure, *c) for c in cells]))
+    rows = table[table["condition"] != PERCENT]
+    names, numbers = rows["measure"].to_numpy(), rows[["value", "low", "high"]].to_numpy(float)
+    for measure in dict.fromkeys(names):
+        cells = numbers[names == measure]
+        if every or (measure not in repeated and np.isfinite(cells[:, 0]).any()):
+            found.append((measure, [_cell(measure, *cell) for cell in cells]))
     return found
 
 
@@ -411,6 +413,11 @@ def _units(table: pd.DataFrame) -> str:
     return "units: " + "; ".join(unit for names, unit in UNITS if {*names} & known)
 
 
+def unknown(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
+    """Return why measures of a condition are unknown, one sentence per condition and reason."""
+    return [*_withheld(experiment, table), *_without_ssrt(table)]
+
+
 def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return why a condition has no diffusion parameters, one line per condition."""
     predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
@@ -454,5 +461,5 @@ def _edits(experiment: ExperimentRecord) -> list[str]:
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:
-    form = ".0f" if measure.endswith("_ms") or measure == "decided" else ".3f"
+    form = "z.0f" if measure.endswith("_ms") or measure == "decided" else "z.3f"
     return shown(value, low, high, form)

@@ -10,12 +10,12 @@ import panel as pn
 
 from bgmodel.experiments.experiment import shipped_names
 from bgmodel.explorer import rows
-from bgmodel.explorer.state import MOST_TRIALS, State
+from bgmodel.explorer.state import MOST_TRIALS, State, opened
 from bgmodel.explorer.style import TABLE
 from circuits.anatomy import CIRCUITS
 
-Change = Callable[[Callable[[State], State]], None]
-"""Applies a change to the state that is shown; the page shows a refusal."""
+Change = Callable[[Callable[[State], State], Any], None]
+"""Applies a change to the state that is shown; a refusal is shown by the widget."""
 CHOOSE = "(choose)"
 NUMBERS: dict[str, tuple[str, str, type, float]] = {
     "d_prime": ("Discriminability d′ per reading", "task", float, 0.05),
@@ -40,14 +40,12 @@ class Controls:
     Parameters
     ----------
     change : function
-        Receives a change of the state.
-    open_ : function
-        Receives a name or a path to be opened.
+        Receives a change of the state, and the widget that asks for it.
     """
 
-    def __init__(self, change: Change, open_: Callable[[str], None]) -> None:
+    def __init__(self, change: Change) -> None:
         self._change, self._showing = change, False
-        self.open = self._opening(open_)
+        self.open = self._opening()
         self.numbers = {name: self._number(name) for name in NUMBERS}
         self.evidence = pn.widgets.TextInput(
             name="Evidence table instead (.csv, .parquet)", placeholder="path, then Enter"
@@ -60,16 +58,14 @@ class Controls:
 
     # ---- making widgets
 
-    def _on(
-        self, widget: Any, made: Callable[[Any], Callable[[State], State]], of: str = "value"
-    ) -> None:
+    def _on(self, widget: Any, made: Callable[[Any], Callable[[State], State]]) -> None:
         """Change the state when a widget changes, but not when the state changes the widget."""
 
         def changed(event: Any) -> None:
             if not self._showing:
-                self._change(made(event.new))
+                self._change(made(event.new), widget)
 
-        widget.param.watch(changed, of)
+        widget.param.watch(changed, "value")
 
     def _number(self, name: str) -> Any:
         label, _, kind, step = NUMBERS[name]
@@ -79,7 +75,7 @@ class Controls:
         self._on(widget, partial(_setting, name))
         return widget
 
-    def _opening(self, open_: Callable[[str], None]) -> Any:
+    def _opening(self) -> Any:
         groups = {
             "": [CHOOSE],
             "Circuits": [*CIRCUITS],
@@ -90,12 +86,7 @@ class Controls:
             name="Or a file of either (.toml), or a link", placeholder="path, then Enter"
         )
         for widget in (self.preset, self.file):
-
-            def chosen(event: Any) -> None:
-                if not self._showing and event.new not in ("", CHOOSE):
-                    open_(event.new)
-
-            widget.param.watch(chosen, "value")
+            self._on(widget, lambda name: lambda s: s if name in ("", CHOOSE) else opened(name))
         return pn.Column(self.preset, self.file, sizing_mode="stretch_width")
 
     def _circuit_widgets(self) -> None:
@@ -105,11 +96,9 @@ class Controls:
         self.row.param.watch(lambda _: self._show_row(), "value")
         self.about_row = pn.pane.HTML("", stylesheets=[TABLE])
         self.quick = {
-            "lesion": pn.widgets.FloatInput(
-                name="Lesion: cells lost (%)", step=5, start=0, end=100
-            ),
-            "cut": pn.widgets.FloatInput(name="Cut: axons lost (%)", step=5, start=0, end=100),
-            "scale": pn.widgets.FloatInput(name="Scale: weight times", step=0.1, start=0),
+            "lesion": pn.widgets.FloatInput(name="Lesion: cells lost (%)", step=5),
+            "cut": pn.widgets.FloatInput(name="Cut: axons lost (%)", step=5),
+            "scale": pn.widgets.FloatInput(name="Scale: weight times", step=0.1),
         }
         for verb, widget in self.quick.items():
             self._on(widget, partial(self._amount, verb))
@@ -120,10 +109,8 @@ class Controls:
             self.value,
             lambda text: lambda s: s.edited(f"set {self.row.value}.{self.field.value} {text}"),
         )
-        self.dopamine = pn.widgets.FloatSlider(
-            name="Dopamine level (1 is normal)", start=0, end=2, step=0.05
-        )
-        self._on(self.dopamine, lambda x: lambda s: rows.with_dopamine(s, x), "value_throttled")
+        self.dopamine = pn.widgets.FloatInput(name="Dopamine level (1 is normal)", step=0.05)
+        self._on(self.dopamine, lambda x: lambda s: rows.with_dopamine(s, x))
         self.kind = pn.widgets.Select(
             name="Examples of edits", options={CHOOSE: "", **rows.EXAMPLES}
         )
@@ -142,7 +129,7 @@ class Controls:
         )
         self.delay = pn.widgets.FloatInput(name="Delay (ms)", value=4.0, step=1, start=0)
         self.add = pn.widgets.Button(name="Add pathway", button_type="primary")
-        self.add.on_click(lambda _: self._change(self._added))
+        self.add.on_click(lambda _: self._change(self._added, self.add))
 
     def _amount(self, verb: str, number: float) -> Callable[[State], State]:
         """Return the change by a lesion, a cut or a scaling of the chosen row."""

@@ -41,9 +41,11 @@ POOLED = -1
 SMOOTH_MS = 15.0
 """Standard deviation of the kernel that smooths rates, ms."""
 CONTROL: Look = {"color": "k"}
-"""Look of the baseline."""
+"""Look of the control."""
 EDITED: Look = {"color": PALETTE[0]}
-"""Colour of the edited circuit in figures that use a single one for it."""
+"""Colour of the manipulation in figures that use a single one for it."""
+MOST_TIMES = 10
+"""Largest range of decision times, in ranges of the control, that its bins cover."""
 TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
 """Style, with names of files and nuclei taken as text, not as mathematics."""
 
@@ -74,17 +76,14 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
     trials : DataFrame
         As in ``Outcome``: one row per trial and condition.
     edited : bool
-        Whether the circuit is edited; otherwise the baseline is drawn alone.
+        Whether the circuit is edited; otherwise the control is drawn alone.
     """
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
-        figure = _figure(2.7)
+        figure, decided = _figure(2.7), trials[~trials["undecided"] & trials["correct"].notna()]
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.66))
-        decided = trials[~trials["undecided"] & trials["correct"].notna()]
-        limit = float(decided["rt"].quantile(0.995)) if len(decided) else 1.0
-        ends = float(decided["rt"].min()) if len(decided) else 0.0, max(limit, 1e-3)
-        edges = 1000 * np.linspace(*ends, BINS + 1)
+        edges = _edges(decided)
         for name in ("manipulation", "control"):
             rows = decided[decided["condition"] == name]
             if name == "control" or edited:
@@ -99,6 +98,18 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
         return svg(figure)
 
 
+def _edges(decided: pd.DataFrame) -> Array:
+    """Return edges of bins, ms: the control's, continued to the times of the manipulation."""
+    control = decided.loc[decided["condition"] == "control", "rt"]
+    if not len(control):
+        return 1000 * np.linspace(0, 1, BINS + 1)
+    by = decided.groupby("condition")["rt"]
+    first, start, end = float(control.min()), by.min().min(), by.quantile(0.995).max()
+    width = max(float(control.quantile(0.995)) - first, (end - start) / MOST_TIMES, 1e-3) / BINS
+    low, high = np.floor((start - first) / width), np.ceil((end - first) / width)
+    return np.asarray(1000 * (first + width * np.arange(low, high + 1)))
+
+
 def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> None:
     """Draw the histogram of correct responses above the axis, and that of errors below."""
     for correct, side in ((True, 1), (False, -1)):
@@ -110,7 +121,7 @@ def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> 
             ax.stairs(counts, edges, fill=True, color=colour, label=what.capitalize())
         else:
             style = "-" if correct else "--"
-            ax.stairs(counts, edges, color="k", lw=1.1, ls=style, label=f"Baseline, {what}")
+            ax.stairs(counts, edges, color="k", lw=1.1, ls=style, label=f"Control, {what}")
 
 
 def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: float) -> str:
@@ -133,13 +144,13 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
         ax.axhline(chance, color=GREY, lw=0.8, ls=":", label="Chance")
         ax.plot(test["mean_ms"], test["accuracy"], color=GREY, lw=1.6, label="Optimal test (MSPRT)")
         shapes: dict[str, Look] = {
-            "Baseline": {"marker": "o", "mfc": "w"},
-            "Edited": {"marker": "s"},
+            "Control": {"marker": "o", "mfc": "w"},
+            "Manipulation": {"marker": "s"},
         }
         for name, rows in points.items():
             x, y = (rows.loc[of].to_numpy(dtype=float) for of in ("mean_ms", "accuracy"))
             bars = [np.nan_to_num([[v - low], [high - v]]) for v, low, high in (x, y)]
-            style = {**(EDITED if name == "Edited" else CONTROL), **shapes[name]}
+            style = {**(EDITED if name == "Manipulation" else CONTROL), **shapes[name]}
             ax.errorbar(
                 x[0], y[0], bars[1], bars[0],
                 ls="", ms=6, capsize=2, elinewidth=1.0, label=name, zorder=4, **style,
@@ -273,8 +284,8 @@ def _legend(ax: Axes, columns: int) -> None:
     )  # fmt: skip
 
 
-def circuit(edited: Circuit, baseline: Circuit) -> str:
-    """Draw the edited circuit as SVG; rows that differ from the baseline have a star.
+def circuit(edited: Circuit, control: Circuit) -> str:
+    """Draw the edited circuit as SVG; rows that differ from the control have a star.
 
     Rows are groups whose ``id`` is the row's name, so that a page can tell which was chosen.
     """
@@ -284,5 +295,5 @@ def circuit(edited: Circuit, baseline: Circuit) -> str:
 
     with mpl.rc_context(TEXT):
         figure = _figure(4.2, OF_CIRCUIT)
-        draw(edited, figure.add_axes((0.0, 0.12, 1.0, 0.88)), baseline)
+        draw(edited, figure.add_axes((0.0, 0.12, 1.0, 0.88)), control)
         return svg(figure)

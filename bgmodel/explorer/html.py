@@ -1,11 +1,71 @@
-"""Panels as HTML, in which names and sentences are text."""
+"""Panels as records and as HTML, in which names and sentences are text."""
 
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
-from bgmodel.explorer.panels import CIRCUIT, Panel
+from bgmodel.deciding.measures import OF_DIFFUSION
+from bgmodel.experiments.outcomes import measured, unknown
+from bgmodel.plots import labelled
+
+if TYPE_CHECKING:
+    from bgmodel.experiments.experiment import Outcome
+    from bgmodel.explorer.state import State
+
+TIMES, TRADEOFF, MEASURES, CIRCUIT, TRIAL = "times", "tradeoff", "measures", "circuit", "trial"
+TITLES = {
+    CIRCUIT: "Circuit",
+    TIMES: "Decision times",
+    TRADEOFF: "Speed and accuracy",
+    MEASURES: "Behaviour",
+    TRIAL: "One trial in spikes",
+}
+"""All panels and their titles, in the order in which a page shows them."""
+RANKING = "ranking"
+"""The panel that is computed on request."""
+CONTROL, MANIPULATION = "Control", "Manipulation"
+"""Headings of both conditions, as in the experiment's file."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What one panel shows.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``TITLES``, or ``RANKING``.
+    key : str
+        Hash of the state that it shows.
+    digest : str
+        SHA-256 of the edited circuit that it shows.
+    text : str
+        The same in words, for a screen reader; or why there is nothing to show.
+    svg : str
+        The figure; empty in panels without one.
+    html : str
+        A table; empty in panels without one.
+    folded : str
+        A long table, which is shown on request.
+    warnings : tuple of str
+        Warnings of its run.
+    refused : bool
+        Whether the run was refused: ``text`` is then the sentence.
+    """
+
+    name: str
+    key: str
+    digest: str
+    text: str
+    svg: str = ""
+    html: str = ""
+    folded: str = ""
+    warnings: tuple[str, ...] = ()
+    refused: bool = False
 
 
 def html_of(panel: Panel) -> str:
@@ -14,22 +74,32 @@ def html_of(panel: Panel) -> str:
     if panel.refused:
         body = f'<p class="refused">{text}</p>'
     else:
-        figure = table = ""
-        if panel.svg and panel.name != CIRCUIT:
-            figure = f'<img src="{uri(panel.svg)}" alt="{text}">'
-        if panel.html:
-            table = f'<div class="scroll">{panel.html}</div>'
-        if panel.name == CIRCUIT:
-            table = f"<details><summary>All rows as tables</summary>{table}</details>"
-        body = f"{figure}{table}<p>{text}</p>"
+        # The drawing of the circuit is a component that can be clicked.
+        drawn = panel.svg and panel.name != CIRCUIT
+        figure = f'<img src="{uri(panel.svg)}" alt="{text}">' if drawn else ""
+        table = f'<div class="wide">{panel.html}</div>' if panel.html else ""
+        body = f"{figure}{table}<p>{text}</p>{_folded(panel)}"
     save = (
         f'<a download="{panel.name}.svg" href="{uri(panel.svg)}">Save as SVG</a>'
         if panel.svg
         else ""
     )
+    # The ranking stays when the state changes.
+    state = f'data-key="{panel.key}"' if panel.name in TITLES else ""
     return (
-        f'<div data-key="{panel.key}" data-circuit="{panel.digest}">{body}'
+        f'<div {state} data-circuit="{panel.digest}">{body}'
         f"<footer><span>Circuit {panel.digest[:8]}</span>{save}</footer></div>"
+    )
+
+
+def _folded(panel: Panel) -> str:
+    """Return a long table as HTML that can be unfolded, and scrolled with the keyboard."""
+    if not panel.folded:
+        return ""
+    return (
+        "<details><summary>All rows as tables</summary>"
+        '<div class="scroll" tabindex="0" role="region" aria-label="All rows as tables">'
+        f"{panel.folded}</div></details>"
     )
 
 
@@ -37,3 +107,46 @@ def uri(svg: str) -> str:
     """Return a figure as an address that contains it."""
     head = '<?xml version="1.0" encoding="utf-8"?>\n'
     return f"data:image/svg+xml;base64,{base64.b64encode((head + svg).encode()).decode()}"
+
+
+def measures_of(outcome: Outcome, state: State) -> str:
+    """Return the table of measures as HTML, with the numbers that the command prints.
+
+    The rows are the same for all edits of a task; below them are reasons for unknown measures.
+    """
+    names = [CONTROL] if state.alike else [CONTROL, MANIPULATION, "Change"]
+    two = outcome.given.evidence.hypotheses == 2
+    rows = [
+        (labelled(measure), measure, [two_lines(cell) for cell in cells[: len(names)]])
+        for measure, cells in measured(outcome.measures, every=True)
+        if two or measure not in OF_DIFFUSION
+    ]
+    why = unknown(outcome.experiment, outcome.measures)[: 1 if state.alike else None]
+    notes = "".join(f'<p class="why">{escape(sentence)}</p>' for sentence in why)
+    return table_of(("Measure", *names), rows) + notes
+
+
+def table_of(head: Sequence[str], rows: Sequence[tuple[str, str, list[str]]]) -> str:
+    """Return a table as HTML.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Names of the columns.
+    rows : sequence of tuple
+        Label of each row, its title, and its cells as HTML.
+    """
+    top = "".join(f'<th scope="col">{name}</th>' for name in head)
+    lines = [
+        f'<tr><th scope="row" title="{escape(title)}">{escape(label)}</th>'
+        f"{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+        for label, title, cells in rows
+    ]
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+
+
+def two_lines(cell: str) -> str:
+    """Return a value and its interval as HTML, the interval below the value."""
+    value, bracket, rest = cell.partition(" [")
+    interval = f"<small> {escape(bracket[1:] + rest)}</small>" if bracket else ""
+    return f"<strong>{escape(value)}</strong>{interval}"

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from html import escape
 from typing import Any
 
 import panel as pn
 
-from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.components import Drawing, Page
+from bgmodel.experiments.experiment import Experiment, Outcome
+from bgmodel.explorer.components import Drawing, Export, Page, Ranking, Refusal
 from bgmodel.explorer.controls import NUMBERS, Controls
 from bgmodel.explorer.history import History
-from bgmodel.explorer.html import html_of
-from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Memory, Panel
+from bgmodel.explorer.html import (
+    CIRCUIT,
+    MEASURES,
+    RANKING,
+    TIMES,
+    TITLES,
+    TRADEOFF,
+    TRIAL,
+    Panel,
+    html_of,
+)
+from bgmodel.explorer.panels import Memory
 from bgmodel.explorer.runs import Runs
-from bgmodel.explorer.state import State, opened
+from bgmodel.explorer.state import State
 from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
 
 COMPUTING = "Computing…"
@@ -55,8 +64,9 @@ class Explorer:
         self.history = History(state)
         self._address, self._later = address, later or (lambda call: call())
         self.shown: dict[str, Panel] = {}
-        self.controls = Controls(self.change, self.open)
+        self.controls = Controls(self.change)
         self._make_widgets()
+        self.parts = self._make_parts()
         self.runs = Runs(
             lambda panel: self._later(lambda: self._deliver(panel)),
             lambda state: self._later(lambda: self._ended(state)),
@@ -71,23 +81,20 @@ class Explorer:
 
     # ---- what a user does
 
-    def change(self, made: Callable[[State], State]) -> None:
-        """Apply a change of the state; a refusal is shown, and the state stays."""
+    def change(self, made: Callable[[State], State], widget: Any = None) -> None:
+        """Apply a change of the state; a refusal is shown by the widget, and the state stays."""
         before = self.state
         try:
             self.history.go(made(before))
         except (ValueError, OSError) as error:
-            self.refuse(str(error))
+            self.refuse(str(error), widget)
             return
         if self.state is not before:
             self._show()
         else:
             # The browser reports an Enter twice, with the text and as a key: keep the run.
             self.controls.show(before)
-
-    def open(self, name: str) -> None:
-        """Open a circuit, an experiment or a link."""
-        self.change(lambda _: opened(name))
+            self.refusal.hide()
 
     def stop(self) -> None:
         """End the runs: the page is closed."""
@@ -109,11 +116,11 @@ class Explorer:
             (self.reset, self.history.reset),
         ):
             button.on_click(lambda _, move=move: self._step(move))
-        self.baseline = pn.widgets.Button(name="Use the edited circuit as the baseline")
-        self.baseline.on_click(lambda _: self.change(State.as_baseline))
+        self.control = pn.widgets.Button(name="Use the edited circuit as the control")
+        self.control.on_click(lambda _: self.change(State.as_control, self.control))
         self.status = pn.pane.HTML("", stylesheets=[NOTICE])
         self.notices = pn.pane.HTML("", stylesheets=[NOTICE], margin=0)
-        self.refused = ""
+        self.refusal = Refusal()
         self.drawing = Drawing()
         self.drawing.param.watch(lambda _: self.controls.choose(self.drawing.chosen), "clicks")
         self.panes = {
@@ -125,38 +132,26 @@ class Explorer:
             for name in TITLES
         }
         self.list = pn.Column(sizing_mode="stretch_width")
-        self._make_export()
-
-    def _make_export(self) -> None:
-        area: dict[str, Any] = {"rows": 8, "sizing_mode": "stretch_width", "max_length": 100_000}
-        self.toml = pn.widgets.TextAreaInput(name="The experiment's file (TOML)", **area)
-        self.python = pn.widgets.TextAreaInput(name="Python", **area)
-        self.link = pn.widgets.TextAreaInput(name="Link", **area | {"rows": 3})
-        self.apply = pn.widgets.Button(name="Show this TOML", button_type="primary")
-        self.apply.on_click(
-            lambda _: self.change(lambda _: State(Experiment.from_text(self.toml.value)))
-        )
-        self.trials_csv = pn.widgets.FileDownload(
-            callback=lambda: self._csv("trials"), filename="trials.csv", label="Trials (CSV)"
-        )
-        self.measures_csv = pn.widgets.FileDownload(
-            callback=lambda: self._csv("measures"), filename="measures.csv", label="Measures (CSV)"
-        )
-        self.circuit_toml = pn.widgets.FileDownload(
-            callback=self._circuit_file, filename="circuit.toml", label="Edited circuit (TOML)"
+        self.ranking = Ranking(self._rank, self._cancel)
+        self.export = Export(lambda: self.state, self._outcome)
+        self.export.apply.on_click(
+            lambda _: self.change(
+                lambda _: State(Experiment.from_text(self.export.toml.value)), self.export.apply
+            )
         )
 
-    def _csv(self, table: str) -> io.BytesIO:
-        """Return a table of the state that is shown, which is computed unless it is there."""
+    def _outcome(self) -> Outcome:
+        """Return the outcome of the state that is shown, which is computed unless it is there."""
         key, outcome = self.runs.memory.outcome or ("", None)
-        if outcome is None or key != self.state.key:
-            outcome = self.state.experiment.run()
-        return io.BytesIO(getattr(outcome, table).to_csv(index=False).encode())
+        return outcome if outcome and key == self.state.key else self.state.experiment.run()
 
-    def _circuit_file(self) -> io.BytesIO:
-        from circuits.declaration.table_files import text
+    def _rank(self) -> None:
+        self.ranking.start()
+        self.runs.rank(self.state)
 
-        return io.BytesIO(text(self.state.circuit).encode())
+    def _cancel(self) -> None:
+        self.runs.cancel()
+        self.ranking.end()
 
     # ---- showing
 
@@ -167,16 +162,15 @@ class Explorer:
         self.runs.show(self.state)
 
     def _show_widgets(self, state: State) -> None:
-        self.refused = ""
+        self.refusal.hide()
         self._notice()
         self.controls.show(state)
+        self.ranking.show(state)
         self.undo.disabled = not self.history.can_undo
         self.redo.disabled = not self.history.can_redo
-        self.baseline.disabled = state.alike
+        self.control.disabled = state.alike
         self.list[:] = self._edits(state)
-        self.toml.value = state.experiment.to_toml()
-        self.python.value = state.experiment.to_python()
-        self.link.value = state.link(self._address)
+        self.export.show(state, self._address)
         for pane in (*self.panes.values(), self.drawing):
             pane.css_classes = ["busy"]
         self._say(COMPUTING if self.shown else FIRST)
@@ -184,7 +178,7 @@ class Explorer:
     def _edits(self, state: State) -> list[Any]:
         """Return a line for each edit, with a button that removes it."""
         if not state.edits:
-            return [pn.pane.HTML("<p>None: the baseline is shown alone.</p>", stylesheets=[PANEL])]
+            return [pn.pane.HTML("<p>None: the control is shown alone.</p>", stylesheets=[PANEL])]
         found = []
         for line in state.edits:
             remove = pn.widgets.Button(
@@ -197,6 +191,9 @@ class Explorer:
     def _deliver(self, panel: Panel) -> None:
         """Show a panel, unless the state has changed since."""
         if panel.key != self.state.key:
+            return
+        if panel.name == RANKING:
+            self.ranking.deliver(panel)
             return
         self.shown[panel.name] = panel
         with pn.io.hold():
@@ -212,15 +209,11 @@ class Explorer:
         self._notice()
 
     def _notice(self) -> None:
-        """Show why the last change was refused, and the warnings of the panels of this state."""
-        parts = [
+        """Show the warnings of the panels of this state."""
+        self.notices.object = "".join(
             f'<p class="warning" role="status">Warning: {escape(note)}</p>'
             for note in self._warnings()
-        ]
-        if self.refused:
-            why = escape(self.refused)
-            parts.insert(0, f'<p class="refusal" role="alert">Refused: {why}</p>')
-        self.notices.object = "".join(parts)
+        )
 
     def _warnings(self) -> list[str]:
         """Return the warnings of the panels of this state, each once."""
@@ -228,13 +221,12 @@ class Explorer:
         said = (note for p in self.shown.values() if p.key == key for note in p.warnings)
         return [*dict.fromkeys(said)]
 
-    def refuse(self, sentence: str) -> None:
-        """Show why a change was refused, and the state that stays."""
-        self.controls.show(self.state)
-        self.refused = sentence
-        self._notice()
+    def refuse(self, sentence: str, widget: Any = None) -> None:
+        """Show why a change was refused, by the widget in which it stays as it was typed."""
+        self.refusal.show(sentence, widget, self.columns)
 
     def _ended(self, state: State) -> None:
+        self.ranking.end()
         if state == self.state:
             count = len(self._warnings())
             above = f" {count} warning{'s' if count > 1 else ''} above the results."
@@ -249,7 +241,7 @@ class Explorer:
 
     # ---- layout
 
-    def parts(self) -> dict[str, Any]:
+    def _make_parts(self) -> dict[str, Any]:
         """Return the parts of the page by name."""
         c = self.controls
         column: Callable[..., Any] = lambda *of: pn.Column(*of, sizing_mode="stretch_width")  # noqa: E731
@@ -257,44 +249,47 @@ class Explorer:
             group: [c.numbers[n] for n in NUMBERS if NUMBERS[n][1] == group]
             for group in ("task", "run")
         }
-        circuit = column(self.drawing, self.panes[CIRCUIT])
         return {
             "tools": pn.Row(self.undo, self.redo, self.reset),
             "status": self.status,
-            "edits": column(self.list, c.line, c.kind, c.dopamine, self.baseline),
+            "edits": column(self.list, c.line, c.kind, c.dopamine, self.control),
             "row": column(c.row, *c.quick.values(), c.field, c.value, c.about_row),
             "pathway": column(c.source, c.target, c.weight, c.delay, c.add),
             "task": column(*of["task"], *of["run"], c.evidence),
             "stop": column(c.stops, *c.stop.values()),
             "open": c.open,
-            "notices": self.notices,
+            "notices": column(self.notices),
             **self.panes,
-            CIRCUIT: circuit,
+            CIRCUIT: column(self.drawing, self.panes[CIRCUIT]),
             TRIAL: column(c.numbers["trial"], self.panes[TRIAL]),
-            "export": column(
-                pn.FlexBox(self.trials_csv, self.measures_csv, self.circuit_toml),
-                self.toml, self.apply, self.python, self.link,
-            ),
-        }  # fmt: skip
+            RANKING: self.ranking.layout,
+            "export": self.export.layout,
+        }
+
+    @property
+    def columns(self) -> list[Any]:
+        """The columns in which a refusal can be shown, the one above the results first."""
+        return [self.parts["notices"], *(p for p in self.parts.values() if hasattr(p, "insert"))]
 
     def template(self) -> Any:
         """Return the page for a server."""
         page = Page(PAGE)
         page.add_variable("titles", TITLES)
         page.add_variable("columns", COLUMNS)
-        for name, part in self.parts().items():
+        for name, part in self.parts.items():
             page.add_panel(name, part)
         return page
 
     def layout(self) -> Any:
         """Return the explorer for a notebook."""
-        parts = self.parts()
+        parts = self.parts
         left = ("edits", "row", "pathway", "task", "stop", "open")
+        right = (*TITLES, RANKING, "export")
         return pn.Column(
             pn.Row(parts["tools"], parts["status"]),
             parts["notices"],
             pn.Row(
                 pn.Column(*(parts[name] for name in left), width=320),
-                pn.FlexBox(*(pn.Column(parts[name], width=470) for name in (*TITLES, "export"))),
+                pn.FlexBox(*(pn.Column(parts[name], width=470) for name in right)),
             ),
         )

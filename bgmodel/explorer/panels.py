@@ -7,7 +7,9 @@ import warnings
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,25 +18,31 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.experiment import Outcome
 from bgmodel.experiments.kept import Kept
-from bgmodel.experiments.outcomes import measured
+from bgmodel.experiments.record import CONDITIONS
 from bgmodel.explorer import drawing
+from bgmodel.explorer.html import (
+    CIRCUIT,
+    CONTROL,
+    MANIPULATION,
+    MEASURES,
+    TIMES,
+    TRADEOFF,
+    TRIAL,
+    Panel,
+    measures_of,
+    table_of,
+)
 from bgmodel.explorer.state import State
 from bgmodel.explorer.trial import one_trial
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.plots import labelled
 from bgmodel.tables.trials import Trials
 from circuits.errors import BgmodelWarning
+from circuits.laws.stability import ringing
 from circuits.show import html as tables_of
 
-TIMES, TRADEOFF, MEASURES, CIRCUIT, TRIAL = "times", "tradeoff", "measures", "circuit", "trial"
-TITLES = {
-    CIRCUIT: "Circuit",
-    TIMES: "Decision times",
-    TRADEOFF: "Speed and accuracy",
-    MEASURES: "Behaviour",
-    TRIAL: "One trial in spikes",
-}
-"""All panels and their titles, in the order in which a page shows them."""
+if TYPE_CHECKING:
+    from circuits.circuit import Circuit
+
 THRESHOLDS = 40
 """Number of thresholds of the MSPRT's curve."""
 LATE = 0.05
@@ -43,40 +51,6 @@ KEPT = 3
 """Largest number of tasks whose evidence, and the MSPRT's curve on it, are remembered."""
 
 _turn = threading.RLock()
-
-
-@dataclass(frozen=True)
-class Panel:
-    """What one panel shows.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``TITLES``.
-    key : str
-        Hash of the state that it shows.
-    digest : str
-        SHA-256 of the edited circuit that it shows.
-    text : str
-        The same in words, for a screen reader; or why there is nothing to show.
-    svg : str
-        The figure; empty in panels without one.
-    html : str
-        A table; empty in panels without one.
-    warnings : tuple of str
-        Warnings of its run.
-    refused : bool
-        Whether the run was refused: ``text`` is then the sentence.
-    """
-
-    name: str
-    key: str
-    digest: str
-    text: str
-    svg: str = ""
-    html: str = ""
-    warnings: tuple[str, ...] = ()
-    refused: bool = False
 
 
 @dataclass
@@ -121,8 +95,10 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
     """
     key, digest = state.key, state.digest
 
-    def panel(name: str, text: str, notes: list[str], svg: str = "", html: str = "") -> Panel:
-        return Panel(name, key, digest, text, svg, html, tuple(dict.fromkeys(notes)))
+    def panel(
+        name: str, text: str, notes: list[str], svg: str = "", html: str = "", folded: str = ""
+    ) -> Panel:
+        return Panel(name, key, digest, text, svg, html, folded, tuple(dict.fromkeys(notes)))
 
     def refused(error: ValueError, *names: str) -> Iterator[Panel]:
         for name in names:
@@ -136,25 +112,26 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
         memory.outcome = key, outcome
         if state.alike:
             notes = [note for note in notes if "no decision differs" not in note]
-        yield panel(MEASURES, _said(outcome, state), notes, html=_measures(outcome, state))
+        yield panel(MEASURES, _said(outcome, state), notes, html=measures_of(outcome, state))
         svg = drawing.times(outcome.trials, edited=not state.alike)
-        yield panel(TIMES, _medians(outcome, state), [], svg=svg)
+        yield panel(TIMES, _medians(outcome, state), [], svg)
         svg, text = _tradeoff(outcome, state, memory)
-        yield panel(TRADEOFF, text, [], svg=svg)
+        yield panel(TRADEOFF, text, [], svg)
     except ValueError as error:
         yield from refused(error, MEASURES, TIMES, TRADEOFF)
     try:
-        edited, baseline = state.circuit, state.baseline
+        edited, control = state.circuit, state.control
         with kept_warnings() as notes:
-            svg, table = drawing.circuit(edited, baseline), tables_of(edited)
-        yield panel(CIRCUIT, _rows(state), notes, svg=svg, html=table)
+            svg, rows = drawing.circuit(edited, control), tables_of(edited)
+            loops = _loops(state)
+        yield panel(CIRCUIT, _rows(state), notes, svg, loops, rows)
     except ValueError as error:
         yield from refused(error, CIRCUIT)
     try:
         with kept_warnings() as notes:
             shown = one_trial(state, memory.given(state).evidence)
             svg = drawing.trial(shown)
-        yield panel(TRIAL, shown.sentence(), notes, svg=svg)
+        yield panel(TRIAL, shown.sentence(), notes, svg)
     except ValueError as error:
         yield from refused(error, TRIAL)
 
@@ -168,9 +145,9 @@ def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]
         memory.tests[key] = msprt_curve(evidence, gain)
     by = {name: rows.set_index("measure") for name, rows in outcome.measures.groupby("condition")}
     columns = ["value", "low", "high"]
-    points = {"Baseline": by["control"][columns]}
+    points = {CONTROL: by["control"][columns]}
     if not state.alike:
-        points["Edited"] = by["manipulation"][columns]
+        points[MANIPULATION] = by["manipulation"][columns]
     test = memory.tests[key]
     said = [_later(name, rows, test) for name, rows in points.items()]
     return drawing.tradeoff(points, test, 1 / evidence.hypotheses), " ".join(said)
@@ -233,46 +210,48 @@ def kept_warnings() -> Iterator[list[str]]:
     kept += [str(one.message) for one in caught if issubclass(one.category, BgmodelWarning)]
 
 
-def _measures(outcome: Outcome, state: State) -> str:
-    """Return the table of measures as HTML, with the numbers that the command prints."""
-    names = ["Baseline"] if state.alike else ["Baseline", "Edited", "Change"]
-    head = "".join(f'<th scope="col">{name}</th>' for name in ("Measure", *names))
-    rows = []
-    for measure, cells in measured(outcome.measures):
-        texts = "".join(f"<td>{_two_lines(cell)}</td>" for cell in cells[: len(names)])
-        label = f'<th scope="row" title="{escape(measure)}">{escape(labelled(measure))}</th>'
-        rows.append(f"<tr>{label}{texts}</tr>")
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-
-
-def _two_lines(cell: str) -> str:
-    """Return a value and its interval as HTML, the interval below the value."""
-    value, bracket, rest = cell.partition(" [")
-    interval = f"<small> {escape(bracket[1:] + rest)}</small>" if bracket else ""
-    return f"<strong>{escape(value)}</strong>{interval}"
-
-
 def _medians(outcome: Outcome, state: State) -> str:
     """Return what the distributions show in words."""
     values = outcome.measures.set_index(["condition", "measure"])["value"]
-    line = "" if state.alike else "; the lines are the baseline"
-    edited = "" if state.alike else f", edited {values['manipulation', 'median_ms']:.0f} ms"
+    line = "" if state.alike else "; the lines are the control"
+    other = "" if state.alike else f", manipulation {values['manipulation', 'median_ms']:.0f} ms"
     return (
-        f"Correct responses are above the axis and errors below it{line}. Median: baseline "
-        f"{values['control', 'median_ms']:.0f} ms{edited}."
+        f"Correct responses are above the axis and errors below it{line}. Median: control "
+        f"{values['control', 'median_ms']:.0f} ms{other}."
     )
 
 
 def _said(outcome: Outcome, state: State) -> str:
     """Return accuracy and mean time of both conditions in words."""
     values = outcome.measures.set_index(["condition", "measure"])["value"]
-    both = {"control": "baseline", "manipulation": "edited"}
     parts = [
-        f"{both[name]}: accuracy {values[name, 'accuracy']:.3f}, mean time "
+        f"{name}: accuracy {values[name, 'accuracy']:.3f}, mean time "
         f"{values[name, 'mean_ms']:.0f} ms, {values[name, 'missed']:.1%} missed"
-        for name in [*both][: 1 if state.alike else 2]
+        for name in CONDITIONS[: 1 if state.alike else 2]
     ]
     return f"{outcome.given.evidence.trials} trials; {'; '.join(parts)}."
+
+
+def _loops(state: State) -> str:
+    """Return whether each circuit oscillates at rest, as a table in HTML."""
+    both = [_rhythm(state.control)] + ([] if state.alike else [_rhythm(state.circuit)])
+    head = ("At rest", CONTROL, MANIPULATION)[: 1 + len(both)]
+    about = "Largest amplification of fluctuations by feedback loops, from 1 to 100 Hz"
+    labels = {"Oscillates": "Whether the fixed point is unstable", "Loops amplify noise": about}
+    rows = [(label, labels[label], [one[k] for one in both]) for k, label in enumerate(labels)]
+    return table_of(head, rows)
+
+
+@lru_cache(maxsize=8)
+def _rhythm(circuit: Circuit) -> tuple[str, str]:
+    """Return whether a circuit oscillates at rest, and how far its loops amplify fluctuations."""
+    try:
+        amplified, hz = ringing(circuit.steady)
+    except ValueError as error:
+        return "unknown", escape(str(error))
+    if np.isinf(amplified):
+        return f"yes, at {hz:.0f} Hz", "without bound"
+    return "no", "not at all" if amplified <= 1 else f"{amplified:.1f}-fold, at {hz:.0f} Hz"
 
 
 def _rows(state: State) -> str:

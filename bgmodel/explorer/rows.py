@@ -49,16 +49,16 @@ def _text(value: object) -> str:
 
 
 def table(state: State, name: str) -> str:
-    """Return the fields of a row as an HTML table, those that differ from the baseline marked."""
+    """Return the fields of a row as an HTML table, those that differ from the control marked."""
     row = state.circuit.row(name)
-    known = state.baseline
+    known = state.control
     before = values(known.row(name)) if name in known else {}
     lines = []
     for field, value in values(row).items():
         old = before.get(field)
         if old == value and value in ("", "0", "1", "False"):
             continue
-        mark = "" if old == value else f" <em>(baseline: {escape(old or 'none')})</em>"
+        mark = "" if old == value else f" <em>(control: {escape(old or 'none')})</em>"
         lines.append(f'<tr><th scope="row">{escape(field)}</th><td>{escape(value)}{mark}</td></tr>')
     return f"<table><tbody>{''.join(lines)}</tbody></table>"
 
@@ -71,8 +71,10 @@ def amount(state: State, verb: str, name: str) -> float:
     return float(edit.value) * (1 if QUICK[verb] == FACTOR else 100)
 
 
-def with_amount(state: State, verb: str, name: str, number: float) -> State:
-    """Return the state after a lesion, a cut or a scaling of a row; none at 0 % or a factor of 1.
+def with_amount(state: State, verb: str, name: str, number: float | None) -> State:
+    """Return the state after a lesion, a cut or a scaling of a row.
+
+    There is none at 0 %, at a factor of 1, or at None, an empty field.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def with_amount(state: State, verb: str, name: str, number: float) -> State:
         As for the line that it writes.
     """
     factor = QUICK[verb] == FACTOR
-    if number == (1 if factor else 0):
+    if number is None or number == (1 if factor else 0):
         edit = _of(state, verb, name)
         return state if edit is None else state.without(edit.text)
     return state.edited(f"{verb} {name} {number:.12g}{'' if factor else '%'}")
@@ -98,9 +100,9 @@ def dopamine(state: State) -> float:
     return float(found[0].value) if found else 1.0
 
 
-def with_dopamine(state: State, level: float) -> State:
-    """Return the state at a level of dopamine; at 1 without an edit of it."""
-    if level == 1:
+def with_dopamine(state: State, level: float | None) -> State:
+    """Return the state at a level of dopamine; at 1, and at None, without an edit of it."""
+    if level is None or level == 1:
         return state.without(*(edit.text for edit in state.edits.of("dopamine")))
     return state.edited(f"dopamine {level:.12g}")
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
-from bgmodel.explorer.panels import Memory, Panel, panels
+from bgmodel.explorer.html import Panel
+from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.ranking import ranked
 from bgmodel.explorer.state import State
 from bgmodel.support import progress
 
@@ -44,7 +47,8 @@ class Runs:
         self.memory = Memory() if memory is None else memory
         self._deliver, self._ended, self._workers = deliver, ended, workers
         self._wanted: State | None = None
-        self._stopped = False
+        self._to_rank: State | None = None
+        self._stopped = self._cancelled = False
         self._change = threading.Condition()
         self._thread = threading.Thread(target=self._loop, name="explorer", daemon=True)
         self._thread.start()
@@ -52,8 +56,19 @@ class Runs:
     def show(self, state: State) -> None:
         """Compute the panels of a state; what is being computed for an older one is cancelled."""
         with self._change:
-            self._wanted = state
+            self._wanted, self._to_rank = state, None
             self._change.notify()
+
+    def rank(self, state: State) -> None:
+        """Rank the losses of a state, once its panels are computed."""
+        with self._change:
+            self._to_rank = state
+            self._change.notify()
+
+    def cancel(self) -> None:
+        """End the ranking."""
+        with self._change:
+            self._to_rank, self._cancelled = None, True
 
     def stop(self, *, wait: bool = False) -> None:
         """Cancel what is being computed, and end the thread; if asked to, wait for its end."""
@@ -64,29 +79,45 @@ class Runs:
             self._thread.join()
 
     def _loop(self) -> None:
-        while (state := self._next()) is not None:
-            try:
-                self._run(state)
-            except Superseded:
-                continue
+        while (job := self._next()) is not None:
+            with suppress(Superseded):
+                self._run(*job)
 
-    def _next(self) -> State | None:
-        """Wait for a state; None at the end."""
+    def _next(self) -> tuple[State, bool] | None:
+        """Wait for a state, and return it and whether to rank its losses; None at the end."""
         with self._change:
-            while self._wanted is None and not self._stopped:
+            while self._wanted is None and self._to_rank is None and not self._stopped:
                 self._change.wait()
-            state, self._wanted = self._wanted, None
-            return None if self._stopped else state
+            self._cancelled = False
+            if self._stopped:
+                return None
+            if (state := self._wanted) is not None:
+                self._wanted = None
+                return state, False
+            state, self._to_rank = self._to_rank, None
+            return None if state is None else (state, True)
 
     def _check(self, _: int = 0) -> None:
         """End the run if it is no longer wanted; engines call it after each batch of trials."""
         if self._wanted is not None or self._stopped:
             raise Superseded
 
-    def _run(self, state: State) -> None:
-        with progress.shown_by(self._check):
-            for panel in panels(state, self.memory, workers=self._workers):
-                self._check()
+    def _check_ranking(self, _: int = 0) -> None:
+        """End the ranking if it was cancelled, as well."""
+        self._check()
+        if self._cancelled:
+            raise Superseded
+
+    def _panels(self, state: State, rank: bool) -> Iterator[Panel]:
+        if rank:
+            return ranked(state, workers=self._workers)
+        return panels(state, self.memory, workers=self._workers)
+
+    def _run(self, state: State, rank: bool) -> None:
+        check = self._check_ranking if rank else self._check
+        with progress.shown_by(check):
+            for panel in self._panels(state, rank):
+                check()
                 self._deliver(panel)
         self._ended(state)
         # Figures refer to themselves: until Python looks for such rings, memory would grow.

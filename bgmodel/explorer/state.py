@@ -48,7 +48,7 @@ QUERY = "state"
 
 @dataclass(frozen=True)
 class State:
-    """A baseline (the control), an edited circuit (the manipulation), their task, and one trial.
+    """A control, a manipulation (the edited circuit), their task, and one trial.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class State:
 
     @property
     def edits(self) -> Edits:
-        """The edits of the edited circuit, in addition to those of the baseline."""
+        """The edits of the edited circuit, in addition to those of the control."""
         return self.experiment.manipulation.edits
 
     def edited(self, *lines: str) -> State:
@@ -98,8 +98,8 @@ class State:
         changes = replace(self.experiment.manipulation, edits=edits)
         return self._with(manipulation=changes, **self._unnamed())
 
-    def as_baseline(self) -> State:
-        """Return the state whose baseline is the edited circuit, to which further edits add."""
+    def as_control(self) -> State:
+        """Return the state whose control is the edited circuit, to which further edits add."""
         edits = self.edits
         return self._with(control=replace(self.experiment.control, edits=edits), **self._unnamed())
 
@@ -166,7 +166,7 @@ class State:
     # ---- what it is about
 
     @cached_property
-    def baseline(self) -> Circuit:
+    def control(self) -> Circuit:
         """The circuit of the control."""
         return self.experiment.conditions[0].edited
 
@@ -183,7 +183,7 @@ class State:
     @cached_property
     def key(self) -> str:
         """SHA-256 of all of the state, the circuits' numbers included."""
-        own = f"{self.trial} {digest(self.baseline)} {self.digest} {self.experiment.to_toml()}"
+        own = f"{self.trial} {digest(self.control)} {self.digest} {self.experiment.to_toml()}"
         return hashlib.sha256(own.encode()).hexdigest()
 
     @cached_property
@@ -191,7 +191,7 @@ class State:
         """Whether both conditions are the same."""
         control, manipulation = self.experiment.conditions
         same = control.threshold_nats == manipulation.threshold_nats
-        return same and self.baseline == self.circuit
+        return same and self.control == self.circuit
 
     def check(self) -> None:
         """Raise ValueError for what can be refused before a run, as ``bgmodel experiment`` does."""

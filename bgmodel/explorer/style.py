@@ -9,7 +9,11 @@ thead th { border-bottom: 1.5px solid #1b1b1b; }
 tbody th { font-weight: 500; }
 small { display: block; color: #444; font-size: 11.5px; white-space: nowrap; }
 em { color: #7a3b00; font-style: normal; }
-.scroll { overflow-x: auto; }
+.wide { overflow-x: auto; }
+.scroll { overflow: auto; max-height: 440px; border: 1px solid #d4d7dc; padding: 0 8px; }
+.scroll table { width: max-content; }
+.scroll td { max-width: 36em; }
+.why { color: #444; font-size: 13px; }
 """
 """Tables in panels and controls."""
 PANEL = (
@@ -72,6 +76,7 @@ PAGE = """{% extends base %}
     .panels { display: flex; flex-direction: column; }
     .column { display: contents; }
     .times, .tradeoff { order: 1; }
+    .ranking { order: 2; }
     .trial { order: 2; }
     .export { order: 3; }
   }
@@ -92,10 +97,6 @@ PAGE = """{% extends base %}
       step.tabIndex = -1;
       step.setAttribute("aria-hidden", "true");
     });
-    root.querySelectorAll("[role=slider]:not([aria-label])").forEach((handle) => {
-      const title = root.querySelector(".bk-slider-title");
-      if (title) handle.setAttribute("aria-label", title.textContent.split(":")[0]);
-    });
     root.querySelectorAll("*").forEach((e) => { if (e.shadowRoot) tidy(e.shadowRoot); });
   };
   document.addEventListener("focusin", () => tidy(document));
@@ -104,22 +105,26 @@ PAGE = """{% extends base %}
 {% endblock %}
 {% block contents %}
 <a class="skip" href="#results">To the results</a>
-<a class="skip" href="#controls">To the controls</a>
+<a class="skip" href="#controls">To the settings</a>
 <header>
   <h1>bgmodel explorer</h1>
   <div class="tools">{{ embed(roots.tools) }}</div>
   <div class="status">{{ embed(roots.status) }}</div>
-  <a class="jump" href="#controls">To the controls</a>
+  <a class="jump" href="#controls">To the settings</a>
 </header>
 <div class="page">
-  <aside id="controls" aria-label="Controls">
+  <aside id="controls" aria-label="Settings">
     <details open><summary>Open</summary>{{ embed(roots.open) }}</details>
     <details open><summary>Edits of the circuit</summary>
-      <p class="hint">Edits add up. Results compare all of them with the baseline.</p>
+      <p class="hint">Edits add up. Together they are the manipulation, which is compared with the
+        control.</p>
       {{ embed(roots.edits) }}</details>
     <details open><summary>A row of the circuit</summary>{{ embed(roots.row) }}</details>
     <details><summary>Add a pathway</summary>{{ embed(roots.pathway) }}</details>
-    <details open><summary>Task and decision</summary>{{ embed(roots.task) }}</details>
+    <details open><summary>Task and decision</summary>
+      <p class="hint">Conflict: evidence also speaks for one wrong alternative, this many times as
+        strongly as for the true one.</p>
+      {{ embed(roots.task) }}</details>
     <details><summary>Stop signals</summary>{{ embed(roots.stop) }}</details>
   </aside>
   <main id="results" aria-label="Results">
@@ -132,6 +137,11 @@ PAGE = """{% extends base %}
           <h2>{{ titles[name] }}</h2>{{ embed(roots[name]) }}
         </section>
         {% endfor %}
+        {% if loop.first %}
+        <section class="card ranking" aria-label="Which loss slows decisions?">
+          <h2>Which loss slows decisions?</h2>{{ embed(roots.ranking) }}
+        </section>
+        {% endif %}
         {% if loop.last %}
         <section class="card export" aria-label="Take it with you">
           <h2>Take it with you</h2>{{ embed(roots.export) }}

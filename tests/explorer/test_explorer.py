@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from bgmodel.cli import main
 from bgmodel.explorer import drawing
 from bgmodel.explorer.history import History
-from bgmodel.explorer.panels import TITLES, Memory, panels
+from bgmodel.explorer.html import TITLES
+from bgmodel.explorer.panels import Memory, panels
 from bgmodel.explorer.state import MOST_TRIALS, State
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
@@ -31,7 +32,7 @@ def moved(history, step):
         elif kind == "set":
             history.go(state.with_setting(*what))
         elif kind == "baseline":
-            history.go(state.as_baseline())
+            history.go(state.as_control())
         elif kind == "remove":
             history.go(state.without(*state.edits[:1]))
         else:

@@ -15,7 +15,7 @@ def test_a_circuit_made_in_python_is_written_to_a_file_that_reads_back(tmp_path,
     monkeypatch.setattr(notebook.platformdirs, "user_cache_path", lambda _: tmp_path)
     circuit = bg.load_circuit("macaque", 3).lesion("STN", 0.1)
     state = state_of(circuit)
-    assert state.baseline == circuit
+    assert state.control == circuit
     assert state_of(circuit) == state
     assert len(list(tmp_path.rglob("*.toml"))) == 1
 

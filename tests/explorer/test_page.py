@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
+from bgmodel.explorer.html import TITLES
 from bgmodel.explorer.page import Explorer
-from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import FEW, small
 
@@ -64,7 +64,7 @@ def test_every_widget_changes_the_state_and_shows_it(explorer):
     assert controls.numbers["d_prime"].value == FEW.d_prime
     explorer.redo.clicks += 1
     assert controls.numbers["d_prime"].value == 0.7
-    assert State.from_link(explorer.link.value) == explorer.state
+    assert State.from_link(explorer.export.link.value) == explorer.state
     explorer.reset.clicks += 1
     assert explorer.state.edits == ()
 
@@ -97,28 +97,70 @@ def test_a_click_in_the_drawing_chooses_its_row(explorer):
     assert explorer.controls.row.value == "GPe->STN"
 
 
-def test_a_refusal_is_text_and_leaves_state_and_widgets(explorer):
-    before = explorer.state
-    explorer.controls.line.value = "lesion <b>STM</b>"
+def test_a_refusal_is_text_below_its_field_and_leaves_state_and_what_was_typed(explorer):
+    before, said, controls = explorer.state, explorer.refusal.pane, explorer.controls
+    controls.line.value = "lesion <b>STM</b>"
     assert explorer.state is before
-    assert "Refused" in explorer.notices.object
-    assert "<b>" not in explorer.notices.object
-    explorer.controls.numbers["d_prime"].value = -1
-    assert explorer.controls.numbers["d_prime"].value == before.experiment.task.d_prime
-    explorer.controls.file.value = "no.toml"
-    assert "can" in explorer.notices.object
+    assert "Refused" in said.object
+    assert "<b>" not in said.object
+    assert controls.line.value == "lesion <b>STM</b>"
+    assert below(explorer, "edits", controls.line) is said
+    controls.numbers["d_prime"].value = -1
+    assert controls.numbers["d_prime"].value == -1
+    assert below(explorer, "task", controls.numbers["d_prime"]) is said
+    assert said not in explorer.parts["edits"]
+    controls.file.value = "no.toml"
+    assert "can" in said.object
     assert explorer.state is before
+    controls.line.value = "lesion STN 10%"
+    assert said.object == ""
+    assert all(said not in column for column in explorer.columns)
+    assert controls.numbers["d_prime"].value == before.experiment.task.d_prime
+
+
+def below(explorer, part, widget):
+    """Return what is below a widget."""
+    column = explorer.parts[part]
+    return column[1 + column.index(widget)]
+
+
+@pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
+def test_an_emptied_number_is_no_traceback(explorer, name):
+    controls = explorer.controls
+    controls.line.value = "lesion STN 10%"
+    controls.row.value = "STN"
+    found = {**controls.quick, **controls.numbers, "dopamine": controls.dopamine}[name]
+    found.value = None
+    assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
+
+
+def test_losses_are_ranked_and_the_ranking_of_an_earlier_state_is_dimmed(explorer):
+    shown(explorer)
+    explorer.ranking.begin.clicks += 1
+    assert explorer.ranking.begin.disabled
+    ends = time.monotonic() + WAIT_S
+    while explorer.ranking.begin.disabled:
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    assert "lesion STN 10%" in explorer.ranking.table.object
+    assert explorer.state.digest in explorer.ranking.table.object
+    before = explorer.state.digest
+    explorer.controls.line.value = "lesion STN 5%"
+    assert explorer.ranking.table.css_classes == ["busy"]
+    assert before in explorer.ranking.table.object
+    explorer.undo.clicks += 1
+    assert explorer.ranking.table.css_classes == []
 
 
 def test_a_file_that_is_shown_as_text_can_be_edited_there(explorer):
-    explorer.toml.value = explorer.toml.value.replace(
+    explorer.export.toml.value = explorer.export.toml.value.replace(
         "trials = 120", "trials = 120\nd_prime = 0.9"
     ).replace("d_prime = 1.0\n", "")
-    explorer.apply.clicks += 1
+    explorer.export.apply.clicks += 1
     assert explorer.state.experiment.task.d_prime == 0.9
-    explorer.toml.value = "name = 3\n= x"
-    explorer.apply.clicks += 1
-    assert "is not TOML" in explorer.notices.object
+    explorer.export.toml.value = "name = 3\n= x"
+    explorer.export.apply.clicks += 1
+    assert "is not TOML" in explorer.refusal.pane.object
 
 
 def test_panels_are_dimmed_until_they_show_the_new_state(explorer):
@@ -134,12 +176,12 @@ def test_panels_are_dimmed_until_they_show_the_new_state(explorer):
 
 def test_trials_are_saved_with_both_conditions(explorer):
     explorer.controls.line.value = "lesion STN 5%"
-    table = explorer._csv("trials").read().decode().splitlines()
+    table = explorer.export.csv("trials").read().decode().splitlines()
     assert len(table) == 1 + 2 * explorer.state.experiment.trials
     assert "condition" in table[0]
 
 
 def test_the_layouts_of_page_and_notebook_have_every_panel(explorer):
-    assert set(TITLES) <= set(explorer.parts())
+    assert set(TITLES) <= set(explorer.parts)
     assert explorer.layout() is not None
     assert explorer.template() is not None

@@ -39,8 +39,8 @@ def test_a_table_marks_what_differs_and_takes_names_as_text():
     state = small("macaque", "algebra", "set STN.cite <b>mine</b>")
     found = rows.table(state, "STN")
     assert "<b>" not in found
-    assert "baseline:" in found
-    assert "baseline:" not in rows.table(small(), "STN")
-    assert "baseline: none" in rows.table(
+    assert "control:" in found
+    assert "control:" not in rows.table(small(), "STN")
+    assert "control: none" in rows.table(
         small().edited(rows.new_pathway("D1", "GPe", -0.1, 4)), "D1->GPe"
     )

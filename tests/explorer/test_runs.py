@@ -6,7 +6,7 @@ import time
 import pytest
 
 from bgmodel.explorer import runs as module
-from bgmodel.explorer.panels import TITLES
+from bgmodel.explorer.html import TITLES
 from bgmodel.explorer.runs import Runs
 from bgmodel.support import progress
 from tests.explorer.helpers import small

@@ -111,7 +111,7 @@ def test_a_link_that_is_refused_leaves_the_first_state(served):
     status, _, _ = answer(served, f"/?{urlsplit(served.address).query}&state=abc")
     assert status == 200
     explorer = served.explorers[-1]
-    assert "the link has no whole state" in explorer.notices.object
+    assert "the link has no whole state" in explorer.refusal.pane.object
     assert explorer.state == explorer.history.first
 
 

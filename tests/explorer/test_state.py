@@ -74,11 +74,11 @@ def test_a_threshold_takes_the_place_of_a_posterior_and_the_reverse():
     assert state.with_setting("posterior", 0.8).experiment.threshold is None
 
 
-def test_the_edited_circuit_becomes_the_baseline():
-    state = small("macaque", "algebra", "lesion STN 10%").as_baseline()
+def test_the_edited_circuit_becomes_the_control():
+    state = small("macaque", "algebra", "lesion STN 10%").as_control()
     assert state.alike
     more = state.edited("dopamine 0.9")
-    assert more.baseline == state.circuit
+    assert more.control == state.circuit
     assert not more.alike
 
 
