@@ -60,6 +60,12 @@ class Page(pn.Template):
         """Return its kind."""
         return "Page"
 
+    def server_doc(self, doc: Any = None, title: str | None = None, location: Any = True) -> Any:
+        """Add the page to a document, whose models are listed once instead of for every part."""
+        doc = doc or pn.state.curdoc
+        with doc.models.freeze():
+            return super().server_doc(doc, title, location)
+
 
 class Refusal:
     """Why the last change was refused: a sentence below the field in which it was typed."""

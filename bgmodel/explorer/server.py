@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import hmac
-import secrets
-import socket
-import sys
 import threading
 import warnings
-import webbrowser
 from contextlib import suppress
 from typing import Any
 
@@ -19,11 +15,9 @@ from tornado.web import HTTPError
 from bgmodel.explorer.page import Explorer
 from bgmodel.explorer.panels import Memory, kept_warnings
 from bgmodel.explorer.state import QUERY, State
-from circuits.errors import BgmodelWarning, InputError, require
+from bgmodel.support.entry import HOST, TOKEN, Entry
+from circuits.errors import BgmodelWarning
 
-HOST = "127.0.0.1"
-PORT = 5006
-TOKEN = "token"
 CHECK_MS, UNUSED_MS = 5_000, 60_000
 """How often closed tabs are looked for, and how long a tab may take to open, ms: a page that is not
 connected by then is taken for closed."""
@@ -66,25 +60,6 @@ class Token(AuthProvider):
         return hmac.compare_digest(given.encode(), self._token.encode())
 
 
-def free_port(wanted: int) -> int:
-    """Return a port to serve on: the wanted one, or any free one for 0.
-
-    Raises
-    ------
-    ValueError
-        If it is no port, or in use.
-    """
-    require(0 <= wanted < 65536, "port", "must be within 0..65535", wanted)
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, wanted))
-        except OSError:
-            said = f"port {wanted} is in use: give another one, or 0 for any that is free"
-            raise InputError(said, "port", wanted) from None
-        return int(probe.getsockname()[1])
-
-
 class Served:
     """A server of one state; each tab that opens its address has an explorer.
 
@@ -92,37 +67,27 @@ class Served:
     ----------
     state : State
         The first state of every tab.
-    port : int
-        The port; 0 for any that is free.
+    entry : Entry
+        The port that listens, and the secret.
     """
 
-    def __init__(self, state: State, port: int = PORT) -> None:
+    def __init__(self, state: State, entry: Entry) -> None:
         state.check()
-        self.port, self.token = free_port(port), secrets.token_urlsafe(24)
+        self.entry = entry
         self.explorers: list[Explorer] = []
         self._state, self._memory = state, Memory()
         self._server = pn.io.server.get_server(
             {"/": self._page},
-            port=self.port,
+            port=0,
             address=HOST,
-            websocket_origin=[f"{HOST}:{self.port}", f"localhost:{self.port}"],
+            websocket_origin=[f"{HOST}:{entry.port}", f"localhost:{entry.port}"],
             title="bgmodel explorer",
-            auth_provider=Token(self.token, self.port),
+            auth_provider=Token(entry.token, entry.port),
             start=False,
             show=False,
             check_unused_sessions_milliseconds=CHECK_MS,
             unused_session_lifetime_milliseconds=UNUSED_MS,
         )
-
-    @property
-    def root(self) -> str:
-        """The address without the token."""
-        return f"http://{HOST}:{self.port}/"
-
-    @property
-    def address(self) -> str:
-        """The address to open, with the token."""
-        return f"{self.root}?{TOKEN}={self.token}"
 
     def _page(self) -> Any:
         """Return the page of a new tab."""
@@ -138,7 +103,7 @@ class Served:
                 state, said = self._state, str(error)
         # The first tab finds what was computed while the browser started.
         memory, self._memory = self._memory, Memory()
-        explorer = Explorer(state, self.root, doc.add_next_tick_callback, memory)
+        explorer = Explorer(state, self.entry.root, doc.add_next_tick_callback, memory)
         if said:
             explorer.refuse(said)
         self.explorers.append(explorer)
@@ -150,21 +115,11 @@ class Served:
         pn.state.on_session_destroyed(closed)
         return explorer.template()
 
-    def run(self, *, browser: bool) -> None:
-        """Serve until the command is interrupted.
-
-        Parameters
-        ----------
-        browser : bool
-            Whether to open the page in the browser.
-        """
+    def run(self) -> None:
+        """Serve until the command is interrupted."""
         warnings.simplefilter("ignore", BgmodelWarning)  # the page shows them
         self.start()
-        print(f"bgmodel explorer: {self.address}", flush=True)
-        print("It is for this machine only; Ctrl-C ends it.", file=sys.stderr, flush=True)
         threading.Thread(target=self.compute, args=(self._memory,), daemon=True).start()
-        if browser:
-            threading.Thread(target=self._open, daemon=True).start()
         try:
             self.loop.start()
         finally:
@@ -176,8 +131,10 @@ class Served:
         return self._server.io_loop
 
     def start(self) -> None:
-        """Listen; answers are given once the loop runs."""
+        """Take the connections of the entry; answers are given once the loop runs."""
         self._server.start()
+        # Bokeh's server makes its own sockets: it listens on one more port, with the same token.
+        self._server._http.add_socket(self.entry.listener)
 
     def end(self) -> None:
         """End the server and its loop."""
@@ -200,7 +157,3 @@ class Served:
         with suppress(ValueError), kept_warnings():
             given = memory.given(self._state)
             self._state.experiment.run(workers=2, given=given, kept=memory.conditions)
-
-    def _open(self) -> None:
-        if not webbrowser.open(self.address):
-            print("bgmodel: no browser was found: open the address above", file=sys.stderr)
