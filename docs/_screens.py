@@ -64,6 +64,10 @@ def lesions(page: Page) -> None:
     again(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
     panel(page, "lesion_d1", "Behaviour")
+    again(page)
+    page.get_by_role("button", name="Rank losses of 10 %").click()
+    page.get_by_text("Each loss alone").wait_for()
+    panel(page, "ranking", "Which loss slows decisions?")
 
 
 def conflict(page: Page) -> None:
@@ -72,7 +76,7 @@ def conflict(page: Page) -> None:
     enter(page, "Conflict (0 none, below 1)", "0.7")
     enter(page, "New edit (then Enter)", "lesion STN 5%")
     panel(page, "conflict_stn", "Behaviour")
-    page.get_by_role("button", name="Use the edited circuit as the baseline").click()
+    page.get_by_role("button", name="Use the edited circuit as the control").click()
     settled(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
     saved(page, "conflict", 0, 780)
@@ -82,7 +86,7 @@ def dopamine(page: Page) -> None:
     """Take the warning of an oscillation, and a trial that has it."""
     again(page)
     enter(page, "New edit (then Enter)", "dopamine 0.1")
-    saved(page, "dopamine", 360, 420)
+    saved(page, "dopamine", 360, 760)
     panel(page, "dopamine_trial", "One trial in spikes")
 
 

@@ -71,7 +71,8 @@ class Refusal:
     """Why the last change was refused: a sentence below the field in which it was typed."""
 
     def __init__(self) -> None:
-        self.pane = pn.pane.HTML("", stylesheets=[NOTICE], margin=(0, 10))
+        narrow = ":host { width: calc(100% - 20px); }"
+        self.pane = pn.pane.HTML("", stylesheets=[NOTICE, narrow], margin=(0, 10))
         self._column: Any = None
 
     def show(self, sentence: str, widget: Any, columns: list[Any]) -> None:
