@@ -71,3 +71,31 @@ def test_a_closed_page_ends_its_run(started, monkeypatch):
     runs.stop()
     runs._thread.join(20)
     assert not runs._thread.is_alive()
+
+
+def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, monkeypatch):
+    begun, over, panels = threading.Event(), threading.Event(), []
+    state = small()
+
+    def endless(state, workers):
+        begun.set()
+        while True:
+            progress.advance(1)
+            time.sleep(0.001)
+        yield
+
+    def ended(_):
+        over.set()
+
+    monkeypatch.setattr(module, "ranked", endless)
+    runs = started(panels.append, ended)
+    runs.show(state)
+    runs.rank(state)
+    assert begun.wait(60)
+    assert over.is_set()
+    assert {panel.name for panel in panels} == set(TITLES)
+    runs.cancel()
+    over.clear()
+    runs.show(state)
+    assert over.wait(60)
+    assert len(panels) == 2 * len(TITLES)
