@@ -65,6 +65,7 @@ class Explorer:
         self._address, self._later = address, later or (lambda call: call())
         self.shown: dict[str, Panel] = {}
         self.controls = Controls(self.change)
+        self._make_buttons()
         self._make_widgets()
         self.parts = self._make_parts()
         self.runs = Runs(
@@ -106,7 +107,7 @@ class Explorer:
 
     # ---- widgets
 
-    def _make_widgets(self) -> None:
+    def _make_buttons(self) -> None:
         self.undo = pn.widgets.Button(name="Undo", width=70)
         self.redo = pn.widgets.Button(name="Redo", width=70)
         self.reset = pn.widgets.Button(name="Reset", width=70)
@@ -118,6 +119,8 @@ class Explorer:
             button.on_click(lambda _, move=move: self._step(move))
         self.control = pn.widgets.Button(name="Use the edited circuit as the control")
         self.control.on_click(lambda _: self.change(State.as_control, self.control))
+
+    def _make_widgets(self) -> None:
         self.status = pn.pane.HTML("", stylesheets=[NOTICE])
         self.notices = pn.pane.HTML("", stylesheets=[NOTICE], margin=0)
         self.refusal = Refusal()
