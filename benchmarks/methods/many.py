@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import Model
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.optimum import Likelihood, Optimum, likelihood_of, optimum, starts_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.choices import Choices
 
@@ -21,7 +23,7 @@ def person(
     trials: int,
     seed: int,
     *,
-    seconds: float = 4.0,
+    seconds: float = 3.0,
     **values: float,
 ) -> Choices:
     """Return trials drawn from a model, the same number at each strength.
@@ -37,7 +39,7 @@ def person(
     trials, seed : int
         Trials at each strength, and the seed.
     seconds : float, s
-        Latest response.
+        Deadline.
     **values : float
         Parameters of the model; those of responses are ``RESPONSE`` by default.
     """
@@ -48,14 +50,22 @@ def person(
     density = responded(decided, grid, **own, alternatives=alternatives)
     rng = stream(seed, "person")
     below = density.reshape(len(strength), -1).cumsum(axis=1)
-    places = [np.searchsorted(each, each[-1] * rng.random(trials)) for each in below]
-    response, bins = np.divmod(np.concatenate(places), grid.bins)
-    count = len(bins)
+    below *= BIN_S
+    place = np.concatenate([np.searchsorted(each, rng.random(trials)) for each in below])
+    missed, count = place >= 2 * grid.bins, len(place)
+    response, bins = np.divmod(place, grid.bins)
     return Choices(
         np.full(count, "all"),
-        (bins + rng.random(count)) * BIN_S,
-        response.astype(np.int8),
+        np.where(missed, np.nan, (bins + rng.random(count)) * BIN_S),
+        np.where(missed, -1, response).astype(np.int8),
         np.repeat(strength, trials) if len(strength) > 1 else None,
         pd.DataFrame(index=range(count)),
+        seconds,
         alternatives=alternatives,
     )
+
+
+def fitted(choices: Choices, model: Model) -> tuple[Likelihood, Optimum]:
+    """Return the likelihood of a person's trials under a model, and its maximum."""
+    likelihood = likelihood_of(model, design_of(choices))
+    return likelihood, optimum(likelihood, starts=starts_of(likelihood)[:1])

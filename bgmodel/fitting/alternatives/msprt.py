@@ -71,6 +71,23 @@ def passages(alternatives: int, drift: float, trials: int, seed: int) -> npt.NDA
     return counts
 
 
+@lru_cache(maxsize=128)
+def below(
+    alternatives: int, drift: float, trials: int, seed: int, parts: tuple[bool, ...]
+) -> Array:
+    """Return the probability of both decisions by the ends of steps, from some parts of the paths.
+
+    Returns
+    -------
+    array (thresholds, 2, steps + 1)
+        Arguments as for ``passages``.
+    """
+    counts = passages(alternatives, drift, trials, seed)[list(parts)].sum(axis=0)
+    # Trial k belongs to part k % PARTS: the first ones may have one more.
+    share = np.bincount(np.arange(trials) % PARTS)[list(parts)].sum()
+    return np.pad(counts.cumsum(axis=2) / share, ((0, 0), (0, 0), (1, 0)))
+
+
 @dataclass(frozen=True)
 class MsprtModel:
     """The multihypothesis sequential probability ratio test in continuous time, simulated.
@@ -120,16 +137,12 @@ class MsprtModel:
 
     def _below(self, drift: float, nats: float) -> Array:
         """Return the probability of both decisions by the ends of steps, (2, steps + 1)."""
-        counts = passages(self.alternatives, drift, PATHS * self.trials, self.seed)
+        parts = tuple(self._parts.tolist())
+        known = below(self.alternatives, drift, PATHS * self.trials, self.seed, parts)
         odds = odds_of(self.alternatives)
         place = float(np.interp(log_odds(nats), odds, np.arange(LEVELS)))
         rows = interpolated(place, LEVELS)
-        mass = np.sum(
-            [weight * counts[self._parts, row].sum(axis=0) for row, weight in rows], axis=0
-        )
-        # Trial k belongs to part k % PARTS: the first ones may have one more.
-        trials = np.bincount(np.arange(PATHS * self.trials) % PARTS)[self._parts].sum()
-        return np.pad(mass.cumsum(axis=1) / trials, ((0, 0), (1, 0)))
+        return np.asarray(np.sum([weight * known[row] for row, weight in rows], axis=0))
 
     def halves(self) -> tuple[MsprtModel, MsprtModel]:
         """Return the model with one half of its paths, and with the other half."""

@@ -18,6 +18,7 @@ def design(model, alternatives, trials, seed=5, strengths=(1.0,)):
 def table(model, alternatives, trials, seed=5, strengths=(1.0,), **values):
     """Return trials as a user's table, with names of responses and of the correct ones."""
     some = person(model, alternatives, list(strengths), trials, seed, **{**TRUTH, **values})
+    some = some.where(some.response >= 0)
     rng = np.random.default_rng(seed)
     right = rng.integers(alternatives, size=some.trials)
     wrong = (right + rng.integers(1, alternatives, size=some.trials)) % alternatives
