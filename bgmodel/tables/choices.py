@@ -123,8 +123,9 @@ class Choices(Facts):
         The correct side is that of the strength; without strengths, and with more than two
         alternatives, it is response 1.
         """
-        unsigned = self.strength is None or self.alternatives > 2
-        side = np.ones(self.trials) if unsigned else np.sign(self.strength)
+        side = np.ones(self.trials)
+        if self.strength is not None and self.alternatives == 2:
+            side = np.sign(self.strength)
         right = (self.response == 1) == (side > 0)
         return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
 
