@@ -39,6 +39,7 @@ PARSED = {
     "bgmodel decide decisions.csv --taps": "there is no table of decoded taps",
     "bgmodel simulate": "it solves contacts for minutes; a test of the command does less",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
+    "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
     "bgmodel decode": "there is no decoder where nothing was trained",
     "bgmodel figures": "figures take an hour",

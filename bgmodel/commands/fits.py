@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
-from bgmodel.commands.known_fits import fit_known_evidence
+from bgmodel.commands.known_fits import DEFAULT_MODELS, fit_known_evidence
 from bgmodel.commands.stop_fits import fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 EVIDENCE_ONLY = ("step_ms", "forced", "runs")
 """Options that need --evidence."""
+MANY_MODELS = ("msprt", "macaque")
+"""Default models of more than two alternatives."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,10 @@ class FitRun(FitSettings, Shows):
     """Name of a shipped set, or a .csv, .tsv or .parquet file."""
     folder: Positional[Path | None] = None
     """Folder for results; by default fits/ and the name of the data."""
-    models: tuple[str, ...] = ("constant_gap", "macaque")
-    """Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap, or a circuit, by its name or
-    as a .toml file."""
+    models: tuple[str, ...] = DEFAULT_MODELS
+    """Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
+    race, lca (two or more), or a circuit, by its name or as a .toml file. With more than two
+    alternatives the default is msprt and macaque."""
     draws: bool = False
     """Sample from the posterior too: adds 90 % credible intervals."""
     hierarchical: bool = False
@@ -116,8 +119,9 @@ class FitRun(FitSettings, Shows):
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = self.people(choices)
         designs = {who: self.design(some) for who, some in people}
-        seconds, stored = seconds_of(designs.values()), folder / "stored"
-        models = {each: self.model(each, seconds=seconds, folder=stored) for each in self.models}
+        more: dict[str, Any] = {"folder": folder / "stored", "alternatives": choices.alternatives}
+        more["seconds"] = seconds_of(designs.values())
+        models = {each: self.model(each, **more) for each in self._models(choices.alternatives)}
         for lacking in self.check_parameters(models):
             say(lacking)
         if self.hierarchical:
@@ -144,6 +148,10 @@ class FitRun(FitSettings, Shows):
         self.show("\n" + parameters.round(4).to_string(index=False), parameters)
         self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
+    def _models(self, alternatives: int) -> tuple[str, ...]:
+        """Return the models to fit; by default those for a number of alternatives."""
+        return MANY_MODELS if alternatives > 2 and self.models == DEFAULT_MODELS else self.models
+
     def _check_needs_evidence(self) -> None:
         """Raise ValueError for an option of known evidence without any."""
         for name in EVIDENCE_ONLY:
@@ -156,8 +164,9 @@ class FitRun(FitSettings, Shows):
                "hierarchical", "compare", "evidence", *EVIDENCE_ONLY, *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
-        if not self.formula:
-            del said["formula"]  # so that tables of earlier versions can be added to
+        for name in ("formula", "alternatives", "stimulus"):
+            if not said[name]:
+                del said[name]  # so that tables of earlier versions can be added to
         if self.rt_window is not None:
             # As text, since JSON has no infinity.
             said["rt_window"] = [f"{time:g}" for time in self.rt_window]

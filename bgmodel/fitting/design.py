@@ -153,7 +153,9 @@ def _laid(
         return replace(rest, left_out=int((~inside).sum()))
     longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S
     grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
-    observed = Observed(cell, response, choices.rt_s, grid, deadline_s, window)
+    observed = Observed(
+        cell, response, choices.rt_s, grid, deadline_s, window, choices.alternatives
+    )
     columns = [*by, *([FAVOURS] if sides else [])]
     conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(columns)}
     return Design(np.array([cell[0] for cell in cells]), conditions, observed, who=name_of(choices))

@@ -53,7 +53,8 @@ class Likelihood:
         grid = self.design.grid
         decided = self.model.decided(values, self.design.strength, grid)
         response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
-        return responded(decided, grid, **response)
+        alternatives = self.design.observed.alternatives
+        return responded(decided, grid, **response, alternatives=alternatives)
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats."""

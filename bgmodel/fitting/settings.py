@@ -49,6 +49,11 @@ class FitSettings:
     """Column of participants, if it is not called participant_id."""
     rt_unit: str = "s"
     """Unit of response times in the table: s or ms."""
+    alternatives: int | None = None
+    """Number of alternatives, if there are more than two and the table does not name them."""
+    stimulus: str | None = None
+    """Column of the correct alternative, in the words of the responses, which are then coded as
+    correct or wrong."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; "0 inf" keeps all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
@@ -79,10 +84,13 @@ class FitSettings:
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
+        from bgmodel.tables.alternatives import check_number
         from circuits.engines import engine_of
 
         engine_of(self.engine)
         check_flag("pooled", self.pooled)
+        if self.alternatives is not None:
+            check_number(self.alternatives)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
         check_positive(noise_nats=self.noise_nats)
@@ -119,7 +127,7 @@ class FitSettings:
         return {name: _number(*pair) for name, *pair in (_pair(h, "fix") for h in self.fix)}
 
     @property
-    def _named(self) -> tuple[str, ...]:
+    def named(self) -> tuple[str, ...]:
         """Names of ``free``, without plus signs."""
         return tuple(name.removeprefix(ADDED) for name in self.free)
 
@@ -129,7 +137,7 @@ class FitSettings:
         if any(added) and not all(added):
             must = "must have a plus before all names (in addition to the default) or before none"
             raise InputError.of("free", must, self.free)
-        named = [own(each) for each in self._named if own(each) in known]
+        named = [own(each) for each in self.named if own(each) in known]
         fixed = {own(name) for name in self.fixed}
         default = [name for name, each in known.items() if each.free and name not in fixed]
         default = default if any(added) else []
@@ -150,6 +158,8 @@ class FitSettings:
             response=self.response,
             participant_column=self.participant_column,
             rt_unit=self.rt_unit,
+            alternatives=self.alternatives,
+            stimulus=self.stimulus,
         )
 
     def people(self, choices: Choices) -> list[tuple[str, Choices]]:
@@ -163,42 +173,59 @@ class FitSettings:
         from bgmodel.fitting.design import design_of
         from bgmodel.fitting.exact.algorithms import START
 
-        sides = START.name in {*self._named, *self.varied, *self.fixed, *self.formulas}
+        sides = START.name in {*self.named, *self.varied, *self.fixed, *self.formulas}
         return design_of(
             choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )
 
     def model(
-        self, model: str | Path | Circuit, *, seconds: float = 3.0, folder: Path | None = None
+        self,
+        model: str | Path | Circuit,
+        *,
+        seconds: float = 3.0,
+        folder: Path | None = None,
+        alternatives: int | None = None,
     ) -> Model:
         """Return a model to fit.
 
         Parameters
         ----------
         model : str, path or Circuit
-            A name in ``gaps.GAPS``, or a circuit of two channels: by name, as a .toml file or a
-            Circuit.
+            A name in ``gaps.GAPS`` (two alternatives) or in ``alternatives.models.MODELS`` (any
+            number), or a circuit with a channel for each: by name, as a .toml file or a Circuit.
         seconds : float
             Length of simulated trials, s; see ``seconds_of``. The model's parameters are the same
             for any length.
         folder : path, optional
             Folder that keeps simulated trials for other fits.
+        alternatives : int, optional
+            Number of alternatives; by default that of the settings, or 2.
         """
+        from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
         from bgmodel.fitting.exact.algorithms import GapModel
         from bgmodel.fitting.exact.gaps import GAPS
-        from bgmodel.fitting.simulated.circuit import CircuitModel
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from bgmodel.integrators.basal_ganglia import checked_circuit
         from circuits.anatomy import CIRCUITS
         from circuits.declaration.table_files import is_path
 
+        number = alternatives or self.alternatives or 2
+        if number > 2:
+            named = (*self.named, *self.fixed, *self.varied, *self.formulas)
+            check_many(model, self.mechanism, named, number)
         if isinstance(model, str) and model in GAPS:
             return GapModel(GAPS[model])
+        if isinstance(model, str) and model in MODELS:
+            return MODELS[model](number, self.trials, self.seed, seconds)
         if isinstance(model, str) and model not in CIRCUITS and not is_path(model):
-            allowed = ", ".join((*GAPS, *CIRCUITS))
+            allowed = ", ".join((*GAPS, *MODELS, *CIRCUITS))
             raise InputError.of("models", f"must be of {allowed}, or .toml files", model)
-        return CircuitModel(
-            checked_circuit(model, 2),
+        circuit = checked_circuit(model, number)
+        if number > 2 and circuit.channels != number:
+            must = f"must have a channel for each of {number} alternatives"
+            raise InputError.of("circuit", must, circuit.channels)
+        return circuit_model(number)(
+            circuit,
             self.engine,
             MECHANISMS[self.mechanism],
             noise_nats=self.noise_nats,
@@ -218,7 +245,7 @@ class FitSettings:
         """
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (
-            ("free", self._named), ("fix", self.fixed), ("vary", self.varied),
+            ("free", self.named), ("fix", self.fixed), ("vary", self.varied),
             ("formula", self.formulas),
         ):  # fmt: skip
             for name in names:
@@ -228,7 +255,7 @@ class FitSettings:
         found = []
         for name, model in models.items():
             own = {each.name for each in model.parameters} | {"threshold"}
-            lacking = ", ".join(each for each in self._named if each not in own)
+            lacking = ", ".join(each for each in self.named if each not in own)
             if lacking and self.free[0].startswith(ADDED):
                 found.append(f"{name} has no {lacking} and is fitted without")
             elif lacking:
@@ -274,6 +301,10 @@ class FitSettings:
         """
         if self.pooled:
             raise InputError.of("pooled", "must be left out of a hierarchical fit", self.pooled)
+        number = max(each.observed.alternatives for each in designs.values())
+        if number > 2:
+            must = "must be 2 in a hierarchical fit: fit each person separately"
+            raise InputError.of("alternatives", must, number)
         largest = max(float(each.strength.max()) for each in designs.values())
         return {who: self.likelihood(each, model, largest) for who, each in designs.items()}
 
@@ -311,6 +342,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     response: str | None = None,
     participant_column: str | None = None,
     rt_unit: str = FitSettings.rt_unit,
+    alternatives: int | None = None,
+    stimulus: str | None = None,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
@@ -336,8 +369,9 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Name of an included data set, a .csv, .tsv or .parquet file, or a table with the columns
         participant_id, rt (s), response, and those of conditions.
     model : str, path or Circuit
-        constant_gap, falling_gap, hyperbolic_gap, weibull_gap, or a circuit of two channels: its
-        name, .toml file or Circuit.
+        constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt, race, lca
+        (two or more), or a circuit with a channel for each alternative: its name, .toml file or
+        Circuit.
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
@@ -352,6 +386,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Names of these columns, if they are not rt, response and participant_id.
     rt_unit : str
         Unit of response times in the table: s or ms.
+    alternatives, stimulus :
+        Number of alternatives, and column of the correct one; as for ``read_choices``.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
@@ -420,13 +456,15 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     asked = settings_of(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
         rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
-        rt_window=rt_window, mechanism=mechanism, engine=engine, free=free, fix=fix, vary=vary,
+        alternatives=alternatives, stimulus=stimulus, rt_window=rt_window, mechanism=mechanism,
+        engine=engine, free=free, fix=fix, vary=vary,
         formula=formula, noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
     check_flag("draws", draws)
     # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
     choices = asked.read(data)
+    number = choices.alternatives
     people = asked.people(choices)
     if len(people) > 1:
         names = ", ".join(who for who, _ in people)
@@ -437,7 +475,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         )
     design = asked.design(people[0][1])
     kept = None if folder is None else path_of(folder, "folder")
-    chosen = asked.model(model, seconds=seconds_of([design]), folder=kept)
+    chosen = asked.model(model, seconds=seconds_of([design]), folder=kept, alternatives=number)
     return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
 
 
@@ -466,7 +504,8 @@ def settings_of(
 
 
 NOT_KNOWN = {
-    "strength": None, "pooled": False, "deadline": None, "rt_window": None, "vary": None,
+    "strength": None, "pooled": False, "deadline": None, "alternatives": None, "stimulus": None,
+    "rt_window": None, "vary": None,
     "formula": (),
     "mechanism": FitSettings.mechanism, "draws": False, "noise_nats": FitSettings.noise_nats,
     "trials": FitSettings.trials, "folder": None,

@@ -44,8 +44,10 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
         level.
     """
     who = name_of(choices)
-    check_signs(choices.strength, choices.response)
-    if choices.strength is None:
+    several = choices.alternatives > 2
+    if not several:
+        check_signs(choices.strength, choices.response)
+    if choices.strength is None and not several:
         return
     above = _check_right(choices, who)
     for person in choices.people():
@@ -55,6 +57,8 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
         some = choices.where(np.isin(every.index, part.index))
         named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
         _check_right(some, who + named)
+        if several:
+            continue
         share, z = lean(some)
         if abs(z) > STANDARD_ERRORS and not biased:
             DataWarning.warn(
@@ -63,7 +67,12 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
                 "a start (free='+start', at the terminal --free +start, for a sequential test) "
                 f"models have no such bias: it affects the other parameters{_coded(some, share)}"
             )
-    if above <= CHANCE and np.isfinite(choices.correct).sum() >= ENOUGH:
+    if several and above <= CHANCE:
+        DataWarning.warn(
+            f"{who}: responses are correct no more often than by chance "
+            f"({np.nanmean(choices.correct):.0%}, {above:.1f} standard errors)"
+        )
+    elif above <= CHANCE and np.isfinite(choices.correct).sum() >= ENOUGH:
         DataWarning.warn(
             f"{who}: responses agree with the sign of the strength no more often than by chance "
             f"({np.nanmean(choices.correct):.0%}, {above:.1f} standard errors): check that it is "
@@ -95,7 +104,15 @@ def _check_right(choices: Choices, who: str) -> float:
     """
     right = choices.correct[np.isfinite(choices.correct)]
     count, trials = int(right.sum()), len(right)
-    z = (count - trials / 2) / np.sqrt(max(trials, 1) / 4)
+    chance = 1 / choices.alternatives
+    z = (count - trials * chance) / np.sqrt(max(trials, 1) * chance * (1 - chance))
+    if z < -STANDARD_ERRORS and choices.alternatives > 2:
+        raise InputError(
+            f"{who}: responses must be correct more often than by chance ({chance:.0%}), got "
+            f"{count} of {trials} ({-z:.1f} standard errors below it): check which column holds "
+            "the correct alternative (stimulus), and the number of alternatives",
+            "response",
+        )
     if z < -STANDARD_ERRORS:
         raise InputError(
             f"{who}: responses must agree with the sign of the strength more often than not, "

@@ -346,7 +346,10 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
 
 
 def warn_without_strength(
-    table: pd.DataFrame, used: Sequence[str], response: npt.NDArray[np.int8]
+    table: pd.DataFrame,
+    used: Sequence[str],
+    response: npt.NDArray[np.int8],
+    alternatives: int = 2,
 ) -> None:
     """Warn if the strength of the evidence seems to be missing.
 
@@ -362,6 +365,8 @@ def warn_without_strength(
         Columns that are used as conditions.
     response : (trials,) int8
         1, 0 or -1.
+    alternatives : int
+        Number of alternatives; with more than two, response 1 is the correct one.
     """
     found = []
     for name in table:
@@ -381,6 +386,8 @@ def warn_without_strength(
             "trials count as equally difficult. Name the column of signed strengths (strength, at "
             "the terminal --strength)"
         )
+        return
+    if alternatives > 2:
         return
     share = float((response[response >= 0] == 1).mean())
     if share < LEAST_RIGHT:

@@ -15,6 +15,7 @@ import pandas as pd
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import Problems, path_of
 from bgmodel.support.reprs import Facts, span
+from bgmodel.tables import alternatives as several
 from bgmodel.tables.cautions import (
     FIT_STOPS,
     check_deadline,
@@ -50,7 +51,7 @@ __all__ = ["Choices", "read_choices", "shipped"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Choices(Facts):
-    """Choices between two alternatives, and their times.
+    """Choices between two or more alternatives, and their times.
 
     Parameters
     ----------
@@ -59,15 +60,19 @@ class Choices(Facts):
     rt_s : (trials,) float64
         Time from onset to response, s; NaN without a response.
     response : (trials,) int8
-        1 or 0; -1 without a response.
+        1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
+        and 0 any of the wrong ones.
     strength : (trials,) float64 or None
-        Signed strength of the evidence: positive favours response 1.
+        Signed strength of the evidence: positive favours response 1. With more than two
+        alternatives it favours the correct one, and is 0 or more.
     conditions : DataFrame
         One row per trial, columns of text; possibly without columns.
     deadline_s : float or None
         Time at which a trial without a response ended, s.
     source : str
         The source: a file name, the name of a shipped set, or "a table".
+    alternatives : int
+        Number of alternatives, from 2 to 12.
 
     Attributes
     ----------
@@ -88,6 +93,7 @@ class Choices(Facts):
     conditions: pd.DataFrame
     deadline_s: float | None = None
     source: str = "a table"
+    alternatives: int = 2
     checksum: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -99,6 +105,10 @@ class Choices(Facts):
         require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
         if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
             raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
+        several.check_number(self.alternatives)
+        if self.alternatives > 2 and self.strength is not None and (self.strength < 0).any():
+            must = "must be 0 or more with more than two alternatives: it favours the correct one"
+            raise InputError.of("strength", must, float(self.strength.min()))
         object.__setattr__(self, "checksum", self._digest())
 
     @property
@@ -110,9 +120,12 @@ class Choices(Facts):
     def correct(self) -> Array:
         """Whether a response is correct, (trials,): 1, 0, or NaN if unknown.
 
-        The correct side is that of the strength; without strengths it is response 1.
+        The correct side is that of the strength; without strengths, and with more than two
+        alternatives, it is response 1.
         """
-        side = np.ones(self.trials) if self.strength is None else np.sign(self.strength)
+        side = np.ones(self.trials)
+        if self.strength is not None and self.alternatives == 2:
+            side = np.sign(self.strength)
         right = (self.response == 1) == (side > 0)
         return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
 
@@ -160,6 +173,7 @@ class Choices(Facts):
         texts = {name: self.conditions[name].tolist() for name in self.conditions}
         digest = hashlib.sha256()
         plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
+        plain += [self.alternatives] if self.alternatives > 2 else []
         digest.update(json.dumps(plain).encode())
         for values in (self.rt_s, self.response, self.strength):
             if values is not None:
@@ -181,6 +195,8 @@ def read_choices(
     response: str | None = None,
     participant_column: str | None = None,
     rt_unit: str = "s",
+    alternatives: int | None = None,
+    stimulus: str | None = None,
 ) -> Choices:
     """Read a table of choices and response times; no trial is left out.
 
@@ -213,6 +229,12 @@ def read_choices(
         Names of the columns of times, responses and participants, if they have others.
     rt_unit : str
         Unit of the times: s or ms.
+    alternatives : int, optional
+        Number of alternatives, 2 to 12, if it is more than 2 and neither a column ``alternatives``
+        nor ``stimulus`` gives it.
+    stimulus : str, optional
+        Column of the correct alternative, in the words of the responses. A response is then coded
+        1 if it is correct and 0 if it is wrong, whichever of the others it is.
 
     Returns
     -------
@@ -230,7 +252,7 @@ def read_choices(
         raise InputError.of("conditions", "must be names of columns", conditions)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     try:
-        used = [*wanted, *([] if strength is None else [strength])]
+        used = [each for each in (*wanted, strength, stimulus) if each is not None]
         check_no_stops(table)
         table = renamed(table, rt=rt, response=response, participant_column=participant_column)
         table = rows(table, used, participant)
@@ -239,7 +261,12 @@ def read_choices(
         with problems.caught():
             rt_s = times(table["rt"], rt_unit)
         with problems.caught():
-            chosen = responses(table["response"], table["rt"], upper)
+            number = several.number_of(table, alternatives, stimulus)
+            if stimulus is None:
+                chosen = responses(table["response"], table["rt"], upper)
+            else:
+                require(upper is None, "upper", "has no effect with stimulus: leave it out", upper)
+                chosen = several.correctness(table, stimulus)
         signed = None
         if strength is not None:
             with problems.caught():
@@ -264,13 +291,15 @@ def read_choices(
             pd.DataFrame(held, index=range(len(table))),
             deadline_s,
             name,
+            number,
         )
         warn_of_twins(found.participant, rt_s, chosen)
         _check_cells(found)
         _check_both_chosen(found)
-        check_signs(signed, chosen)
+        if number == 2:
+            check_signs(signed, chosen)
         if strength is None:
-            warn_without_strength(table, used, chosen)
+            warn_without_strength(table, [*used, several.COLUMN], chosen, number)
     except ValueError as error:
         raise within(name, error, "source") from None
     return found
@@ -311,8 +340,9 @@ def _check_both_chosen(choices: Choices) -> None:
         given = sorted({int(code) for code in mine} - {NO_RESPONSE})
         if len(given) < 2:
             got = f"{given[0]} only" if given else "none"
+            kinds = "both" if choices.alternatives == 2 else "correct (1) and wrong (0)"
             raise InputError(
-                f"both responses must occur, got {got} in the {len(mine)} trials of participant "
+                f"{kinds} responses must occur, got {got} in the {len(mine)} trials of participant "
                 f"{who!r}",
                 "response",
             )

@@ -324,11 +324,14 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
         If there are other values, more than two names, or ``upper`` is not among them.
     """
     require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
-    missing = np.array([_number(value) == MISSING_RT for value in rt]) | _is_missing(column)
-    names = np.array([_name(v) for v in column], dtype=object)
+    missing = silent(pd.DataFrame({"rt": rt, "response": column}))
+    names = names_of(column)
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])
-        hint = ": name the response that counts as 1 (upper, at the terminal --upper)"
+        hint = (
+            ": name the response that counts as 1 (upper, at the terminal --upper), or, with more "
+            "than two alternatives, the column of the correct one (stimulus)"
+        )
         refuse(wrong, column, "1 or 0", hint)
         upper = "1"
     else:
@@ -341,6 +344,17 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
             raise InputError.of("upper", f"must be one of {', '.join(sorted(found))}", upper)
     coded = np.where(missing, NO_RESPONSE, names == upper)
     return coded.astype(np.int8)
+
+
+def silent(table: pd.DataFrame) -> Truths:
+    """Return which rows have no response: none is given, or the time is HSSM's code for none."""
+    coded = np.array([_number(value) == MISSING_RT for value in table["rt"]])
+    return np.asarray(coded | _is_missing(table["response"]))
+
+
+def names_of(column: pd.Series) -> npt.NDArray[np.object_]:
+    """Return the names of responses, (rows,)."""
+    return np.array([_name(value) for value in column], dtype=object)
 
 
 def _is_missing(column: pd.Series) -> Truths:

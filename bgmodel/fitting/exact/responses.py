@@ -41,19 +41,30 @@ class Grid:
         return np.asarray((np.arange(self.bins) + 0.5) * BIN_S, dtype=np.float64)
 
 
-def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse: Array) -> Array:
+def responded(
+    decided: Array,
+    grid: Grid,
+    *,
+    t0_s: Array,
+    t0_sd_s: Array,
+    lapse: Array,
+    alternatives: int = 2,
+) -> Array:
     """Return the density of responses, 1/s.
 
     Parameters
     ----------
     decided : array (cells, 2, bins)
-        Probability of a decision for response 0 and 1 in each bin of the grid.
+        Probability of a decision for response 0 and 1 in each bin of the grid; with more than two
+        alternatives, 0 is any of the wrong ones.
     grid : Grid
         Grid of decisions and of responses.
     t0_s, t0_sd_s : array (cells,), s
         Mean and standard deviation of the non-decision time; Gaussian.
     lapse : array (cells,)
-        Probability of a lapse: either response, at any time of the grid.
+        Probability of a lapse: any response, at any time of the grid.
+    alternatives : int
+        Number of alternatives.
 
     Returns
     -------
@@ -64,7 +75,8 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     # Estimates from simulated trials may be negative, by less than their error.
     np.maximum(found, 0.0, out=found)
     share = lapse[:, None, None]
-    return np.asarray((1 - share) / BIN_S * found + share * 0.5 / (grid.bins * BIN_S))
+    lapsed = np.array([alternatives - 1, 1])[:, None] / alternatives
+    return np.asarray((1 - share) / BIN_S * found + share * lapsed / (grid.bins * BIN_S))
 
 
 @compiled
@@ -101,7 +113,8 @@ class Observed:
     Parameters
     ----------
     cell, response : int array (trials,)
-        Cell of the design; response 1 or 0, or -1 without a response by the deadline.
+        Cell of the design; response 1 or 0, or -1 without a response by the deadline. With more
+        than two alternatives, 1 is correct and 0 is any of the wrong ones.
     rt_s : array (trials,), s
         Response time; NaN without a response.
     grid : Grid
@@ -111,6 +124,9 @@ class Observed:
     window_s : tuple of float, s
         Earliest and latest time of a response that is fitted. Responses at other times are
         excluded, and the likelihood is conditional on that.
+    alternatives : int
+        Number of alternatives. The wrong ones are equally likely, so the probability of a wrong
+        response is that of all of them over their number.
     """
 
     cell: Integers
@@ -119,6 +135,7 @@ class Observed:
     grid: Grid
     deadline_s: float | None = None
     window_s: tuple[float, float] = EVERY_TIME
+    alternatives: int = 2
 
     @cached_property
     def _places(self) -> tuple[Integers, Array]:
@@ -134,6 +151,8 @@ class Observed:
         answer = np.maximum(self.response, 0)
         found = (1 - toward) * density[self.cell, answer, low]
         found += toward * density[self.cell, answer, low + 1]
+        if self.alternatives > 2:
+            found = np.where(self.response == 0, found / (self.alternatives - 1), found)
         missing = np.zeros(len(density))
         if self.deadline_s is not None:
             within = self.grid.middles_s < self.deadline_s

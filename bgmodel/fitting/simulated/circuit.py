@@ -53,6 +53,8 @@ THRESHOLD = "threshold_nats"
 class CircuitModel:
     """A circuit of two channels as a model of choices and times.
 
+    For more channels, see ``alternatives.circuit.ManyCircuitModel``.
+
     Parameters
     ----------
     circuit : Circuit
@@ -85,14 +87,18 @@ class CircuitModel:
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        channels = self.circuit.channels
-        require(channels == 2, "circuit", "must have two channels for a fit", channels)
+        self._check_channels()
         from circuits.declaration.table import NATS
 
         must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
         require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
         engine_of(self.engine)
         whole("trials", self.trials, PARTS)  # their parts give the simulation error
+
+    def _check_channels(self) -> None:
+        """Raise ValueError unless the circuit has two channels."""
+        channels = self.circuit.channels
+        require(channels == 2, "circuit", "must have two channels for a fit", channels)
 
     @property
     def threshold_name(self) -> str:
@@ -104,10 +110,15 @@ class CircuitModel:
         """Axes of the mechanism."""
         return self.mechanism.axes
 
+    @property
+    def lowest_log_odds(self) -> float:
+        """Log odds of the highest threshold."""
+        return LOWEST_LOG_ODDS
+
     @cached_property
     def thresholds_nats(self) -> Array:
         """Thresholds at which crossings are stored, increasing."""
-        odds = np.linspace(HIGHEST_LOG_ODDS, LOWEST_LOG_ODDS, LEVELS)
+        odds = np.linspace(HIGHEST_LOG_ODDS, self.lowest_log_odds, LEVELS)
         return np.asarray(np.log1p(np.exp(-odds)))
 
     @cached_property

@@ -1,0 +1,119 @@
+"""A circuit of N channels as a model of choices between N alternatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.fitting.alternatives.crossings import DRIFTS, ManyCrossings, simulated_many
+from bgmodel.fitting.exact.algorithms import SENSITIVITY
+from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
+from bgmodel.fitting.simulated.crossings import interpolated, log_odds
+from bgmodel.support import files
+from bgmodel.support.arrays import Array
+from bgmodel.tables.alternatives import MOST
+from circuits.errors import require
+
+
+@dataclass(frozen=True)
+class ManyCircuitModel(CircuitModel):
+    """A circuit of three or more channels; parameters as for ``CircuitModel``.
+
+    All channels but that of the correct alternative receive the same evidence. Thresholds begin
+    just above the log odds of the prior.
+    """
+
+    def _check_channels(self) -> None:
+        """Raise ValueError unless the circuit has three to twelve channels."""
+        channels = self.circuit.channels
+        require(3 <= channels <= MOST, "circuit", f"must have 3 to {MOST} channels", channels)
+
+    @property
+    def lowest_log_odds(self) -> float:
+        """Log odds of the highest threshold."""
+        return LOWEST_LOG_ODDS - float(np.log(self.circuit.channels - 1))
+
+    def identity(self) -> dict[str, object]:
+        """Return all that its predictions depend on."""
+        thresholds = self.thresholds_nats[[0, -1]].tolist()
+        channels = {"alternatives": self.circuit.channels, "drifts": list(DRIFTS)}
+        return {**super().identity(), **channels, "thresholds": [LEVELS, *thresholds]}
+
+    def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
+        """Return the probability of a wrong and of a correct decision in each bin.
+
+        See ``algorithms.Model``.
+        """
+        drift = values[SENSITIVITY.name] * strength
+        odds, levels = log_odds(values[THRESHOLD]), log_odds(self.thresholds_nats[::-1])
+        places = LEVELS - 1 - np.interp(odds, levels, np.arange(LEVELS))
+        found = np.zeros((len(strength), 2, grid.bins))
+        for cell, (place, v) in enumerate(zip(places, drift, strict=True)):
+            mass = self._crossings.decided(interpolated(float(place), LEVELS), float(v))
+            few = min(grid.bins, mass.shape[1])
+            found[cell, :, :few] = mass[:, :few]
+        return found
+
+    @cached_property
+    def _crossings(self) -> ManyCrossings:
+        """Crossings, read from the folder or simulated."""
+        if self._part_of is not None:
+            whole, parts = self._part_of
+            found: ManyCrossings = whole._crossings.part(parts)  # type: ignore[attr-defined]
+            return found
+        return self._read_many() or self._simulate_many()
+
+    def _read_many(self) -> ManyCrossings | None:
+        """Return stored crossings; None without a complete file."""
+        path = self.path(())
+        if path is None:
+            return None
+        try:
+            table = files.read_table(path)
+        except ValueError:
+            return None
+        return _of_table(table, self.thresholds_nats, self.circuit.channels)
+
+    def _simulate_many(self) -> ManyCrossings:
+        """Simulate crossings, and keep them in the folder if there is one."""
+        run = self.run((), float(self.thresholds_nats[0]))
+        options: dict[str, Any] = {"seconds": self.seconds, "trials": self.trials}
+        channels = self.circuit.channels
+        found = simulated_many(run, self.thresholds_nats, channels, **options, seed=self.seed)
+        path = self.path(())
+        if path is not None:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            files.write_table(_table(found), path, seed=self.seed, stored=self._key(()))
+        return found
+
+    def _part(self, parts: Any) -> ManyCircuitModel:
+        return replace(self, _part_of=(self, parts))
+
+
+def _table(found: ManyCrossings) -> pd.DataFrame:
+    """Return crossings as columns for each threshold, one row per trial."""
+    columns: dict[str, Any] = {}
+    for k in range(len(found.bins)):
+        columns[f"bin_{k}"], columns[f"choice_{k}"] = found.bins[k], found.choice[k]
+        for c in range(found.evidence.shape[2]):
+            columns[f"evidence_{k}_{c}"] = found.evidence[k, :, c]
+    return pd.DataFrame(columns)
+
+
+def _of_table(table: pd.DataFrame, thresholds_nats: Array, channels: int) -> ManyCrossings:
+    """Return the crossings of ``_table``."""
+    levels = range(len(thresholds_nats))
+
+    def rows(kind: str, end: str = "") -> Any:
+        columns = [f"{kind}_{k}{end}" for k in levels]
+        return np.ascontiguousarray(table[columns].to_numpy().T)
+
+    evidence = np.stack([rows("evidence", f"_{c}") for c in range(channels)], axis=2)
+    return ManyCrossings(thresholds_nats, rows("bin"), rows("choice"), evidence)

@@ -1,0 +1,169 @@
+"""Leaky competing accumulators between N alternatives, simulated with common random numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.fitting.alternatives.race import INPUT
+from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY, distinct
+from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.simulated.circuit import PARTS, SIMULATION_SEED, TRIALS
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import whole
+from bgmodel.support.compiling import compiled
+from bgmodel.support.seeds import stream
+
+LEAK = Parameter("leak", 0.0, 15.0, 2.0, "rate at which accumulators leak, 1/s")
+INHIBITION = Parameter("inhibition", 0.0, 15.0, 2.0, "inhibition by each other accumulator, 1/s")
+HELD_INPUT = replace(INPUT, start=0.0, free=False)
+"""Common input: fixed by default, since choices and times hardly distinguish it from the rates."""
+FEWER = 4
+"""Simulated trials of a circuit per trial of the accumulators, which are simulated anew for every
+value of their parameters."""
+BEYOND_A_BOUND = 0.5826
+"""Mean overshoot of a Gaussian walk, in sd of a step (Siegmund 1985)."""
+
+
+@compiled
+def race(
+    noise: Any, parts: Any, drift: Any, common: Any, bound: Any, leak: Any, inhibition: Any,
+    step_s: Any, found: Any,
+) -> None:  # fmt: skip
+    """Add the share of trials that decide in each bin.
+
+    ``dx_i = (input_i - leak x_i - inhibition sum_(j != i) x_j) dt + noise``, and ``x_i >= 0``
+    (Usher & McClelland 2001), by Euler's method with one step per bin. The crossing of the bound
+    is interpolated between steps and divided between two bins, so that it is continuous in all
+    parameters.
+
+    Parameters
+    ----------
+    noise : float32 array (trials, steps, N)
+        Increments of unit variance per step.
+    parts : bool array
+        Trial k counts where ``parts[k % len(parts)]`` is true.
+    drift, common, bound, leak, inhibition : float
+        Drift of the first accumulator, the correct one, beyond the common input; bound; rates, 1/s.
+    step_s : float, s
+        Width of a step and of a bin.
+    found : array (2, bins)
+        Shares of trials to add to, of wrong and of correct decisions.
+    """
+    trials, steps, channels = noise.shape
+    sd, bins = math.sqrt(step_s / 2), found.shape[1]
+    x = np.zeros(channels)
+    counted = 0
+    for trial in range(trials):
+        if not parts[trial % len(parts)]:
+            continue
+        counted += 1
+        x[:] = 0.0
+        for step in range(min(steps, bins)):
+            total, most, who, share = x.sum(), bound, -1, 0.0
+            for i in range(channels):
+                before = x[i]
+                rate = common - leak * before - inhibition * (total - before)
+                if i == 0:
+                    rate += drift
+                now = before + rate * step_s + sd * noise[trial, step, i]
+                x[i] = max(now, 0.0)
+                if now >= most:
+                    most, who, share = now, i, (bound - before) / (now - before)
+            if who >= 0:
+                side = 1 if who == 0 else 0
+                # The crossing is at step + share, the middles of bins half a bin later.
+                place = max(step + share - 0.5, 0.0)
+                low = int(place)
+                found[side, low] += 1 - (place - low)
+                if low + 1 < bins:
+                    found[side, low + 1] += place - low
+                break
+    found /= counted
+
+
+@lru_cache(maxsize=2)
+def increments(alternatives: int, trials: int, steps: int, seed: int) -> npt.NDArray[np.float32]:
+    """Return the noise of all trials, (trials, steps, N), of unit variance."""
+    rng = stream(seed, "lca", alternatives)
+    return rng.standard_normal((trials, steps, alternatives), np.float32)
+
+
+@dataclass(frozen=True)
+class LcaModel:
+    """Leaky competing accumulators (Usher & McClelland 2001).
+
+    Parameters
+    ----------
+    alternatives : int
+        Number of accumulators.
+    trials, seed : int
+        Simulated trials, as for a circuit, and the seed of their noise.
+    seconds : float, s
+        Length of a trial.
+    """
+
+    alternatives: int
+    trials: int = TRIALS
+    seed: int = SIMULATION_SEED
+    seconds: float = 3.0
+    _parts: Truths = field(default_factory=lambda: np.ones(PARTS, dtype=np.bool_), repr=False)
+
+    def __post_init__(self) -> None:
+        whole("trials", self.trials, FEWER * PARTS)
+
+    @property
+    def threshold_name(self) -> str:
+        """``bound``."""
+        return BOUND.name
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sensitivity, common input, bound, leak, inhibition, and parameters of responses."""
+        return (SENSITIVITY, HELD_INPUT, BOUND, LEAK, INHIBITION, *RESPONSE)
+
+    def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
+        """Return the probability of a wrong and of a correct decision in each bin.
+
+        See ``algorithms.Model``.
+        """
+        drift = values[SENSITIVITY.name] * strength
+        names = (INPUT.name, BOUND.name, LEAK.name, INHIBITION.name)
+        settings = np.stack([drift, *(values[name] for name in names)], axis=1)
+        steps = math.ceil(self.seconds / BIN_S)
+        noise = increments(self.alternatives, self.trials // FEWER, steps, self.seed)
+        found = np.zeros((len(strength), 2, grid.bins))
+        for setting in distinct(settings):
+            one = np.zeros((2, grid.bins))
+            v, common, bound, leak, inhibition = map(float, setting)
+            # Steps miss crossings within them: the bound of the walk is that much lower.
+            lower = max(bound - BEYOND_A_BOUND * math.sqrt(BIN_S / 2), 1e-3)
+            race(noise, self._parts, v, common, lower, leak, inhibition, BIN_S, one)
+            found[(settings == setting).all(axis=1)] = one
+        return found
+
+    def halves(self) -> tuple[LcaModel, LcaModel]:
+        """Return the model with one half of its trials, and with the other half."""
+        even = np.arange(PARTS) % 2 == 0
+        return replace(self, _parts=even), replace(self, _parts=~even)
+
+    def left_out(self) -> tuple[LcaModel, ...]:
+        """Return the model without each part of its trials in turn."""
+        return tuple(replace(self, _parts=~left) for left in np.eye(PARTS, dtype=np.bool_))
+
+    def identity(self) -> dict[str, object]:
+        """Return all that its predictions depend on."""
+        return {
+            "model": "lca",
+            "alternatives": self.alternatives,
+            "trials": self.trials,
+            "seed": self.seed,
+            "seconds": self.seconds,
+        }

@@ -1,0 +1,163 @@
+"""The multihypothesis test (MSPRT) as a model of choices between N alternatives.
+
+Evidence for each alternative is Gaussian, and the test decides when the largest posterior reaches a
+threshold (Baum & Veeravalli 1994). Its posterior is correct at the mean strength of the design, so
+its gain is twice the drift there. If sums are multiplied by the gain g, and times by g^2, the test
+has no other parameter than the threshold, and the drift is half of the strength relative to the
+mean. Paths are therefore simulated once for each relative strength, whatever the sensitivity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.fitting.alternatives.passage import walk
+from bgmodel.fitting.exact.algorithms import SENSITIVITY
+from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.simulated.circuit import PARTS, SIMULATION_SEED, THRESHOLD, TRIALS
+from bgmodel.fitting.simulated.crossings import interpolated, log_odds
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import whole
+from bgmodel.support.seeds import stream
+
+LEVELS, HIGHEST_LOG_ODDS, NEAREST = 80, 5.0, 0.05
+"""Number of thresholds of the stored paths, their largest log odds, and the distance of the
+smallest from those of the prior."""
+PATHS = 4
+"""Paths of a relative strength per simulated trial of a circuit: they take less time."""
+FIRST, GROWTH, LARGEST, END = 0.004, 0.02, 0.5, 400.0
+"""First step of a path; growth of steps as a share of the time; largest step; end of a path."""
+
+
+@lru_cache(maxsize=1)
+def ends() -> Array:
+    """Return the ends of the steps of a path, from 0 on, in units of scaled time."""
+    found = [0.0]
+    while found[-1] < END:
+        found.append(found[-1] + float(np.clip(GROWTH * found[-1], FIRST, LARGEST)))
+    return np.array(found)
+
+
+def odds_of(alternatives: int) -> Array:
+    """Return the log odds of the stored thresholds, increasing, denser near those of the prior."""
+    prior = -np.log(alternatives - 1.0)
+    share = np.linspace(0, 1, LEVELS) ** 1.5
+    return np.asarray(prior + NEAREST + share * (HIGHEST_LOG_ODDS - prior - NEAREST))
+
+
+@lru_cache(maxsize=32)
+def passages(alternatives: int, drift: float, trials: int, seed: int) -> npt.NDArray[np.int32]:
+    """Return first passages of paths with unit gain, (parts, thresholds, 2, steps).
+
+    Parameters
+    ----------
+    alternatives : int
+        Number of channels.
+    drift : float
+        Drift of the correct one minus that of the others, in units of the gain.
+    trials, seed : int
+        Number of paths, and the seed of their noise.
+    """
+    odds = odds_of(alternatives)
+    counts = np.zeros((PARTS, len(odds), 2, len(ends()) - 1), np.int32)
+    rng = stream(seed, "msprt", alternatives, f"{drift:.6g}")
+    walk(rng, alternatives, drift, odds, np.diff(ends()), trials, counts)
+    return counts
+
+
+@lru_cache(maxsize=128)
+def below(
+    alternatives: int, drift: float, trials: int, seed: int, parts: tuple[bool, ...]
+) -> Array:
+    """Return the probability of both decisions by the ends of steps, from some parts of the paths.
+
+    Returns
+    -------
+    array (thresholds, 2, steps + 1)
+        Arguments as for ``passages``.
+    """
+    counts = passages(alternatives, drift, trials, seed)[list(parts)].sum(axis=0)
+    # Trial k belongs to part k % PARTS: the first ones may have one more.
+    share = np.bincount(np.arange(trials) % PARTS)[list(parts)].sum()
+    return np.pad(counts.cumsum(axis=2) / share, ((0, 0), (0, 0), (1, 0)))
+
+
+@dataclass(frozen=True)
+class MsprtModel:
+    """The multihypothesis sequential probability ratio test in continuous time, simulated.
+
+    Parameters
+    ----------
+    alternatives : int
+        Number of alternatives.
+    trials, seed : int
+        Simulated trials, as for a circuit, and the seed of their noise.
+    """
+
+    alternatives: int
+    trials: int = TRIALS
+    seed: int = SIMULATION_SEED
+    _parts: Truths = field(default_factory=lambda: np.ones(PARTS, dtype=np.bool_), repr=False)
+
+    def __post_init__(self) -> None:
+        whole("trials", self.trials, PARTS)
+
+    @property
+    def threshold_name(self) -> str:
+        """``threshold_nats``."""
+        return THRESHOLD
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sensitivity, threshold, and parameters of responses."""
+        odds = odds_of(self.alternatives)
+        low, high = (float(np.log1p(np.exp(-end))) for end in (odds[-1], odds[0]))
+        about = "minus the log posterior at which it decides"
+        return (SENSITIVITY, Parameter(THRESHOLD, low, high, 0.25, about), *RESPONSE)
+
+    def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
+        """Return the probability of a wrong and of a correct decision in each bin.
+
+        See ``algorithms.Model``.
+        """
+        mean = np.unique(strength[strength > 0]).mean()
+        gain = 2 * values[SENSITIVITY.name] * mean
+        found = np.zeros((len(strength), 2, grid.bins))
+        for cell, nats in enumerate(values[THRESHOLD]):
+            below = self._below(float(strength[cell] / mean) / 2, float(nats))
+            edges = gain[cell] ** 2 * BIN_S * np.arange(grid.bins + 1)
+            found[cell] = np.diff([np.interp(edges, ends(), side) for side in below], axis=1)
+        return found
+
+    def _below(self, drift: float, nats: float) -> Array:
+        """Return the probability of both decisions by the ends of steps, (2, steps + 1)."""
+        parts = tuple(self._parts.tolist())
+        known = below(self.alternatives, drift, PATHS * self.trials, self.seed, parts)
+        odds = odds_of(self.alternatives)
+        place = float(np.interp(log_odds(nats), odds, np.arange(LEVELS)))
+        rows = interpolated(place, LEVELS)
+        return np.asarray(np.sum([weight * known[row] for row, weight in rows], axis=0))
+
+    def halves(self) -> tuple[MsprtModel, MsprtModel]:
+        """Return the model with one half of its paths, and with the other half."""
+        even = np.arange(PARTS) % 2 == 0
+        return replace(self, _parts=even), replace(self, _parts=~even)
+
+    def left_out(self) -> tuple[MsprtModel, ...]:
+        """Return the model without each part of its paths in turn."""
+        return tuple(replace(self, _parts=~left) for left in np.eye(PARTS, dtype=np.bool_))
+
+    def identity(self) -> dict[str, object]:
+        """Return all that its predictions depend on."""
+        return {
+            "model": "msprt",
+            "alternatives": self.alternatives,
+            "trials": self.trials,
+            "seed": self.seed,
+        }

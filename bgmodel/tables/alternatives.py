@@ -1,0 +1,151 @@
+"""Tables of choices between more than two alternatives: their number, and correct responses."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import whole
+from bgmodel.tables.columns import (
+    NO_RESPONSE,
+    check_alike,
+    names_of,
+    participants,
+    silent,
+    texts,
+)
+from circuits.errors import DataWarning, InputError, require
+
+COLUMN = "alternatives"
+"""Column with the number of alternatives of each trial."""
+MOST = 12
+"""Largest number of alternatives, as in the circuits."""
+UNEQUAL = 3.29
+"""Standard errors by which accuracy may differ between stimuli without a warning."""
+
+
+def check_number(alternatives: int) -> None:
+    """Raise ValueError unless a number of alternatives is from 2 to 12."""
+    whole(COLUMN, alternatives, 2)
+    require(alternatives <= MOST, COLUMN, f"must be at most {MOST}", alternatives)
+
+
+def number_of(table: pd.DataFrame, alternatives: int | None, stimulus: str | None) -> int:
+    """Return the number of alternatives of a table.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Trials, with a column ``response``.
+    alternatives : int, optional
+        The number, if it is known. Otherwise a column ``alternatives`` gives it, or the number of
+        different names in the columns of responses and of correct alternatives; 2 without these.
+    stimulus : str, optional
+        Column of the correct alternative.
+
+    Raises
+    ------
+    ValueError
+        If the number differs between rows or from the names, or is not from 2 to 12.
+    """
+    held = _held(table)
+    if alternatives is not None:
+        check_number(alternatives)
+        if held not in (None, alternatives):
+            must = f"must be that of the column {COLUMN}, {held}"
+            raise InputError.of(COLUMN, must, alternatives)
+    number = held if alternatives is None else alternatives
+    if stimulus is None:
+        return 2 if number is None else number
+    return _named(table, stimulus, number)
+
+
+def _held(table: pd.DataFrame) -> int | None:
+    """Return the number in the column of alternatives; None without that column."""
+    if COLUMN not in table:
+        return None
+    values = pd.to_numeric(table[COLUMN], errors="coerce").to_numpy(dtype=float)
+    found = np.unique(values)
+    if len(found) > 1:
+        numbers = " and ".join(f"{each:g}" for each in found[:2])
+        raise InputError(
+            f"{COLUMN} must be the same in all trials of a fit, got {numbers}: fit trials with "
+            "different numbers of alternatives separately",
+            COLUMN,
+        )
+    if not (np.isfinite(found[0]) and found[0] == int(found[0])):
+        raise InputError.of(COLUMN, "must hold a whole number", table[COLUMN].iloc[0])
+    check_number(int(found[0]))
+    return int(found[0])
+
+
+def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
+    """Return the number of alternatives that occur by name, or the number given if they agree."""
+    answered = ~silent(table)
+    given = set(names_of(table["response"])[answered])
+    every = given | set(names_of(table[stimulus]))
+    check_alike("response", np.array(sorted(every)))
+    number = len(every) if number is None else number
+    if len(every) > number:
+        listed = ", ".join(sorted(every))
+        must = f"and {stimulus} must name at most {number} alternatives, got {listed}"
+        raise InputError(f"response {must}", "response")
+    if len(given) < number:
+        never = sorted(every - given)
+        names = f", never {', '.join(never)}" if never else ""
+        raise InputError(
+            f"each of the {number} alternatives must occur as a response, got only "
+            f"{', '.join(sorted(given))}{names}",
+            "response",
+        )
+    check_number(number)
+    return number
+
+
+def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
+    """Return 1 for a response that equals the correct alternative, 0 for another, -1 for none.
+
+    Warns if accuracy differs between stimuli: models treat all alternatives alike.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Trials, with a column ``response``.
+    stimulus : str
+        Column of the correct alternative.
+    """
+    texts(table[stimulus])  # refuses missing ones
+    shown, given = names_of(table[stimulus]), names_of(table["response"])
+    found = np.where(silent(table), NO_RESPONSE, shown == given).astype(np.int8)
+    _warn_of_unequal(shown, found, participants(table))
+    return found
+
+
+def _warn_of_unequal(
+    shown: npt.NDArray[np.object_], right: npt.NDArray[np.int8], who: npt.NDArray[np.str_]
+) -> None:
+    """Warn if one stimulus of a participant has another accuracy than the others together."""
+    for person in np.unique(who):
+        mine = (who == person) & (right >= 0)
+        for each in sorted(set(shown[mine])):
+            z = _apart(right[mine] == 1, shown[mine] == each)
+            if abs(z) > UNEQUAL:
+                word = "more" if z > 0 else "less"
+                DataWarning.warn(
+                    f"{person}: responses to {each} are {word} often correct than those to other "
+                    f"stimuli, by {abs(z):.1f} standard errors, but models of more than two "
+                    "alternatives treat all of them alike: a bias affects their parameters"
+                )
+                break
+
+
+def _apart(right: Truths, some: Truths) -> float:
+    """Return the difference of accuracy between some trials and the others in standard errors."""
+    n, m = int(some.sum()), int((~some).sum())
+    share: Array = right.mean()
+    variance = float(share * (1 - share)) * (1 / max(n, 1) + 1 / max(m, 1))
+    if not (n and m and variance):
+        return 0.0
+    return float((right[some].mean() - right[~some].mean()) / np.sqrt(variance))

@@ -1,0 +1,126 @@
+"""Fits to more than two alternatives from a table, and what cannot be fitted."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.alternatives.msprt import MsprtModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.hierarchy.people import fit_people
+from bgmodel.fitting.model_comparison import compare_models
+from bgmodel.fitting.optimum import Likelihood, likelihood_of
+from bgmodel.fitting.settings import fit, settings_of
+from bgmodel.tables.choices import read_choices
+from circuits.errors import DataWarning
+from tests.fitting.alternatives.drawn import TRUTH, design, table
+from tests.helpers import refused
+
+SMALL = {"trials": 1000, "stimulus": "shown"}
+SIMULATED = MsprtModel(3, 4000, 99)
+HELD = {"fix": {"t0_sd_s": 0.05, "lapse": 0.01}}
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return table(SIMULATED, 3, 600)
+
+
+@pytest.fixture(scope="module")
+def fits(trials):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bgmodel.fitting.optimum.POPULATION", 8)
+        return {name: fit(trials, name, **SMALL, **HELD) for name in ("msprt", "race")}
+
+
+def test_the_test_is_recovered_from_its_own_trials(fits):
+    found = fits["msprt"].parameters().set_index("parameter")
+    off = (found["value"] - pd.Series({**TRUTH, "t0_s": 0.3})) / found["standard_error"]
+    assert np.abs(off).max() < 3
+
+
+def test_models_are_compared_on_the_same_trials(fits):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bgmodel.fitting.optimum.POPULATION", 6)
+        patch.setattr("bgmodel.fitting.predicted.FOLDS", 2)
+        compared = compare_models(fits).table
+    assert set(compared.index) == {"msprt", "race"}
+    assert compared.loc["msprt", "parameters"] == 3
+    assert compared.loc["race", "parameters"] == 4
+
+
+def test_a_wrong_response_is_one_of_several():
+    """Coded as two alternatives, the same densities are log 2 nats higher per wrong response."""
+    three = design(SIMULATED, 3, 100)
+    whole = likelihood_of(SIMULATED, three)
+    vector = np.array([2.0, 0.2, 0.3, 0.05, 0.01])
+    density = whole.density(vector)
+    wrong = int((three.observed.response == 0).sum())
+    pooled = type(three.observed)(
+        three.observed.cell, three.observed.response, three.observed.rt_s, three.grid
+    )
+    assert pooled.each(density).sum() - whole.design.observed.each(density).sum() == pytest.approx(
+        wrong * np.log(2)
+    )
+
+
+def test_lapses_are_correct_in_one_of_n():
+    whole: Likelihood = likelihood_of(SIMULATED, design(SIMULATED, 3, 100))
+    plain, lapsed = (
+        whole.density(np.array([2.0, 0.2, 0.3, 0.05, share]))[0].sum(axis=1) / 100
+        for share in (0.0, 0.2)
+    )
+    added = lapsed - 0.8 * plain
+    assert added[1] / added.sum() == pytest.approx(1 / 3, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "field"),
+    [
+        ("constant_gap", {}, "models"),
+        ("falling_gap", {}, "models"),
+        ("decide", {}, "models"),
+        ("msprt", {"free": "+start"}, "free"),
+        ("msprt", {"fix": {"start": 0.1}, "alternatives": 3}, "start"),
+        ("race", {"free": "+drift_sd", "alternatives": 3}, "drift_sd"),
+        ("macaque", {"mechanism": "dopamine"}, "mechanism"),
+        ("msprt", {"alternatives": 13}, "alternatives"),
+        ("lca", {"trials": 20}, "trials"),
+        ("msprt", {"evidence": "evidence.csv"}, "stimulus"),
+    ],
+)
+def test_what_cannot_be_fitted_is_named(trials, model, options, field):
+    with refused(field):
+        fit(trials, model, **{**SMALL, **options})
+
+
+def test_a_circuit_of_another_number_of_channels_is_refused(trials):
+    from circuits.anatomy import load_circuit
+
+    with refused("circuit"):
+        fit(trials, load_circuit("macaque", 2), **SMALL)
+    with refused("circuit"):
+        fit(trials, load_circuit("macaque", 4), **SMALL)
+
+
+def test_a_hierarchy_is_of_two_alternatives(trials):
+    people = pd.concat([trials.assign(participant_id=who) for who in ("a", "b")])
+    with refused("alternatives"), pytest.warns(DataWarning):
+        fit_people(people, "msprt", **SMALL)
+
+
+def test_responses_below_chance_are_refused(trials):
+    shifted = trials.assign(shown=trials["shown"].map({"a": "b", "b": "c", "c": "a"}))
+    with refused("response"):
+        design_of(read_choices(shifted, stimulus="shown"))
+
+
+def test_a_simulated_model_has_as_many_parts_as_simulations(fits):
+    table = fits["msprt"].parameters()
+    assert (table["simulation_error"] > 0).all()
+    assert fits["race"].parameters()["simulation_error"].isna().sum() == 0
+
+
+def test_settings_pass_the_number_on():
+    asked = settings_of(alternatives=4, trials=1000)
+    assert asked.model("msprt").alternatives == 4
+    assert asked.model("macaque").circuit.channels == 4

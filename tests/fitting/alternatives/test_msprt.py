@@ -1,0 +1,110 @@
+"""The simulated test with N alternatives against exact laws."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.alternatives.msprt import MsprtModel, ends, odds_of, passages
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import likelihood_of
+from tests.fitting.alternatives.drawn import design
+
+TRIALS, SEED = 2000, 11
+PATHS = 4 * TRIALS
+GRID = Grid(600)
+
+
+def model(alternatives):
+    return MsprtModel(alternatives, TRIALS, SEED)
+
+
+def decided(model, strengths, grid=GRID, **values):
+    every = {name: np.full(len(strengths), value) for name, value in values.items()}
+    return model.decided(every, np.array(strengths, float), grid)
+
+
+def said(mass):
+    return moments(mass / BIN_S, GRID)
+
+
+def far(share, expected):
+    """Return the distance of a share of the paths from its expectation in standard errors."""
+    return (share - expected) / np.sqrt(expected * (1 - expected) / PATHS)
+
+
+@pytest.mark.parametrize("posterior", [0.6, 0.8, 0.95])
+def test_with_two_alternatives_it_is_the_test_with_a_constant_gap(posterior):
+    """At all strengths, although one gain serves them."""
+    strengths, sensitivity = [0.5, 1.0, 1.5], 2.0
+    found = decided(model(2), strengths, sensitivity=sensitivity, threshold_nats=-np.log(posterior))
+    bound = np.log(posterior / (1 - posterior)) / (2 * sensitivity)
+    exact = decided(GapModel(), strengths, sensitivity=sensitivity, bound=bound)
+    assert np.abs(found.cumsum(axis=2) - exact.cumsum(axis=2)).max() < 1.95 / np.sqrt(PATHS)
+
+
+@pytest.mark.parametrize("alternatives", [3, 5, 12])
+@pytest.mark.parametrize("posterior", [0.5, 0.8, 0.95])
+def test_its_accuracy_is_the_posterior_at_which_it_decides(alternatives, posterior):
+    found = decided(model(alternatives), [1.0], sensitivity=2.0, threshold_nats=-np.log(posterior))
+    assert abs(far(said(found)["accuracy"][0], posterior)) < 3.3
+
+
+def test_it_is_not_where_the_strength_differs_from_the_mean():
+    found = decided(model(3), [0.5, 1.5], sensitivity=2.0, threshold_nats=-np.log(0.8))
+    low, high = far(said(found)["accuracy"], 0.8)
+    assert low < -10
+    assert high > 10
+
+
+def test_sensitivity_scales_time_alone():
+    once, twice = (
+        decided(model(4), [1.0], sensitivity=k, threshold_nats=0.2)[0].cumsum(axis=1)
+        for k in (1.0, 2.0)
+    )
+    assert np.allclose(twice[:, :150], once[:, 3::4], atol=1e-12)
+
+
+def test_decisions_near_the_prior_take_no_time():
+    found = decided(model(4), [1.0], sensitivity=1.0, threshold_nats=np.log(4) - 0.06)
+    assert said(found)["mean_s"][0] < 0.02
+
+
+def mean_times(alternatives):
+    """Return the mean time, scaled by the gain, to each stored threshold."""
+    steps = ends()
+    counts = passages(alternatives, 0.5, PATHS, SEED).sum(axis=(0, 2))
+    return counts @ ((steps[1:] + steps[:-1]) / 2) / counts.sum(axis=1)
+
+
+def test_times_grow_with_the_log_odds_and_with_the_number_of_alternatives():
+    """Exactly by Wald's identity with two; with more, losing channels make it slower."""
+    means = {n: mean_times(n) for n in (2, 4, 8)}
+    exact = 2 * odds_of(2) * np.tanh(odds_of(2) / 2)
+    high = odds_of(2) > 1
+    assert means[2][high] == pytest.approx(exact[high], rel=0.03)
+    slopes = [np.polyfit(odds_of(n)[-20:], means[n][-20:], 1)[0] for n in (2, 4, 8)]
+    assert slopes[0] < slopes[1] < slopes[2]
+    # Nearly the logarithm of the number of alternatives (Hick's law), from ln 2 to ln 4 to ln 8.
+    at_posterior = [np.interp(2.0, odds_of(n), means[n]) for n in (2, 4, 8)]
+    first, second = np.diff(at_posterior)
+    assert first == pytest.approx(second, rel=0.4)
+    assert first > 1
+
+
+def test_parts_are_independent_and_add_up():
+    whole = model(3)
+    values = {"sensitivity": 2.0, "threshold_nats": 0.2}
+    halves = [decided(each, [1.0], **values) for each in whole.halves()]
+    assert np.allclose(np.mean(halves, axis=0), decided(whole, [1.0], **values))
+    assert not np.allclose(*halves)
+    assert len(whole.left_out()) == 16
+
+
+def test_standard_errors_shrink_with_more_trials():
+    at = np.array([2.0, 0.2, 0.3, 0.05, 0.01])
+    few, many = (
+        directions(likelihood_of(model(3), design(model(3), 3, trials)), at)
+        for trials in (200, 800)
+    )
+    assert many.standard_errors == pytest.approx(few.standard_errors / 2, rel=0.05)

@@ -1,0 +1,94 @@
+"""Tables of choices between more than two alternatives."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.tables.choices import read_choices
+from circuits.errors import DataWarning
+from tests.helpers import refused, unwarned
+
+NAMES = np.array(["up", "left", "down", "right"])
+
+
+def table(alternatives=3, trials=60, **columns):
+    """Return trials of which two in three are correct, with all names as stimuli and responses."""
+    shown = np.arange(trials) % alternatives
+    given = np.where(np.arange(trials) // alternatives % 3, shown, (shown + 1) % alternatives)
+    rt = np.random.default_rng(3).gamma(4, 0.1, trials) + 0.2
+    found = pd.DataFrame({"rt": rt, "response": NAMES[given], "shown": NAMES[shown]})
+    return found.assign(**columns)
+
+
+def coded(**columns):
+    found = table()
+    return found.assign(response=(found["response"] == found["shown"]).astype(int), **columns)
+
+
+def test_responses_are_coded_by_the_column_of_correct_ones():
+    some = table(4)
+    with unwarned():
+        found = read_choices(some, stimulus="shown")
+    assert found.alternatives == 4
+    assert np.array_equal(found.response == 1, some["response"] == some["shown"])
+    assert np.nanmean(found.correct) == np.mean(found.response)
+
+
+def test_the_number_is_given_held_by_a_column_or_two():
+    plain = coded().drop(columns="shown")
+    assert read_choices(plain, alternatives=5).alternatives == 5
+    assert read_choices(plain.assign(alternatives=4)).alternatives == 4
+    assert read_choices(table(), stimulus="shown", alternatives=3).alternatives == 3
+    assert read_choices(plain).alternatives == 2
+
+
+def test_the_number_is_part_of_the_checksum():
+    plain = coded().drop(columns="shown")
+    three, four = (read_choices(plain, alternatives=n).checksum for n in (3, 4))
+    assert three != four
+
+
+def test_missing_responses_are_neither_correct_nor_a_name():
+    some = table()
+    some.loc[:2, ["rt", "response"]] = np.nan
+    found = read_choices(some, stimulus="shown", deadline_s=3.0)
+    assert (found.response[:3] == -1).all()
+    assert found.alternatives == 3
+
+
+@pytest.mark.parametrize(
+    ("some", "options", "field"),
+    [
+        (table(), {}, "response"),
+        (table(), {"stimulus": "side"}, "side"),
+        (table(), {"stimulus": "shown", "alternatives": 2}, "response at most 2"),
+        (table(), {"stimulus": "shown", "alternatives": 4}, "response only"),
+        (table(), {"stimulus": "shown", "upper": "up"}, "upper"),
+        (table(shown="back"), {"stimulus": "shown"}, "response never back"),
+        (coded(), {"alternatives": 13}, "alternatives"),
+        (coded(), {"alternatives": 1}, "alternatives"),
+        (coded(), {"alternatives": 2.5}, "alternatives"),
+        (coded(alternatives=[3, 4] * 30), {}, "alternatives 3 and 4"),
+        (coded(alternatives=4), {"alternatives": 3}, "alternatives"),
+        (coded(alternatives="many"), {}, "alternatives"),
+        (coded(alternatives=20), {}, "alternatives"),
+        (coded().assign(response=1), {"alternatives": 3}, "response"),
+        (coded(contrast=[-0.1, 0.1] * 30), {"alternatives": 3, "strength": "contrast"}, "strength"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(some, options, field):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with refused(field):
+            read_choices(some, **options)
+
+
+def test_a_stimulus_of_another_accuracy_is_warned_of():
+    some = table(trials=600)
+    easy = some["shown"] == "up"
+    some.loc[easy, "response"] = "up"
+    some.loc[some.index[easy][:5], "response"] = "left"
+    with pytest.warns(DataWarning, match="treat all of them alike"):
+        read_choices(some, stimulus="shown")
