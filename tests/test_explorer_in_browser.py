@@ -11,6 +11,7 @@ from importlib.util import find_spec
 import pytest
 
 from bgmodel.explorer.html import TITLES
+from bgmodel.explorer.rows import EXAMPLES
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 from tests.helpers import run
@@ -27,20 +28,22 @@ pytestmark = [
 ]
 WAIT_MS = 120_000
 LOUD = ("error", "warning")
+EXAMPLE = "course: a nucleus has more input from a time on"
 EVERY = "els => els.map(e => [e.dataset.key, e.dataset.circuit])"
 
 
 @pytest.fixture
-def address(tmp_path):
-    """Start the command; yield the address that it prints, and end it as Ctrl-C does."""
-    command = [sys.executable, "-m", "bgmodel", "explore", "--port", "0", "--no-browser"]
+def command(tmp_path):
+    """Start the command; yield its address and its process, and end it as Ctrl-C does."""
+    words = [sys.executable, "-m", "bgmodel", "explore", "--port", "0", "--no-browser"]
     process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     try:
-        yield re.search(r"http://\S+", process.stdout.readline())[0]
-        process.send_signal(signal.SIGINT)
+        yield re.search(r"http://\S+", process.stdout.readline())[0], process
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
         said = process.communicate(timeout=60)[1]
         assert process.returncode == 0
         assert "Traceback" not in said
@@ -49,7 +52,7 @@ def address(tmp_path):
 
 
 @pytest.fixture
-def page(address):
+def page(command):
     """Open the page; afterwards it has had no error and has asked no other machine."""
     from playwright.sync_api import sync_playwright
 
@@ -62,7 +65,7 @@ def page(address):
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in LOUD else None)
         page.on("request", lambda asked: wrong.append(asked.url) if elsewhere(asked.url) else None)
-        page.goto(address)
+        page.goto(command[0])
         yield page
         browser.close()
     assert wrong == []
@@ -126,6 +129,7 @@ def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page
     refuse(page, capsys)
     rank(page)
     with_keys(page, key)
+    from_an_example(page)
     by_keyboard(page)
     on_a_phone(page)
 
@@ -171,6 +175,38 @@ def with_keys(page, key):
         assert field.input_value() == level
         assert circuit not in seen
         seen.add(circuit)
+
+
+def from_an_example(page):
+    """Choose an example, which fills the field; Enter applies it as it stands."""
+    key, before = shown(page)
+    page.get_by_label("Examples of edits", exact=True).select_option(label=EXAMPLE)
+    field = page.get_by_label("New edit (then Enter)", exact=True)
+    expect_value(page, field, EXAMPLES[EXAMPLE])
+    field.press("Enter")
+    key, after = shown(page, key)
+    assert after != before
+    state = State.from_link(page.get_by_label("Link", exact=True).input_value())
+    assert EXAMPLES[EXAMPLE] in state.edits
+
+
+def expect_value(page, field, value):
+    page.wait_for_function("([e, text]) => e.value === text", arg=[field.element_handle(), value])
+
+
+def test_a_page_says_that_its_command_has_ended(command):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.set_default_timeout(WAIT_MS)
+        page.goto(command[0])
+        page.locator("[data-key]").first.wait_for()
+        assert page.get_by_role("alert").count() == 0
+        command[1].send_signal(signal.SIGINT)
+        page.get_by_role("alert").wait_for()
+        browser.close()
 
 
 def rank(page):

@@ -8,6 +8,7 @@ from typing import Any
 
 import panel as pn
 
+from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.experiments.experiment import shipped_names
 from bgmodel.explorer import rows
 from bgmodel.explorer.state import MOST_TRIALS, State, opened
@@ -23,7 +24,7 @@ NUMBERS: dict[str, tuple[str, str, type, float]] = {
     "conflict": ("Conflict (0 none, below 1)", "task", float, 0.1),
     "t_max": ("Readings until the deadline", "task", int, 10),
     "step_ms": ("Time between readings (ms)", "task", float, 10),
-    "trials": (f"Trials (100 to {MOST_TRIALS})", "task", int, 100),
+    "trials": (f"Trials ({FEWEST_TRIALS} to {MOST_TRIALS})", "task", int, 100),
     "seed": ("Seed", "run", int, 1),
     "posterior": ("Stopping posterior", "run", float, 0.01),
     "threshold": ("Or threshold on OUT", "run", float, 0.05),
@@ -117,11 +118,12 @@ class Controls:
         self.line = pn.widgets.TextInput(name="New edit (then Enter)", placeholder="lesion STN 10%")
         self.kind.param.watch(
             lambda event: self.line.param.update(
-                value_input="", placeholder=event.new or "lesion STN 10%"
+                value_input=event.new, placeholder=event.new or "lesion STN 10%"
             ),
             "value",
         )
         self._on(self.line, lambda text: lambda s: s.edited(text) if text.strip() else s)
+        self.line.param.watch(lambda _: self._take_example(), "enter_pressed")
         self.source = pn.widgets.Select(name="From", options=[])
         self.target = pn.widgets.Select(name="To", options=[])
         self.weight = pn.widgets.FloatInput(
@@ -144,6 +146,12 @@ class Controls:
                 self.delay.value or 0.0,
             )
         )
+
+    def _take_example(self) -> None:
+        """Apply an example as it stands; browsers report a text only where it was typed in."""
+        if self.kind.value and self.line.value_input == self.kind.value:
+            text, self.kind.value = self.kind.value, ""
+            self.line.value = text
 
     def _stop_widgets(self) -> None:
         options = {"in no trial": False, "in a share of the trials": True}

@@ -11,17 +11,7 @@ import pandas as pd
 
 from bgmodel.plots import BINS, CORRECT, ERROR
 from bgmodel.support.arrays import Array
-from circuits.plots import (
-    EDITABLE,
-    FROM_ONSET,
-    GREY,
-    PALETTE,
-    ROWS,
-    STYLE,
-    Look,
-    look,
-    smoothed,
-)
+from circuits.plots import EDITABLE, FROM_ONSET, GREY, PALETTE, ROWS, STYLE, Look, look, smoothed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +28,8 @@ LANE = 0.84
 """Height of a nucleus in the drawing of a trial, of the distance between nuclei."""
 POOLED = -1
 """The channel of a nucleus that all alternatives share."""
+FEW = 3
+"""Most alternatives with their whole name in a legend."""
 SMOOTH_MS = 15.0
 """Standard deviation of the kernel that smooths rates, ms."""
 CONTROL: Look = {"color": "k"}
@@ -190,9 +182,11 @@ def trial(shown: Shown) -> str:
 
 def _out(ax: Axes, shown: Shown) -> None:
     """Draw OUT of each channel, -ln P of the evidence, the threshold and the decision."""
-    for channel in range(shown.out.shape[1]):
+    count = shown.out.shape[1]
+    name = "Alternative " if count <= FEW else "Alt. " if count <= 2 * FEW else ""
+    for channel in range(count):
         style = look(channel)
-        ax.plot(shown.time_ms, shown.out[:, channel], **style, label=f"Alternative {channel}")
+        ax.plot(shown.time_ms, shown.out[:, channel], **style, label=f"{name}{channel}")
         if shown.test is not None:
             test_ms, ideal = shown.test
             ax.plot(test_ms, ideal[:, channel], color=style["color"], lw=0.9, ls=":")
@@ -206,7 +200,7 @@ def _out(ax: Axes, shown: Shown) -> None:
     ax.set_xlim(min(0.0, shown.time_ms[0]), shown.end_ms)
     if shown.unit == "nats":
         ax.set_ylim(bottom=0)
-    _legend(ax, 3)
+    _legend(ax, max(3, count // 2 + 2))  # two rows
 
 
 def _spikes(ax: Axes, shown: Shown) -> None:
@@ -280,7 +274,7 @@ def _legend(ax: Axes, columns: int) -> None:
     """Put the legend above the axes."""
     ax.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1,
-        handlelength=1.5, columnspacing=0.9, fontsize=7.0,
+        handlelength=1.5 if columns < 6 else 1.1, columnspacing=0.9, fontsize=7.0,
     )  # fmt: skip
 
 

@@ -68,6 +68,11 @@ class Panel:
     refused: bool = False
 
 
+def known(value: float, digits: int = 3, unit: str = "") -> str:
+    """Return a number as text, or that it is unknown."""
+    return f"{value:.{digits}f}{unit}" if value == value else "unknown"
+
+
 def html_of(panel: Panel) -> str:
     """Return a panel as HTML: its figure or table, its words, and the circuit that it shows."""
     text = escape(panel.text)

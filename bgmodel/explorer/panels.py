@@ -29,6 +29,7 @@ from bgmodel.explorer.html import (
     TRADEOFF,
     TRIAL,
     Panel,
+    known,
     measures_of,
     table_of,
 )
@@ -187,7 +188,10 @@ def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
     rising = test.sort_values("accuracy")
     within = len(rising) and rising["accuracy"].min() <= accuracy <= rising["accuracy"].max()
     if not within or not np.isfinite(mean_ms):
-        return f"{name}: no threshold of the optimal test has this accuracy."
+        return (
+            f"{name}: at none of its thresholds does the optimal test have this accuracy "
+            f"({known(accuracy)}) by the deadline."
+        )
     ideal = float(np.interp(accuracy, rising["accuracy"], rising["mean_ms"]))
     return (
         f"{name}: accuracy {accuracy:.3f} in {mean_ms:.0f} ms; the optimal test needs about "
@@ -214,10 +218,13 @@ def _medians(outcome: Outcome, state: State) -> str:
     """Return what the distributions show in words."""
     values = outcome.measures.set_index(["condition", "measure"])["value"]
     line = "" if state.alike else "; the lines are the control"
-    other = "" if state.alike else f", manipulation {values['manipulation', 'median_ms']:.0f} ms"
+    medians = [
+        f"{name} {known(values[name, 'median_ms'], 0, ' ms')}"
+        for name in CONDITIONS[: 1 if state.alike else 2]
+    ]
     return (
-        f"Correct responses are above the axis and errors below it{line}. Median: control "
-        f"{values['control', 'median_ms']:.0f} ms{other}."
+        f"Correct responses are above the axis and errors below it{line}. Median: "
+        f"{', '.join(medians)}."
     )
 
 
@@ -225,8 +232,8 @@ def _said(outcome: Outcome, state: State) -> str:
     """Return accuracy and mean time of both conditions in words."""
     values = outcome.measures.set_index(["condition", "measure"])["value"]
     parts = [
-        f"{name}: accuracy {values[name, 'accuracy']:.3f}, mean time "
-        f"{values[name, 'mean_ms']:.0f} ms, {values[name, 'missed']:.1%} missed"
+        f"{name}: accuracy {known(values[name, 'accuracy'])}, mean time "
+        f"{known(values[name, 'mean_ms'], 0, ' ms')}, {values[name, 'missed']:.1%} missed"
         for name in CONDITIONS[: 1 if state.alike else 2]
     ]
     return f"{outcome.given.evidence.trials} trials; {'; '.join(parts)}."

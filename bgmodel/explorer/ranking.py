@@ -95,7 +95,7 @@ def _said(control: Experiment, refused: list[str]) -> str:
     out = f" Left out: {'; '.join(refused)}." if refused else ""
     return (
         f"Each loss alone, in addition to the edits: {control.trials} trials on the "
-        "same evidence with the same noise. Times are those of decided trials: where more are "
-        "missed, decisions are later still. Intervals of 95 % are for each row alone; of twenty "
-        f"losses without an effect, about one interval excludes 0.{out}"
+        "same evidence with the same noise. Times and accuracy are those of decided trials: where "
+        "more are missed, decisions are later still. Intervals of 95 % are for each row alone; of "
+        f"twenty losses without an effect, about one interval excludes 0.{out}"
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 
 from bgmodel.explorer.html import Panel
 from bgmodel.explorer.panels import Memory, panels
@@ -80,8 +79,14 @@ class Runs:
 
     def _loop(self) -> None:
         while (job := self._next()) is not None:
-            with suppress(Superseded):
+            try:
                 self._run(*job)
+            except Superseded:
+                continue
+            except RuntimeError:
+                # Python starts no threads while it ends.
+                if not self._stopped:
+                    raise
 
     def _next(self) -> tuple[State, bool] | None:
         """Wait for a state, and return it and whether to rank its losses; None at the end."""

@@ -9,6 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 import panel as pn
+from bokeh.events import ConnectionLost
+from bokeh.models import CustomJS
 from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
@@ -21,6 +23,17 @@ from circuits.errors import BgmodelWarning
 CHECK_MS, UNUSED_MS = 5_000, 60_000
 """How often closed tabs are looked for, and how long a tab may take to open, ms: a page that is not
 connected by then is taken for closed."""
+LOST = """
+if (!document.querySelector(".lost")) {
+  const said = document.createElement("p");
+  said.className = "lost";
+  said.setAttribute("role", "alert");
+  said.textContent = "The explorer's command has ended, so this page no longer changes. "
+    + "Start bgmodel explore again; with the link of this state it opens here.";
+  document.querySelector("header").append(said);
+}
+"""
+"""What a page does when its server is gone."""
 
 
 class Token(AuthProvider):
@@ -107,6 +120,7 @@ class Served:
         if said:
             explorer.refuse(said)
         self.explorers.append(explorer)
+        doc.js_on_event(ConnectionLost, CustomJS(code=LOST))
 
         def closed(_: Any) -> None:
             explorer.stop()

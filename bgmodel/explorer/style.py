@@ -58,6 +58,8 @@ PAGE = """{% extends base %}
            gap: 4px 24px; align-items: center; flex-wrap: wrap; position: sticky; top: 0;
            z-index: 5; }
   h1 { font-size: 19px; margin: 0; }
+  .lost { flex: 1 0 100%; margin: 4px 0; padding: 8px 12px; border-left: 4px solid #b23b00;
+          background: #fff4ec; color: #5c1f00; font-size: 14px; }
   h2 { font-size: 15px; margin: 0 0 8px; }
   .tools { min-width: 270px; }
   .status { flex: 1; min-width: 200px; }

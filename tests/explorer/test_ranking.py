@@ -4,8 +4,10 @@ import re
 
 import pytest
 
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.html import RANKING, html_of
 from bgmodel.explorer.ranking import ranked
+from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -51,6 +53,7 @@ def test_a_loss_that_is_refused_is_left_out_with_its_reason(last):
 
 
 def test_a_control_that_is_refused_says_so():
-    state = small("macaque", "population").with_setting("trials", 60)
+    text = small("macaque", "population").experiment.to_toml()
+    state = State(Experiment.from_text(text.replace("trials = 120", "trials = 60")))
     (panel,) = ranked(state, workers=1)
     assert panel.refused

@@ -106,3 +106,10 @@ def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     path.write_text("name = 'x'\n= 3")
     with pytest.raises(InputError, match="not TOML"):
         opened(path)
+
+
+@pytest.mark.parametrize("trials", [7, 99, MOST_TRIALS + 1])
+def test_a_number_of_trials_that_cannot_be_shown_is_refused_at_its_field(trials):
+    with pytest.raises(InputError) as refused:
+        small().with_setting("trials", trials)
+    assert refused.value.field == "trials"
