@@ -119,6 +119,7 @@ FIELDS = {
     "t_max": ["trials"],
     "expectancy_nats": ["foreperiod_ms"],
     "strength": ["x", "conditions"],
+    "stimulus": ["x"],
     "conditions": ["x"],
     "thresholds": ["posterior"],
     "threshold": ["posterior"],

@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.bootstrap import FEWEST_TRIALS
+from bgmodel.bootstrap import check_trials
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
@@ -127,8 +127,7 @@ class State:
         if name == "evidence":
             return self._with(task=self._task_of(value), **self._unnamed())
         if name == "trials":
-            must = f"must be {FEWEST_TRIALS} or more, which intervals need"
-            require(value >= FEWEST_TRIALS, "trials", must, value)
+            check_trials(value)
         if name in OF_TASK:
             task = replace(self.experiment.task, **{name: value})
             return self._with(task=task, **self._unnamed())
