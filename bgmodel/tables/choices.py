@@ -250,6 +250,8 @@ def read_choices(
     name, table = _table(source)
     if not isinstance(conditions, (str, list, tuple)):
         raise InputError.of("conditions", "must be names of columns", conditions)
+    named = stimulus is None or isinstance(stimulus, str)
+    require(named, "stimulus", "must be the name of a column", stimulus)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     try:
         used = [each for each in (*wanted, strength, stimulus) if each is not None]
