@@ -57,7 +57,9 @@ def sentences():
     of = Counter(table["outcome"])
     yield f"contain {len(table)} predictions"
     yield f"agreed with {of['agrees']} and disagreed with {of['disagrees']}"
-    yield f"{of['left open']} was left open, and {of['decides without evidence']} concerned lesions"
+    verb = "was" if of["left open"] == 1 else "were"
+    lost = of["decides without evidence"]
+    yield f"{of['left open']} {verb} left open, and {lost} concerned lesions"
     row = read_table(TABLES / "crosschecks_grid.csv").set_index("solution").loc["PyDDM"]
     yield f"at {row.points:.0f} combinations"
     yield f"was {row.z_mean_most:.1f} standard errors"
