@@ -1,7 +1,7 @@
 """Tasks that tell two models apart: pairs that theory says can, or cannot, be told apart.
 
 Each pair is searched with one seed, its best task is checked with another, and two hundred
-sequential experiments are simulated with a third. One pair is told apart with recorded cells too.
+sequential experiments are simulated with a third. One pair is compared with recorded cells as well.
 """
 
 from __future__ import annotations

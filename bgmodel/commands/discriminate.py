@@ -121,9 +121,8 @@ class DiscriminateRun(Shows):
 
         if self.nucleus is not None:
             return Recording(self.nucleus, self.window_ms, self.cells)
-        usual = Recording("")
         for name in ("window_ms", "cells"):
-            if getattr(self, name) != getattr(usual, name):
+            if getattr(self, name) != getattr(Recording, name):
                 raise InputError(f"{name} is of recorded cells: give --nucleus", name)
         return None
 

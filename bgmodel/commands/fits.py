@@ -12,8 +12,8 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
-from bgmodel.commands.known_fits import DEFAULT_MODELS, fit_known_evidence
-from bgmodel.commands.stop_fits import fit_stop_signals
+from bgmodel.commands.known_fits import fit_known_evidence
+from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
 from bgmodel.version import __version__
@@ -58,10 +58,10 @@ class FitRun(FitSettings, Shows):
     """Name of a shipped set, or a .csv, .tsv or .parquet file."""
     folder: Positional[Path | None] = None
     """Folder for results; by default fits/ and the name of the data."""
-    models: tuple[str, ...] = DEFAULT_MODELS
+    models: tuple[str, ...] | None = None
     """Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
-    race, lca (two or more), or a circuit, by its name or as a .toml file. With more than two
-    alternatives the default is msprt and macaque."""
+    race, lca (two or more), or a circuit, by its name or as a .toml file. By default constant_gap
+    and macaque, or msprt and macaque with more than two alternatives."""
     draws: bool = False
     """Sample from the posterior too: adds 90 % credible intervals."""
     hierarchical: bool = False
@@ -97,9 +97,9 @@ class FitRun(FitSettings, Shows):
         need_fit()
         check_whole(trials=self.trials, workers=self.workers)
         self.check()
-        if not self.models:
+        if self.models == ():
             raise InputError("models must name at least one", "models")
-        if self.compare and len(self.models) < 2:
+        if self.compare and self.models is not None and len(self.models) < 2:
             raise InputError.of("compare", "needs at least two models", ", ".join(self.models))
         if self.task == "stop":
             fit_stop_signals(self)
@@ -150,7 +150,7 @@ class FitRun(FitSettings, Shows):
 
     def _models(self, alternatives: int) -> tuple[str, ...]:
         """Return the models to fit; by default those for a number of alternatives."""
-        return MANY_MODELS if alternatives > 2 and self.models == DEFAULT_MODELS else self.models
+        return self.models or (MANY_MODELS if alternatives > 2 else DEFAULT_MODELS)
 
     def _check_needs_evidence(self) -> None:
         """Raise ValueError for an option of known evidence without any."""

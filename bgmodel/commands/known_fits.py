@@ -24,8 +24,6 @@ USED = (
     "engine", *UNRECORDED,
 )  # fmt: skip
 """Options that have an effect on a fit on known evidence, or on its files."""
-DEFAULT_MODELS = ("constant_gap", "macaque")
-"""Models of the command without evidence: replaced by those for known evidence."""
 
 
 def fit_known_evidence(command: Any) -> None:
@@ -77,12 +75,11 @@ def _models(command: Any, trials: KnownTrials) -> dict[str, Any]:
     """Return the models to fit; ValueError for unknown models and parameters."""
     from bgmodel.fitting.known.settings import MODELS, check_known, known_model
 
-    names = MODELS if tuple(command.models) == DEFAULT_MODELS else command.models
     made = {
         each: known_model(
             each, trials.alternatives, engine=command.engine, runs=command.runs, seed=command.seed
         )
-        for each in names
+        for each in command.models or MODELS
     }
     check_known(made, trials, command.free, command.fixed)
     return made

@@ -19,6 +19,8 @@ PARAMETERS, PEOPLE = "stop_parameters.csv", "stop_people.csv"
 """Tables of a fit: parameters of each model, and estimates of each participant."""
 USED = ("data", "folder", "models", "task", "restore_delays", "noise_nats", *UNRECORDED)
 """Options that have an effect on a fit of stop-signal data, or on its files."""
+DEFAULT_MODELS = ("constant_gap", "macaque")
+"""Models of two alternatives that are fitted by default, and of stop signals."""
 
 
 def fit_stop_signals(command: Any) -> None:
@@ -35,7 +37,7 @@ def fit_stop_signals(command: Any) -> None:
     for path in paths:
         files.check_new(path, force=command.force and files.is_result(path))
     files.check_writable(folder)
-    models = {name: _model(name, command.noise_nats) for name in command.models}
+    models = {name: _model(name, command.noise_nats) for name in command.models or DEFAULT_MODELS}
     people = _people(command)
     texts, parameters, estimates = _fitted(people, models)
     asked = {name: recorded(getattr(command, name)) for name in USED if name not in UNRECORDED}

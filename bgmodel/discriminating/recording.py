@@ -24,7 +24,7 @@ class Recording:
     nucleus : str
         The nucleus, spiking in both circuits.
     window_ms : tuple of float
-        Beginning and end of the window, ms from the onset of evidence. Evidence goes on after a
+        Beginning and end of the window, ms from the onset of evidence. Evidence continues after a
         decision, so the window should end before most decisions.
     cells : int
         Number of cells that are recorded at once. All are in the channel of the true alternative.

@@ -7,12 +7,11 @@ import numpy as np
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.theory.empirical import Empirical
 from bgmodel.theory.first_passage import walk
+from bgmodel.theory.sprt import OVERSHOOT
 
 FACTOR = 10.0
 """Bayes factor at which an experiment ends."""
 BOUND_NATS = float(np.log(FACTOR))
-OVERSHOOT = 0.5826
-"""Expected excess over a bound, in standard deviations of a step (Siegmund 1985)."""
 SHORT = 400
 """Medians up to here are computed exactly."""
 STEEP = 30.0

@@ -122,7 +122,7 @@ class Ranking:
         self.begin.disabled, self.stop.disabled = False, True
 
     def deliver(self, panel: Panel) -> None:
-        """Show the ranking as far as it is known."""
+        """Show the losses that have been ranked so far."""
         self._panel = panel
         self.table.object = html_of(panel)
         self.table.css_classes = []

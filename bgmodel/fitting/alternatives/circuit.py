@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -92,9 +92,6 @@ class ManyCircuitModel(CircuitModel):
             Path(path).parent.mkdir(parents=True, exist_ok=True)
             files.write_table(_table(found), path, seed=self.seed, stored=self._key(()))
         return found
-
-    def _part(self, parts: Any) -> ManyCircuitModel:
-        return replace(self, _part_of=(self, parts))
 
 
 def _table(found: ManyCrossings) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +15,13 @@ from bgmodel.fitting.alternatives.race import INPUT
 from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY, distinct
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.simulated.circuit import PARTS, SIMULATION_SEED, TRIALS
+from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, TRIALS
+from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
+from bgmodel.theory.sprt import OVERSHOOT
 
 LEAK = Parameter("leak", 0.0, 15.0, 2.0, "rate at which accumulators leak, 1/s")
 INHIBITION = Parameter("inhibition", 0.0, 15.0, 2.0, "inhibition by each other accumulator, 1/s")
@@ -28,12 +30,10 @@ HELD_INPUT = replace(INPUT, start=0.0, free=False)
 FEWER = 4
 """Simulated trials of a circuit per trial of the accumulators, which are simulated anew for every
 value of their parameters."""
-BEYOND_A_BOUND = 0.5826
-"""Mean overshoot of a Gaussian walk, in sd of a step (Siegmund 1985)."""
 
 
 @compiled
-def race(
+def leaky(
     noise: Any, parts: Any, drift: Any, common: Any, bound: Any, leak: Any, inhibition: Any,
     step_s: Any, found: Any,
 ) -> None:  # fmt: skip
@@ -97,7 +97,7 @@ def increments(alternatives: int, trials: int, steps: int, seed: int) -> npt.NDA
 
 
 @dataclass(frozen=True)
-class LcaModel:
+class LcaModel(InParts):
     """Leaky competing accumulators (Usher & McClelland 2001).
 
     Parameters
@@ -144,19 +144,13 @@ class LcaModel:
             one = np.zeros((2, grid.bins))
             v, common, bound, leak, inhibition = map(float, setting)
             # Steps miss crossings within them: the bound of the walk is that much lower.
-            lower = max(bound - BEYOND_A_BOUND * math.sqrt(BIN_S / 2), 1e-3)
-            race(noise, self._parts, v, common, lower, leak, inhibition, BIN_S, one)
+            lower = max(bound - OVERSHOOT * math.sqrt(BIN_S / 2), 1e-3)
+            leaky(noise, self._parts, v, common, lower, leak, inhibition, BIN_S, one)
             found[(settings == setting).all(axis=1)] = one
         return found
 
-    def halves(self) -> tuple[LcaModel, LcaModel]:
-        """Return the model with one half of its trials, and with the other half."""
-        even = np.arange(PARTS) % 2 == 0
-        return replace(self, _parts=even), replace(self, _parts=~even)
-
-    def left_out(self) -> tuple[LcaModel, ...]:
-        """Return the model without each part of its trials in turn."""
-        return tuple(replace(self, _parts=~left) for left in np.eye(PARTS, dtype=np.bool_))
+    def _part(self, parts: Truths) -> Self:
+        return replace(self, _parts=parts)
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -20,8 +21,9 @@ from bgmodel.fitting.alternatives.passage import walk
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.simulated.circuit import PARTS, SIMULATION_SEED, THRESHOLD, TRIALS
+from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, THRESHOLD, TRIALS
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
+from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
@@ -89,7 +91,7 @@ def below(
 
 
 @dataclass(frozen=True)
-class MsprtModel:
+class MsprtModel(InParts):
     """The multihypothesis sequential probability ratio test in continuous time, simulated.
 
     Parameters
@@ -144,14 +146,8 @@ class MsprtModel:
         rows = interpolated(place, LEVELS)
         return np.asarray(np.sum([weight * known[row] for row, weight in rows], axis=0))
 
-    def halves(self) -> tuple[MsprtModel, MsprtModel]:
-        """Return the model with one half of its paths, and with the other half."""
-        even = np.arange(PARTS) % 2 == 0
-        return replace(self, _parts=even), replace(self, _parts=~even)
-
-    def left_out(self) -> tuple[MsprtModel, ...]:
-        """Return the model without each part of its paths in turn."""
-        return tuple(replace(self, _parts=~left) for left in np.eye(PARTS, dtype=np.bool_))
+    def _part(self, parts: Truths) -> Self:
+        return replace(self, _parts=parts)
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulated.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes, Run, simulated
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
+from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
 from bgmodel.support.arrays import Array, Truths
@@ -43,14 +44,12 @@ LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
 """Range of those thresholds, within the range of the read-out and below OUT at rest."""
 TRIALS = 16_000
 """Trials at each drift; a fit warns if they are too few for the data."""
-PARTS = 16
-"""Parts of the stored trials, left out in turn to estimate the simulation error."""
 SIMULATION_SEED = 24_001
 THRESHOLD = "threshold_nats"
 
 
 @dataclass(frozen=True)
-class CircuitModel:
+class CircuitModel(InParts):
     """A circuit of two channels as a model of choices and times.
 
     For more channels, see ``alternatives.circuit.ManyCircuitModel``.
@@ -193,16 +192,7 @@ class CircuitModel:
         bounds = np.linspace(HIGHEST_LOG_ODDS * 1.1, 0.1, BOUNDS) / self.noise_nats
         return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
 
-    def halves(self) -> tuple[CircuitModel, CircuitModel]:
-        """Return the model with one half of its stored trials, and with the other half."""
-        even = np.array([True, False])
-        return self._part(even), self._part(~even)
-
-    def left_out(self) -> tuple[CircuitModel, ...]:
-        """Return the model without each of ``PARTS`` parts of its stored trials in turn."""
-        return tuple(self._part(~left) for left in np.eye(PARTS, dtype=np.bool_))
-
-    def _part(self, parts: Truths) -> CircuitModel:
+    def _part(self, parts: Truths) -> Self:
         return replace(self, _kept={}, _part_of=(self, parts))
 
     def at(self, point: tuple[float, ...]) -> Circuit:

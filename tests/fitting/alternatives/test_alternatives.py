@@ -38,6 +38,7 @@ def test_models_are_fitted_and_recorded(tmp_path):
     "wrong",
     [
         ["--models", "constant_gap"],
+        ["--models", "constant_gap", "macaque"],
         ["--alternatives", "13"],
         ["--hierarchical"],
         ["--mechanism", "dopamine"],
