@@ -367,11 +367,24 @@ def _task(task: Stimuli) -> str:
     return f"{task.task}, {task.channels} alternatives, {name} {getattr(task, name):g}"
 
 
-def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
-    """Return predictions and outcomes, one line per prediction."""
-    if not experiment.predictions:
-        return ["no prediction was made before the run, so there is no verdict"]
-    rows = [PREDICTED]
+def predicted(
+    experiment: ExperimentRecord, table: pd.DataFrame
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    """Return predictions and outcomes as the texts of a page, and why some are left open.
+
+    Parameters
+    ----------
+    experiment : ExperimentRecord
+        The experiment with its predictions.
+    table : DataFrame
+        The measures, as in ``Outcome``.
+
+    Returns
+    -------
+    tuple
+        A row per prediction with the columns of ``PREDICTED``, and sentences.
+    """
+    rows = []
     reasons = []
     for row in outcomes(experiment, table).to_dict("records"):
         within = "within" if row["direction"] == "none" else "by"
@@ -381,6 +394,15 @@ def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
         rows.append((asked, found, trials, f"the model {VERDICTS[row['outcome']]}"))
         if row["reason"]:
             reasons.append(f"{asked}: {row['reason']}")
+    return rows, reasons
+
+
+def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
+    """Return predictions and outcomes, one line per prediction."""
+    if not experiment.predictions:
+        return ["no prediction was made before the run, so there is no verdict"]
+    found, reasons = predicted(experiment, table)
+    rows = [PREDICTED, *found]
     widths = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["".join(f"{t:<{w}}" for t, w in zip(row, widths, strict=True)) for row in rows]
     return [*lines, *reasons]

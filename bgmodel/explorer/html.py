@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from bgmodel.deciding.measures import OF_DIFFUSION
-from bgmodel.experiments.outcomes import measured, unknown
+from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, unknown
 from bgmodel.plots import labelled
 
 if TYPE_CHECKING:
@@ -117,7 +117,8 @@ def uri(svg: str) -> str:
 def measures_of(outcome: Outcome, state: State) -> str:
     """Return the table of measures as HTML, with the numbers that the command prints.
 
-    The rows are the same for all edits of a task; below them are reasons for unknown measures.
+    The rows are the same for all edits of a task; below them are reasons for unknown measures, and
+    above them what the experiment predicted, if it did.
     """
     names = [CONTROL] if state.alike else [CONTROL, MANIPULATION, "Change"]
     two = outcome.given.evidence.hypotheses == 2
@@ -128,7 +129,22 @@ def measures_of(outcome: Outcome, state: State) -> str:
     ]
     why = unknown(outcome.experiment, outcome.measures)[: 1 if state.alike else None]
     notes = "".join(f'<p class="why">{escape(sentence)}</p>' for sentence in why)
-    return table_of(("Measure", *names), rows) + notes
+    return _story(outcome) + table_of(("Measure", *names), rows) + notes
+
+
+def _story(outcome: Outcome) -> str:
+    """Return what an experiment is about, its predictions and their verdicts as HTML."""
+    experiment = outcome.experiment
+    if not experiment.predictions:
+        return ""
+    said = (experiment.published, experiment.source, experiment.note)
+    told = zip(("Published", "Source", "In the model"), said, strict=True)
+    about = "".join(f"<p>{label}: {escape(text.strip())}</p>" for label, text in told if text)
+    found, reasons = predicted(experiment, outcome.measures)
+    rows = [(asked, "", [escape(two) for two in cells]) for asked, *cells in found]
+    left_open = "".join(f'<p class="why">{escape(sentence)}</p>' for sentence in reasons)
+    head = tuple(name[0].upper() + name[1:] for name in PREDICTED)
+    return f"{about}{table_of(head, rows)}{left_open}"
 
 
 def table_of(head: Sequence[str], rows: Sequence[tuple[str, str, list[str]]]) -> str:

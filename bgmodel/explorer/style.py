@@ -4,6 +4,7 @@ from __future__ import annotations
 
 TABLE = """
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
+table + table, .why + table { margin-top: 14px; }
 th, td { text-align: left; padding: 3px 10px 3px 0; vertical-align: top; }
 thead th { border-bottom: 1.5px solid #1b1b1b; }
 tbody th { font-weight: 500; }

@@ -13,7 +13,7 @@ from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer import drawing
 from bgmodel.explorer.html import CIRCUIT, MEASURES, TITLES, TRADEOFF, TRIAL
 from bgmodel.explorer.panels import Memory, panels
-from bgmodel.explorer.state import State
+from bgmodel.explorer.state import State, opened
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from circuits.laws.stability import is_stable
 from tests.explorer.helpers import small
@@ -68,6 +68,23 @@ def test_the_numbers_are_those_that_the_command_prints(shown, tmp_path, capsys):
             continue
         shown_ = " ".join(f"{value} {interval}" for value, interval in texts)
         assert line[0].split(maxsplit=1)[1].split() == shown_.split()
+
+
+def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path, capsys):
+    state = small("stn_conflict", "algebra", *opened("stn_conflict").edits)
+    file = tmp_path / "copied.toml"
+    file.write_text(state.experiment.to_toml())
+    assert run("experiment", file, "--workers", 1) == 0
+    printed = capsys.readouterr().out
+    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
+    verdicts = re.findall(r"<td>the model ([a-z ]+)</td>", by[MEASURES].html)
+    assert len(verdicts) == len(state.experiment.predictions) > 0
+    assert verdicts == re.findall(r"the model (agrees|disagrees|leaves it open)$", printed, re.M)
+    assert state.experiment.source in by[MEASURES].html
+
+
+def test_without_predictions_there_are_no_verdicts(shown):
+    assert "the model" not in shown[1][MEASURES].html
 
 
 def test_the_python_that_is_copied_computes_the_same(shown, memory):
