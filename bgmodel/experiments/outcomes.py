@@ -384,7 +384,7 @@ def predicted(
     tuple
         A row per prediction with the columns of ``PREDICTED``, and sentences.
     """
-    rows = []
+    rows: list[tuple[str, ...]] = []
     reasons = []
     for row in outcomes(experiment, table).to_dict("records"):
         within = "within" if row["direction"] == "none" else "by"
