@@ -1,4 +1,7 @@
-"""The result type shared by all engines."""
+"""The result type shared by all engines.
+
+Pandas is imported where a table is made: decisions alone do not need it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from circuits import plots
 from circuits.arrays import Array
@@ -18,6 +20,7 @@ from circuits.dynamics.wiring import Wiring
 from circuits.errors import InputError, RangeWarning, require
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray
     from matplotlib.figure import Figure
 
@@ -101,6 +104,8 @@ class Activity:
 
     def _repr_html_(self) -> str:
         """Return the ``repr`` and a table of mean rates, for notebooks."""
+        import pandas as pd
+
         means = {
             name: pd.Series(np.nanmean(rates, axis=(0, 1))) for name, rates in self.rates_hz.items()
         }
@@ -226,6 +231,8 @@ class Activity:
             such = 'with a spiking engine, such as engine=Ensemble(spikes=("STN",))'
             said = f"the {self.engine} engine recorded no spikes: name the populations to record"
             raise InputError(f"{said} {such}", "spikes")
+        import pandas as pd
+
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
         whole = pd.concat(parts, ignore_index=True)
         return whole[["population", *(name for name in whole if name != "population")]]
@@ -255,6 +262,8 @@ class RateMeans:
 
     def table(self) -> pd.DataFrame:
         """Return the means as a table: one row per population, channel and time."""
+        import pandas as pd
+
         parts = []
         for name, total in self._sums.items():
             ticks, channels = total.shape
@@ -273,6 +282,8 @@ def spike_table(
     trial: npt.ArrayLike, channel: npt.ArrayLike, neuron: npt.ArrayLike, tick: Any, dt_ms: float
 ) -> pd.DataFrame:
     """Return spikes in the format of ``Activity.spikes``; tick 0 is the first with evidence."""
+    import pandas as pd
+
     time_ms = (np.asarray(tick) + 1) * dt_ms
     names = {"trial": trial, "channel": channel, "neuron": neuron}
     whole = {name: np.asarray(value, dtype=np.int64) for name, value in names.items()}

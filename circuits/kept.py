@@ -13,13 +13,14 @@ import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.compiled_code import cache_folder, locked
 
-Arrays = dict[str, npt.NDArray[np.float64]]
+Arrays = dict[str, npt.NDArray[Any]]
 
 
 def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
@@ -34,11 +35,8 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
     make : callable
         Function that makes them, called if they are not found.
     """
-    root = cache_folder(os.environ.get("NUMBA_CACHE_DIR", ""))
-    if root is None:
+    if (path := _path(sources, "tables", key)) is None:
         return make()
-    name = hashlib.sha256(key.encode()).hexdigest()[:32]
-    path = root / sources / "tables" / f"{name}.npz"
     if (found := _read(path)) is not None:
         return found
     with locked(path.with_suffix(".lock")):
@@ -46,6 +44,48 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
             found = make()
             _write(path, found)
     return found
+
+
+def recall(sources: str, kind: str, key: str) -> Arrays | None:
+    """Return arrays stored by ``remember``, or None.
+
+    Parameters
+    ----------
+    sources, key : str
+        As for ``kept``.
+    kind : str
+        Name of their folder.
+    """
+    path = _path(sources, kind, key)
+    return None if path is None else _read(path)
+
+
+def remember(sources: str, kind: str, key: str, arrays: Arrays, *, most: int) -> None:
+    """Store arrays under a key, and forget the oldest of their kind.
+
+    Parameters
+    ----------
+    sources, kind, key : str
+        As for ``recall``.
+    arrays : dict of arrays
+        The arrays.
+    most : int
+        Largest number of files of this kind.
+    """
+    if (path := _path(sources, kind, key)) is None:
+        return
+    _write(path, arrays)
+    with suppress(OSError):
+        stored = sorted(path.parent.glob("*.npz"), key=lambda each: each.stat().st_mtime)
+        for old in stored[:-most]:
+            old.unlink()
+
+
+def _path(sources: str, kind: str, key: str) -> Path | None:
+    """Return the file of a key, or None if nothing can be stored."""
+    root = cache_folder(os.environ.get("NUMBA_CACHE_DIR", ""))
+    name = hashlib.sha256(key.encode()).hexdigest()[:32]
+    return None if root is None else root / sources / kind / f"{name}.npz"
 
 
 def _read(path: Path) -> Arrays | None:

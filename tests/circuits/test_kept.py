@@ -1,10 +1,12 @@
 """Arrays kept between runs."""
 
+import os
+
 import numpy as np
 import pytest
 
 from circuits import kept as module
-from circuits.kept import kept
+from circuits.kept import kept, recall, remember
 
 
 @pytest.fixture
@@ -66,3 +68,21 @@ def test_an_error_of_the_function_is_not_said_to_follow_another(folder):
     with pytest.raises(ValueError, match="no theory") as caught:
         kept("a", "k", fails)
     assert caught.value.__context__ is None
+
+
+def test_the_oldest_of_a_kind_are_forgotten(folder):
+    for number in range(4):
+        remember("a", "kind", str(number), {"x": np.full(2, number)}, most=3)
+        os.utime(max(folder.rglob("*.npz"), key=os.path.getmtime), (number, number))
+    remember("a", "other", "0", {"x": np.zeros(2)}, most=3)
+    found = [recall("a", "kind", str(number)) for number in range(4)]
+    assert found[0] is None
+    assert [int(each["x"][0]) for each in found[1:]] == [1, 2, 3]
+    assert recall("b", "kind", "3") is None
+    assert recall("a", "other", "0") is not None
+
+
+def test_without_a_folder_nothing_is_stored(monkeypatch):
+    monkeypatch.setattr(module, "cache_folder", lambda _: None)
+    remember("a", "kind", "0", {"x": np.zeros(2)}, most=3)
+    assert recall("a", "kind", "0") is None

@@ -5,7 +5,8 @@ in all trials. With noise, trials share states, and trial t has number ``t % n``
 t from ``FEWEST`` to ``MOST_STATES`` (``number_of``). The noise of a state depends only on the seed
 and on its number, so that circuits are compared from the same noise, and no trial depends on its
 neighbours. Trials that share a state have separate noise and evidence from the onset on; the
-correlation of their decisions is measured by ``benchmarks/scores/settled.py``.
+correlation of their decisions is measured by ``benchmarks/scores/settled.py``. The first ``FEWEST``
+states of a circuit and a seed are also kept between runs.
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ import numpy.typing as npt
 from circuits.arrays import Index
 from circuits.dynamics import noise
 from circuits.dynamics.ticks import Clock, Scheme
+from circuits.engines.compiling import SOURCES
 from circuits.engines.population import kernel, records
 from circuits.engines.population.plan import rest, window, workspace
+from circuits.kept import recall, remember
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
@@ -36,15 +39,42 @@ FIRST = 2**63
 """Number of the first state's trial in the keys of noise, which no other trial reaches."""
 MOST_BYTES = 2**26
 """Memory of all kept states; those used least recently are dropped, except the latest."""
+FILES, KIND = 64, "states"
+"""Largest number of circuits and seeds whose first states are kept between runs, and their folder:
+a file has 1 MB with two alternatives, 7 MB with twelve."""
 
 
 class Bank:
-    """Settled states of one circuit and seed, simulated when they are first needed."""
+    """Settled states of one circuit and seed, simulated when they are first needed.
 
-    def __init__(self, initial: records.State) -> None:
-        self.initial = initial
+    Parameters
+    ----------
+    initial : State
+        The state at rest without noise, in which settling begins.
+    key : str
+        What identifies circuit and seed.
+    """
+
+    def __init__(self, initial: records.State, key: str) -> None:
+        self.initial, self.key = initial, key
         self.made = np.zeros(0, dtype=bool)
         self.states = _room(initial, 0)
+        self._recall()
+
+    def _recall(self) -> None:
+        """Take the first states from an earlier run, if it stored them."""
+        stored = recall(SOURCES, KIND, self.key) or {}
+        room = _room(self.initial, FEWEST)._asdict()
+        if {name: (a.shape, a.dtype) for name, a in stored.items()} == {
+            name: (a.shape, a.dtype) for name, a in room.items()
+        }:
+            self.states = records.State(**stored)
+            self.made = np.ones(FEWEST, dtype=bool)
+
+    def remember(self) -> None:
+        """Store the first states for later runs."""
+        first = {name: part[:FEWEST] for name, part in self.states._asdict().items()}
+        remember(SOURCES, KIND, self.key, first, most=FILES)
 
     def grow(self, count: int) -> None:
         """Make room for a number of states."""
@@ -72,7 +102,7 @@ def _room(like: records.State, entries: int) -> records.State:
     return records.State(*(np.zeros((entries, *part.shape[1:]), np.float32) for part in like))
 
 
-_BANKS: OrderedDict[bytes, Bank] = OrderedDict()
+_BANKS: OrderedDict[str, Bank] = OrderedDict()
 _LOCK = threading.Lock()
 
 
@@ -112,7 +142,10 @@ def settled(
         _forget()
         missing = np.unique(entries[~bank.made[entries]])
         if len(missing):
+            before = bank.made[:FEWEST].sum()
             _settle(bank, at_rest, scheme, engine, missing, seed)
+            if before < bank.made[:FEWEST].sum() == FEWEST:
+                bank.remember()
         return bank.states, entries.astype(np.intp)
 
 
@@ -133,8 +166,8 @@ def _bank(p: records.Plan, names: list[str], initial: records.State, seed: int) 
             # The bytes of records include padding, which is arbitrary.
             named = part.dtype.names is not None
             digest.update(repr(part.tolist()).encode() if named else part.tobytes())
-    key = digest.digest()
-    bank = _BANKS.pop(key, None) or Bank(initial)
+    key = digest.hexdigest()
+    bank = _BANKS.pop(key, None) or Bank(initial, key)
     _BANKS[key] = bank
     return bank
 

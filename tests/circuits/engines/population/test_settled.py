@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from circuits import anatomy
+from circuits import anatomy, kept
 from circuits.declaration.courses import Course
 from circuits.engines import run
 from circuits.engines.population import settled
@@ -16,8 +16,11 @@ REST = np.zeros((64, 1, 2))
 
 
 @pytest.fixture(autouse=True)
-def _empty(monkeypatch):
+def folder(monkeypatch, tmp_path):
+    """Nothing is kept from earlier tests, in memory or in files."""
     monkeypatch.setattr(settled, "_BANKS", type(settled._BANKS)())
+    monkeypatch.setattr(kept, "cache_folder", lambda _: tmp_path)
+    return tmp_path
 
 
 def populations(circuit=FULL, drive=REST, *, seed=1, **options):
@@ -45,6 +48,41 @@ def test_trials_have_the_same_bytes_whether_their_states_are_new_or_kept():
     several = populations(drive=drive, workers=2).output_nats
     assert several.tobytes() == first
     assert alone.tobytes() == several[17:18].tobytes()
+
+
+DRIVE = np.random.default_rng(1).normal(0, 0.3, (settled.FEWEST, 2, 2))
+
+
+def test_a_later_run_takes_the_first_states_from_a_file(folder, monkeypatch):
+    first = populations(drive=DRIVE).output_nats.tobytes()
+    settled._BANKS.clear()
+    with monkeypatch.context() as without:
+        without.setattr(settled, "_settle", None)
+        assert populations(drive=DRIVE).output_nats.tobytes() == first
+    (file,) = folder.rglob("*.npz")
+    assert file.stat().st_size < 2e6
+    settled._BANKS.clear()
+    other = populations(drive=DRIVE, seed=2).output_nats.tobytes()
+    assert other != first
+    assert len([*folder.rglob("*.npz")]) == 2
+
+
+def test_few_trials_store_no_states(folder):
+    populations(drive=DRIVE[:-1])
+    assert not [*folder.rglob("*.npz")]
+
+
+def test_a_file_of_states_that_is_wrong_is_made_anew(folder):
+    first = populations(drive=DRIVE).output_nats.tobytes()
+    (file,) = folder.rglob("*.npz")
+    with np.load(file) as stored:
+        cut = {name: part[:-1] for name, part in stored.items()}
+    for content in ({"ring": np.zeros(3)}, cut):
+        np.savez(file, **content)
+        settled._BANKS.clear()
+        assert populations(drive=DRIVE).output_nats.tobytes() == first
+        with np.load(file) as stored:
+            assert len(stored["ring"]) == settled.FEWEST
 
 
 def test_trials_that_share_a_state_begin_alike_and_part():
