@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.algorithms import SENSITIVITY, START, Model
+from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
 from bgmodel.fitting.exact.responses import moments, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
@@ -47,9 +47,9 @@ class Likelihood:
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s, at a vector of the fit."""
         values = self.freedom.values(vector)
-        if START.name in values:
-            # Trials whose strength favours response 0 are mirrored.
-            values[START.name] = values[START.name] * self.design.side
+        # Trials whose strength favours response 0 are mirrored.
+        for name in set(SIDED) & set(values):
+            values[name] = values[name] * self.design.side
         grid = self.design.grid
         decided = self.model.decided(values, self.design.strength, grid)
         response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}

@@ -171,9 +171,10 @@ class FitSettings:
     def design(self, choices: Choices) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
         from bgmodel.fitting.design import design_of
-        from bgmodel.fitting.exact.algorithms import START
+        from bgmodel.fitting.exact.algorithms import SIDED
 
-        sides = START.name in {*self.named, *self.varied, *self.fixed, *self.formulas}
+        named = {*self.named, *self.varied, *self.fixed, *self.formulas}
+        sides = not named.isdisjoint(SIDED)
         return design_of(
             choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )

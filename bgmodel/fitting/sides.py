@@ -64,7 +64,8 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
             DataWarning.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
                 f"than if both sides were alike ({abs(z):.1f} standard errors). Without "
-                "a start (free='+start', at the terminal --free +start, for a sequential test) "
+                "a start of a sequential test or a bias of a circuit (free='+start' or "
+                "'+bias_nats', at the terminal --free +start or +bias_nats) "
                 f"models have no such bias: it affects the other parameters{_coded(some, share)}"
             )
     if several and above <= CHANCE:

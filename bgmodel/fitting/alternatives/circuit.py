@@ -14,6 +14,7 @@ import pandas as pd
 from bgmodel.fitting.alternatives.crossings import DRIFTS, ManyCrossings, simulated_many
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
 from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
 from bgmodel.support import files
@@ -34,6 +35,11 @@ class ManyCircuitModel(CircuitModel):
         """Raise ValueError unless the circuit has three to twelve channels."""
         channels = self.circuit.channels
         require(3 <= channels <= MOST, "circuit", f"must have 3 to {MOST} channels", channels)
+
+    @property
+    def _more(self) -> tuple[Parameter, ...]:
+        """None: mechanisms and biases are those of two channels."""
+        return ()
 
     @property
     def lowest_log_odds(self) -> float:

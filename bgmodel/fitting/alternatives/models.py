@@ -10,7 +10,7 @@ from bgmodel.fitting.alternatives.circuit import ManyCircuitModel
 from bgmodel.fitting.alternatives.lca import LcaModel
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.alternatives.race import RaceModel
-from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START
+from bgmodel.fitting.exact.algorithms import BIAS, DRIFT_SD, SPREAD, START
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from circuits.errors import InputError
@@ -27,6 +27,7 @@ MODELS: dict[str, Callable[[int, int, int, float], Model]] = {
 """Models by name, from a number of alternatives, simulated trials, their seed and length, s."""
 OF_TWO = {
     START.name: "a bias to one of two responses",
+    BIAS.name: "a bias to one of two responses",
     SPREAD.name: "the spread of a bias between two responses",
     DRIFT_SD.name: "a parameter of the test between two alternatives",
 }

@@ -28,7 +28,19 @@ START = Parameter(
     "start of the evidence as a share of the bound: 1 is that of response 1, -1 that of response 0",
     free=False,
 )
-"""A bias to one response; none by default."""
+"""A bias of the test to one response; none by default."""
+BIAS = Parameter(
+    "bias_nats",
+    -1.2,
+    1.2,
+    0.0,
+    "constant input of the channel of response 1, or if negative of response 0, in the circuit's "
+    "nats",
+    free=False,
+)
+"""A bias of a circuit to one response; none by default."""
+SIDED = (START.name, BIAS.name)
+"""Parameters that depend on which response is called 1."""
 SPREAD = Parameter(
     "start_spread",
     0.0,

@@ -7,20 +7,27 @@ import itertools
 import json
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.exact.algorithms import SENSITIVITY, distinct
+from bgmodel.fitting.exact.algorithms import BIAS, SENSITIVITY, distinct
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulated.control import BOUNDS, decided, ideal, matched
-from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes, Run, simulated
+from bgmodel.fitting.simulated.crossings import (
+    DRIFTS,
+    FirstPassageTimes,
+    Run,
+    interpolated,
+    simulated,
+)
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
@@ -46,6 +53,8 @@ TRIALS = 16_000
 """Trials at each drift; a fit warns if they are too few for the data."""
 SIMULATION_SEED = 24_001
 THRESHOLD = "threshold_nats"
+BIASES_NATS = np.linspace(-0.2, BIAS.high, 8)
+"""Biases at which trials are simulated, equally spaced; larger negative ones are mirror images."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +131,17 @@ class CircuitModel(InParts):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sensitivity, threshold, parameters of the axes, and those of responses."""
+        """Sensitivity, threshold, parameters of the axes, bias, and those of responses."""
         low, high = float(self.thresholds_nats[0]), float(self.thresholds_nats[-1])
         about = "OUT at which it decides, in the circuit's nats"
         free = not self.mechanism.instead
         threshold = Parameter(THRESHOLD, low, high, 0.25, about, free=free)
-        return (SENSITIVITY, threshold, *(axis.parameter for axis in self.axes), *RESPONSE)
+        return (SENSITIVITY, threshold, *self._more, *RESPONSE)
+
+    @property
+    def _more(self) -> tuple[Parameter, ...]:
+        """Parameters at whose values trials are simulated."""
+        return (*(axis.parameter for axis in self.axes), BIAS)
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""
@@ -148,43 +162,68 @@ class CircuitModel(InParts):
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision in each bin; see ``algorithms.Model``.
 
-        Between simulated values of an axis, the time of each trial is interpolated.
+        Between simulated values of an axis, the time of each trial is interpolated; between those
+        of the bias, the probability.
         """
-        names = (THRESHOLD, *(axis.parameter.name for axis in self.axes))
-        settings = np.stack([values[name] for name in names], axis=1)
-        drift = values[SENSITIVITY.name] * strength
+        names = (THRESHOLD, *(each.name for each in self._more))
+        none = np.zeros(len(strength))
+        settings = np.stack([values.get(name, none) for name in names], axis=1)
+        mirrored = settings[:, -1] < 0
+        settings[:, -1] = np.abs(settings[:, -1])
+        drift = values[SENSITIVITY.name] * np.where(mirrored, -strength, strength)
         found = np.zeros((len(strength), 2, grid.bins))
         for setting in distinct(settings):
             cells = (settings == setting).all(axis=1)
-            near = [(self.stored(point), share) for point, share in self._corners(setting[1:])]
-            found[cells] = decided(near, float(setting[0]), drift[cells], grid)
+            threshold, *point, bias = map(float, setting)
+            corners = list(_corners(self.axes, point))
+            for size, weight in _near(bias):
+                near = [(self.biased(corner, size), share) for corner, share in corners]
+                found[cells] += weight * decided(near, threshold, drift[cells], grid)
+        found[mirrored] = found[mirrored, ::-1]
         return found
 
     def points(self) -> list[tuple[float, ...]]:
         """Return all values of the axes at which crossings are stored."""
         return list(itertools.product(*(map(float, axis.values) for axis in self.axes)))
 
-    def _corners(self, values: Array) -> Iterator[tuple[tuple[float, ...], float]]:
-        """Yield the grid points around values of the axes, with the weight of each."""
-        sides = []
-        for axis, value in zip(self.axes, values, strict=True):
-            place = float(np.interp(value, axis.values, np.arange(axis.points)))
-            low = min(int(place), axis.points - 1)
-            both = ((low, low + 1 - place), (low + 1, place - low))
-            sides.append([(float(axis.values[k]), share) for k, share in both if share > 0])
-        for corner in itertools.product(*sides):
-            yield tuple(value for value, _ in corner), math.prod(share for _, share in corner)
+    def stored(self, point: tuple[float, ...], bias: float = 0.0) -> FirstPassageTimes:
+        """Return the crossings at values of the axes, read from the folder or simulated.
 
-    def stored(self, point: tuple[float, ...]) -> FirstPassageTimes:
-        """Return the crossings at values of the axes, read from the folder or simulated."""
-        if point not in self._kept:
+        Parameters
+        ----------
+        point : tuple of float
+            Values of the axes.
+        bias : float, nats
+            Input of the channel of response 1, or if negative of response 0.
+        """
+        key = (*point, bias) if bias else point
+        if key not in self._kept:
             if self._part_of is not None:
                 whole, parts = self._part_of
-                self._kept[point] = whole.stored(point).part(parts)
+                self._kept[key] = whole.stored(point, bias).part(parts)
             else:
-                found = self._read(point) or self._simulate(point)
-                self._kept[point] = replace(found, control=matched(found, self._walks))
-        return self._kept[point]
+                found = self._read(point, bias) or self._simulate(point, bias)
+                if not bias:
+                    found = replace(found, control=matched(found, self._walks))
+                self._kept[key] = found
+        return self._kept[key]
+
+    def biased(self, point: tuple[float, ...], size: float) -> FirstPassageTimes:
+        """Return the crossings with a bias to response 1, and those with the opposite bias.
+
+        The control variates are those without a bias.
+        """
+        if not size:
+            return self.stored(point)
+        key = (*point, size, -size)
+        if key not in self._kept:
+            self._kept[key] = replace(
+                self.stored(point, size),
+                control=self.stored(point).control,
+                opposite=self.stored(point, -size),
+                _counted={},
+            )
+        return self._kept[key]
 
     @cached_property
     def _walks(self) -> FirstPassageTimes:
@@ -199,7 +238,7 @@ class CircuitModel(InParts):
         """Return the circuit at values of its axes."""
         return self.mechanism.apply(self.circuit, point)
 
-    def _key(self, point: tuple[float, ...]) -> dict[str, Any]:
+    def _key(self, point: tuple[float, ...], bias: float = 0.0) -> dict[str, Any]:
         own = {
             name: value for name, value in self.identity().items() if name not in ("axes", "edits")
         }
@@ -209,21 +248,23 @@ class CircuitModel(InParts):
         }
         if self.circuit.centred:
             at["centred"] = True
+        if bias:
+            at["bias_nats"] = bias
         return {**own, **at, "bgmodel": __version__}
 
-    def path(self, point: tuple[float, ...]) -> Path | None:
-        """Return the file of the crossings at values of the axes."""
+    def path(self, point: tuple[float, ...], bias: float = 0.0) -> Path | None:
+        """Return the file of the crossings at values of the axes and a bias."""
         if self.folder is None:
             return None
-        text = json.dumps(self._key(point), sort_keys=True)
+        text = json.dumps(self._key(point, bias), sort_keys=True)
         return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
 
-    def _read(self, point: tuple[float, ...]) -> FirstPassageTimes | None:
+    def _read(self, point: tuple[float, ...], bias: float) -> FirstPassageTimes | None:
         """Return stored crossings; None without a complete file."""
-        path = self.path(point)
+        path = self.path(point, bias)
         return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
 
-    def run(self, point: tuple[float, ...], lowest_nats: float) -> Run:
+    def run(self, point: tuple[float, ...], lowest_nats: float, bias: float = 0.0) -> Run:
         """Return the function that runs the circuit at values of its axes; see ``crossings.Run``.
 
         Parameters
@@ -232,6 +273,8 @@ class CircuitModel(InParts):
             Values of the axes.
         lowest_nats : float
             The lowest threshold, below which a trial may be dropped.
+        bias : float, nats
+            As for ``stored``.
         """
         model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
         model = model.until(lowest_nats - ROUNDING_NATS)
@@ -243,25 +286,52 @@ class CircuitModel(InParts):
             with warnings.catch_warnings():
                 # A random walk leaves any range; the effect of that is included in the crossings.
                 warnings.simplefilter("ignore", RangeWarning)
-                done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
+                done = model.run_drive(self._drive(read, bias), 1000 * BIN_S, first)
             return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
 
         return run
 
-    def _drive(self, read: Array) -> Array:
+    def _drive(self, read: Array, bias: float) -> Array:
         """Return the drive of accumulated evidence, minus its mean if the table requires it."""
         drive = self.noise_nats * read
+        if bias:
+            drive[..., int(bias < 0)] += abs(bias)
         if not self.circuit.centred:
             return drive
         drive = np.maximum(drive, drive.max(axis=2, keepdims=True) - self.circuit.max_deficit_nats)
         return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
-    def _simulate(self, point: tuple[float, ...]) -> FirstPassageTimes:
-        run = self.run(point, float(self.thresholds_nats[0]))
+    def _simulate(self, point: tuple[float, ...], bias: float) -> FirstPassageTimes:
+        run = self.run(point, float(self.thresholds_nats[0]), bias)
         found = simulated(
             run, self.thresholds_nats, seconds=self.seconds, trials=self.trials, seed=self.seed
         )
-        path = self.path(point)
+        path = self.path(point, bias)
         if path is not None:
-            write_crossings(found, path, seed=self.seed, stored=self._key(point))
+            write_crossings(found, path, seed=self.seed, stored=self._key(point, bias))
         return found
+
+
+def _near(bias: float) -> list[tuple[float, float]]:
+    """Return the simulated biases around a bias, and their weights."""
+    rows = len(BIASES_NATS)
+    place = float(np.interp(bias, BIASES_NATS, np.arange(rows)))
+    # Rounding must not give a bias of 0 neighbours.
+    return [
+        (round(float(BIASES_NATS[row]), 6), weight)
+        for row, weight in interpolated(round(place, 9), rows)
+    ]
+
+
+def _corners(
+    axes: Sequence[Axis], values: npt.ArrayLike
+) -> Iterator[tuple[tuple[float, ...], float]]:
+    """Yield the grid points around values of axes, with the weight of each."""
+    sides = []
+    for axis, value in zip(axes, np.asarray(values, float), strict=True):
+        place = float(np.interp(value, axis.values, np.arange(axis.points)))
+        low = min(int(place), axis.points - 1)
+        both = ((low, low + 1 - place), (low + 1, place - low))
+        sides.append([(float(axis.values[k]), share) for k, share in both if share > 0])
+    for corner in itertools.product(*sides):
+        yield tuple(value for value, _ in corner), math.prod(share for _, share in corner)

@@ -10,9 +10,11 @@ mirror image of every trial counts too.
 
 The weight depends on a trial only through t and X. Trials are therefore counted on a grid of both,
 once for each stored threshold, and a drift costs one product with these counts, regardless of the
-number of trials. Between stored thresholds, densities are interpolated so that the likelihood has a
-continuous slope. A test without noise on the same evidence, whose distribution is known exactly,
-serves as control variate: its chance deviations are subtracted (``control``).
+number of trials. With a bias of one channel, trials with the bias and the mirror images of those
+with the opposite bias are counted by choice. Between stored thresholds, densities are interpolated
+so that the likelihood has a continuous slope. A test without noise on the same evidence, whose
+distribution is known exactly, serves as control variate: its chance deviations are subtracted
+(``control``).
 """
 
 from __future__ import annotations
@@ -73,6 +75,9 @@ class FirstPassageTimes:
     parts : bool array (parts,)
         Which parts of the trials count: trial k does if ``parts[k % len(parts)]`` is true. Trials
         are independent, and so are estimates from different parts.
+    opposite : FirstPassageTimes, optional
+        The same trials of a circuit with the opposite bias, whose mirror images count; by default
+        there is no bias, and each trial's own mirror image does.
     """
 
     thresholds_nats: Array
@@ -82,6 +87,7 @@ class FirstPassageTimes:
     evidence: npt.NDArray[np.floating[Any]]
     control: Divided | None = None
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    opposite: FirstPassageTimes | None = None
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
     def part(self, parts: Truths) -> FirstPassageTimes:
@@ -90,9 +96,16 @@ class FirstPassageTimes:
         return replace(self, parts=parts, control=control, _counted={})
 
     @cached_property
+    def mirrored(self) -> FirstPassageTimes:
+        """The mirror images of all trials."""
+        choice = np.where(self.choice < 0, self.choice, 1 - self.choice)
+        return replace(self, choice=choice, evidence=-self.evidence, opposite=None, _counted={})
+
+    @cached_property
     def ends(self) -> int:
         """Number of bins of a trial."""
-        return int(self.bins.max()) + 1
+        both = (self,) if self.opposite is None else (self, self.opposite)
+        return int(max(each.bins.max() for each in both)) + 1
 
     @cached_property
     def reach(self) -> tuple[int, int]:
@@ -116,11 +129,12 @@ class Counts:
 
     Parameters
     ----------
-    decided : array (bins, evidence)
+    decided : array (1 or 2, bins, evidence)
         Number of trials decided in each bin of time, by the evidence for their choice, spread over
-        neighbouring bins of evidence so that sums of smooth weights are preserved.
+        neighbouring bins of evidence so that sums of smooth weights are preserved. With a bias,
+        those for choice 0 and for choice 1 are apart.
     never : array (evidence,)
-        Number of trials without a decision, by their evidence for one of the two choices.
+        Number of trials without a decision, by their evidence for choice 0.
     """
 
     decided: Array
@@ -129,7 +143,7 @@ class Counts:
     @cached_property
     def box(self) -> tuple[int, int, int]:
         """Number of bins up to the last decision; first column with decisions, and end of these."""
-        bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in (1, 0))
+        bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in ((0, 2), (0, 1)))
         if not len(bins):
             return 0, 0, 0
         return int(bins[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
@@ -186,21 +200,27 @@ def read(
         (first.counted(row) if len(settings) == 1 else _count(settings, row), weight)
         for row, weight in rows
     ]
-    drifts, shape = tuple(first.drifts.tolist()), weighed[0][0].decided.shape
+    drifts = tuple(first.drifts.tolist())
+    sides, *shape = weighed[0][0].decided.shape
     never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
     read_s = (np.arange(shape[0]) + 1) * BIN_S
-    # A stored trial and its mirror image: drift in favour of the choice, and against it.
+    # Drift in favour of the choice, and against it: without a bias, the first for a stored trial
+    # and the second for its mirror image; with one, the first for choice 0, the second for 1.
     read_so_far = _evidence(shape[1])
     moved = _moved(np.abs(v) * read_so_far[-1])
     towards = np.exp(read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2))
     seen, box = _seen(weighed)
     seen *= _unmixed(drifts, *shape)[box]
     mass = np.zeros((shape[0], 2, len(v)))
-    mass[box[0]] = (seen @ towards[box[1]]).reshape(-1, 2, len(v))
+    each = np.split(towards[box[1]], sides, axis=1)
+    found = np.concatenate([one @ ways for one, ways in zip(seen, each, strict=True)], axis=1)
+    mass[box[0]] = found.reshape(-1, 2, len(v))
     mass *= np.exp(moved - np.outer(read_s, v**2) / 2)[:, None]
     last_s, evidence = float(read_s[_ends(settings) - 1]), _evidence(len(never))[:, None]
     apart = v * evidence - v**2 * last_s / 2 - _mixed(drifts, last_s, len(never))
-    undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
+    undecided = never @ np.exp(apart)
+    if sides == 1:
+        undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
     return np.asarray(mass[:, ::-1] / (mass.sum(axis=(0, 1)) + undecided))
 
 
@@ -209,9 +229,9 @@ def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, 
     boxes = [counts.box for counts, _ in weighed if counts.box[0]] or [(0, 0, 0)]
     late, low, high = np.array(boxes).T
     box = (slice(late.max()), slice(low.min(), high.max()))
-    seen = weighed[0][1] * weighed[0][0].decided[box]
+    seen = weighed[0][1] * weighed[0][0].decided[:, *box]
     for counts, weight in weighed[1:]:
-        seen += weight * counts.decided[box]
+        seen += weight * counts.decided[:, *box]
     return seen, box
 
 
@@ -279,15 +299,18 @@ def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Cou
     """Count the trials of several settings at one stored threshold."""
     from bgmodel.fitting.simulated.weights import count
 
-    bins, choice, evidence = (
-        np.stack([getattr(each, name)[row] for each, _ in settings])
-        for name in ("bins", "choice", "evidence")
-    )
-    first = settings[0][0]
-    reach, far = np.max([each.reach for each, _ in settings], axis=0)
-    decided, never = np.zeros((_ends(settings) + 1, 2 * reach + 1)), np.zeros(2 * far + 1)
+    biased = [each.opposite.mirrored for each, _ in settings if each.opposite is not None]
+    every = [[each for each, _ in settings], *([biased] if biased else [])]
+    reach, far = np.max([each.reach for group in every for each in group], axis=0)
     share = np.array([share for _, share in settings])
-    count(bins, choice, evidence, share, first.parts, EVIDENCE_BIN, decided, never)
+    decided = np.zeros((len(every), _ends(settings) + 1, 2 * reach + 1))
+    never = np.zeros(2 * far + 1)
+    for group in every:
+        bins, choice, evidence = (
+            np.stack([getattr(each, name)[row] for each in group])
+            for name in ("bins", "choice", "evidence")
+        )
+        count(bins, choice, evidence, share, group[0].parts, EVIDENCE_BIN, decided, never)
     return Counts(_sharpened(decided), _sharpened(never))
 
 

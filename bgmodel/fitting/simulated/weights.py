@@ -31,8 +31,9 @@ def count(
         Trial k counts where ``parts[k % len(parts)]`` is true.
     width : float, sqrt(s)
         Width of a bin of evidence.
-    decided : array (bins, evidence)
-        Counts to add to, by the evidence for the choice, divided between two neighbouring bins.
+    decided : array (1 or 2, bins, evidence)
+        Counts to add to, of all choices or of each, by the evidence for the choice, divided between
+        two neighbouring bins.
     never : array (evidence,)
         Counts to add to, for trials without a decision.
     """
@@ -69,12 +70,13 @@ def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any
         never[left] += weight - right
         never[left + 1] += right
     else:
-        place = decided.shape[1] // 2 + read
+        place = decided.shape[2] // 2 + read
         left, low = int(place), int(when)
+        side = chosen if decided.shape[0] == 2 else 0
         right = weight * (place - left)
         later = when - low
-        decided[low, left] += (1 - later) * (weight - right)
-        decided[low, left + 1] += (1 - later) * right
+        decided[side, low, left] += (1 - later) * (weight - right)
+        decided[side, low, left + 1] += (1 - later) * right
         if later > 0:
-            decided[low + 1, left] += later * (weight - right)
-            decided[low + 1, left + 1] += later * right
+            decided[side, low + 1, left] += later * (weight - right)
+            decided[side, low + 1, left + 1] += later * right

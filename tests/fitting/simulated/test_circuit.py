@@ -136,7 +136,7 @@ def test_a_criterion_that_stands_in_place_of_the_threshold_holds_it(name):
     mechanism = MECHANISMS[name]
     parameters = {each.name: each for each in model(mechanism=mechanism).parameters}
     assert set(parameters) == {
-        "sensitivity", "threshold_nats", "t0_s", "t0_sd_s", "lapse",
+        "sensitivity", "threshold_nats", "bias_nats", "t0_s", "t0_sd_s", "lapse",
         *(axis.parameter.name for axis in mechanism.axes),
     }  # fmt: skip
     assert parameters["threshold_nats"].free != mechanism.instead
@@ -148,7 +148,7 @@ def test_a_criterion_that_stands_in_place_of_the_threshold_holds_it(name):
 class Later(CircuitModel):
     """All trials decide at the same time: in the bin given by the sum of the axes' values."""
 
-    def stored(self, point):
+    def stored(self, point, bias=0.0):
         bins = np.full((module.LEVELS, 20), round(sum(point)))
         still = np.zeros((module.LEVELS, 20))
         return FirstPassageTimes(self.thresholds_nats, np.zeros(1), bins, np.ones_like(bins), still)

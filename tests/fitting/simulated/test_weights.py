@@ -10,13 +10,13 @@ from bgmodel.fitting.simulated.weights import count
 MIDDLE, WIDTH = 40, 0.1
 
 
-def counted(bins, choice, share, evidence=None, parts=(True,)):
-    """Return the counts that decided and that did not, by bin and evidence."""
+def counted(bins, choice, share, evidence=None, parts=(True,), sides=1):
+    """Return the counts that decided and that did not, by bin and evidence, and for two by side."""
     bins, choice = np.array(bins, np.int16), np.array(choice, np.int8)
     evidence = np.zeros(bins.shape) if evidence is None else np.array(evidence, float)
-    decided, never = np.zeros((32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
+    decided, never = np.zeros((sides, 32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
     count(bins, choice, evidence, np.array(share), np.array(parts), WIDTH, decided, never)
-    return decided, never
+    return decided if sides == 2 else decided[0], never
 
 
 def test_a_trial_of_one_choice_lies_between_its_settings_in_time_and_evidence():
@@ -29,6 +29,14 @@ def test_evidence_counts_for_the_choice():
     evidence = [[1.0]]
     assert counted([[5]], [[0]], [1.0], evidence)[0][5, MIDDLE + 10] == pytest.approx(1)
     assert counted([[5]], [[1]], [1.0], evidence)[0][5, MIDDLE - 10] == pytest.approx(1)
+
+
+def test_of_two_sides_each_has_its_choices():
+    decided, never = counted([[5, 6, 7]], [[0, 1, -1]], [1.0], [[1.0, 1.0, 1.0]], sides=2)
+    assert decided[0, 5, MIDDLE + 10] == pytest.approx(1)
+    assert decided[1, 6, MIDDLE - 10] == pytest.approx(1)
+    assert decided.sum() == pytest.approx(2)
+    assert never[MIDDLE + 10] == pytest.approx(1)
 
 
 @pytest.mark.parametrize("other", [1, -1])

@@ -1,0 +1,132 @@
+"""A bias of one channel's input, against the exact walk from a start that is not in the middle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.deciding.decision import Trace
+from bgmodel.evidence import minus_log_softmax
+from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.settings import FitSettings
+from bgmodel.fitting.simulated.circuit import BIASES_NATS, CircuitModel
+from bgmodel.fitting.simulated.crossings import log_odds
+from bgmodel.theory.first_passage import Gaussian, walk
+from circuits.anatomy import load_circuit
+from tests.helpers import refused, unwarned
+from tests.test_start_point import RESPONSES, drawn
+
+GRID = Grid(300)
+THRESHOLD, ODDS = 0.25, float(log_odds(0.25))
+IDEAL = load_circuit("bogacz_gurney", 2)
+
+
+class Integrator(CircuitModel):
+    """A circuit without noise or delay, whose OUT is -ln P of the evidence and its bias."""
+
+    def run(self, point, lowest_nats, bias=0.0):
+        def made(read, first):
+            time_ms = (np.arange(read.shape[1]) + 1) * 1000 * BIN_S
+            return Trace(minus_log_softmax(self._drive(read, bias)), time_ms, step_ms=1000 * BIN_S)
+
+        return made
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Integrator(IDEAL, noise_nats=2.0, trials=800, seed=31)
+
+
+def decided(model, drift, bias, threshold=THRESHOLD, grid=GRID):
+    """Return the probability of each response in each bin, (drifts, 2, bins)."""
+    drift = np.atleast_1d(np.asarray(drift, float))
+    given = {"sensitivity": 1.0, "threshold_nats": threshold, "bias_nats": bias}
+    values = {name: np.full(len(drift), value) for name, value in given.items()}
+    return model.decided(values, drift, grid)
+
+
+def exact(drift, bias):
+    """Return the share of response 1 and the mean time, s, of the walk that decides."""
+    step = Gaussian(2.0 * drift * BIN_S, 2.0 * np.sqrt(BIN_S))
+    ends = walk(step, -ODDS - bias, ODDS - bias, t_max=300)
+    mass = np.append(ends.steps_pmf[:-1], ends.steps_pmf[-1] - ends.p_forced)
+    mean = mass @ np.arange(301) / mass.sum() * BIN_S
+    return walk(step, -ODDS - bias, ODDS - bias).p_upper, mean
+
+
+@pytest.mark.parametrize("bias", [0.3, 0.6, -0.6, 0.9])
+@pytest.mark.parametrize("drift", [0.0, 1.5, -1.5, 4.0])
+def test_an_ideal_circuit_with_a_bias_is_a_walk_from_another_start(model, drift, bias):
+    found = decided(model, drift, bias)[0]
+    ones, mean_s = exact(drift, bias)
+    assert found[1].sum() / found.sum() == pytest.approx(ones, abs=0.012)
+    time_s = (np.arange(GRID.bins) + 1) * BIN_S
+    assert (found.sum(axis=0) @ time_s) / found.sum() == pytest.approx(mean_s, rel=0.03)
+    # A negative control: the bias of the other sign would be seen.
+    opposite = decided(model, drift, -bias)[0]
+    assert abs(opposite[1].sum() / opposite.sum() - ones) > 0.03 or abs(drift) > 3
+
+
+def test_a_bias_to_the_other_response_is_the_mirror_image(model):
+    one, other = (decided(model, drift, bias)[0] for drift, bias in ((2.0, 0.5), (-2.0, -0.5)))
+    np.testing.assert_array_equal(one, other[::-1])
+
+
+def test_a_small_bias_is_near_none(model):
+    none, small = (decided(model, [1.0, -1.0], bias) for bias in (0.0, 1e-6))
+    np.testing.assert_allclose(small, none, atol=1e-4)
+    assert moments(small / BIN_S, GRID)["accuracy"] == pytest.approx(
+        moments(none / BIN_S, GRID)["accuracy"], abs=1e-3
+    )
+
+
+def test_between_simulated_biases_responses_change_steadily(model):
+    at = np.linspace(*BIASES_NATS[2:4], 5)
+    ones = [decided(model, 0.0, b)[0, 1].sum() for b in at]
+    assert np.all(np.diff(ones) > 0)
+    expected = [exact(0.0, b)[0] for b in at]
+    assert ones == pytest.approx(expected, abs=0.012)
+
+
+def test_parts_of_the_trials_add_up_with_a_bias_too(model):
+    whole = replace(model, _kept={})
+    halves = [decided(half, 1.0, 0.3)[0].sum(axis=1) for half in whole.halves()]
+    both = decided(whole, 1.0, 0.3)[0].sum(axis=1)
+    assert np.mean(halves, axis=0) == pytest.approx(both, abs=0.01)
+    assert np.abs(halves[0] - halves[1]).max() > 0
+
+
+def test_stored_biases_are_read_back(tmp_path, monkeypatch):
+    small = {"noise_nats": 2.0, "trials": 32, "folder": tmp_path}
+    first = decided(Integrator(IDEAL, **small), 1.0, 0.3)
+    assert len([*tmp_path.glob("*.parquet")]) == 7  # none, and 0.2 to 0.6 to either response
+    monkeypatch.setattr(CircuitModel, "_simulate", None)
+    again = decided(Integrator(IDEAL, **small), 1.0, 0.3)
+    np.testing.assert_array_equal(again, first)
+
+
+@pytest.mark.usefixtures("brief_search")
+def test_the_start_of_a_test_is_found_as_the_bias_of_a_circuit():
+    table = drawn(91_401, sensitivity=8.0, bound=0.7, start=0.25)
+    asked = FitSettings(
+        strength="coherence", free=("+bias_nats",),
+        fix=tuple(f"{name}={RESPONSES[name]}" for name in ("t0_s", "t0_sd_s", "lapse")),
+    )  # fmt: skip
+    choices = asked.read(table)
+    model = Integrator(IDEAL, noise_nats=2.0, trials=1000, seed=32, seconds=4.0)
+    with unwarned():
+        likelihood = asked.likelihood(asked.design(choices), model)
+    found = optimum(likelihood)
+    values = {name: float(np.atleast_1d(v)[0]) for name, v in found.values.items()}
+    # The start is a share of the bound, and the bias of the log odds of the threshold.
+    assert values["bias_nats"] / log_odds(values["threshold_nats"]) == pytest.approx(0.25, abs=0.05)
+    without = replace(asked, free=())
+    plain = optimum(without.likelihood(without.design(choices), model))
+    assert found.log_likelihood > plain.log_likelihood + 50
+
+
+def test_more_than_two_alternatives_have_no_bias():
+    settings = FitSettings(strength="coherence", free=("+bias_nats",), alternatives=3)
+    with refused("bias_nats"):
+        settings.model("macaque")
