@@ -10,6 +10,8 @@ export MPLBACKEND = Agg
 # another waits for a loop that is being compiled, or for a command.
 test validate: export OPENBLAS_NUM_THREADS = 1
 test validate: export OMP_NUM_THREADS = 1
+# Every process that a test starts would compile the sources anew, and each of pytest's all the tests.
+test validate: export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: figures pictures test lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
