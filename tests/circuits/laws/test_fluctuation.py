@@ -67,8 +67,8 @@ def test_a_circuit_of_rates_has_no_noise(name):
 def test_the_noise_of_few_cells_is_in_the_fixed_point():
     """OUT of 100 cells a population lies off that of many by what is computed."""
     table = anatomy.spiking_msprt(2).with_neurons(100)
-    # So many that the error of the mean is a twenty-eighth of what is computed.
-    drive = np.zeros((100, 1, 2))
+    # So many that the error of the mean is a fortieth of what is computed.
+    drive = np.zeros((200, 1, 2))
     drive[:, 0] = 1.0, -1.0
     spikes = run_ensemble(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
