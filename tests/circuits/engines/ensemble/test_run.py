@@ -192,7 +192,7 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse")).lesion("common")
+    runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
     with pytest.warns(EditWarning, match="has no resting state after these edits"):
         run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 
