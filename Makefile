@@ -6,10 +6,12 @@ VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
 # Tests run side by side: more threads of one would wait for each other. Those of one file stay in
-# one process, which makes what they share once. One process more than there are cores works while
-# another waits for a loop that is being compiled, or for a command.
+# one process, which makes what they share once. Every process reads all tests first, which takes
+# half a minute of CPU: no more processes than cores.
 test validate: export OPENBLAS_NUM_THREADS = 1
 test validate: export OMP_NUM_THREADS = 1
+# Every process that a test starts would compile the sources anew, and each of pytest's all the tests.
+test validate: export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: figures pictures test lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
@@ -22,7 +24,7 @@ pictures: figures
 	$(BIN)/python -m figures.gallery
 
 test: $(VENV)/test.installed
-	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
 
 lint: $(VENV)/test.installed
 	$(BIN)/ruff check .

@@ -35,7 +35,10 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
     assert np.abs(with_course[0] - without[0]).max() > 0.05
 
 
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+@pytest.mark.parametrize(
+    "engine",
+    ["rate", "population", "ensemble", pytest.param("brian2", marks=pytest.mark.validate)],
+)
 def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
     plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
     table = BASE.with_inputs("STN", "GPe[1]")

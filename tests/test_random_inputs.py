@@ -54,7 +54,7 @@ def folder(tmp_path_factory):
     figures = shutil.ignore_patterns("out", "fast")
     shutil.copytree(ROOT / "figures", folder / "figures", ignore=figures)
     taps, decoder = str(folder / "taps.npz"), str(folder / "decoder.safetensors")
-    assert main(["simulate", taps, "--taps", "30", "--periods-mm", "0", "5"]) == 0
+    assert main(["simulate", taps, "--taps", "12", "--periods-mm", "0", "5"]) == 0
     assert main(["train", taps, decoder, *QUICK]) == 0
     (folder / "small.toml").write_text(GOOD)
     return folder

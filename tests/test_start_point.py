@@ -47,7 +47,11 @@ def fitted(table, free="+start", model="constant_gap", **options):
 
 
 @pytest.mark.parametrize(
-    ("model", "more"), [("constant_gap", {}), ("falling_gap", {"fall_per_s": 1.0})]
+    ("model", "more"),
+    [
+        ("constant_gap", {}),
+        pytest.param("falling_gap", {"fall_per_s": 1.0}, marks=pytest.mark.validate),
+    ],
 )
 def test_a_start_is_recovered(model, more):
     table = drawn(91_001, model=GapModel(GAPS[model]), **more)
@@ -56,6 +60,22 @@ def test_a_start_is_recovered(model, more):
     without, _ = fitted(table, "", model=model)
     assert values["start"] * found.likelihood.design.side[0] == pytest.approx(0.25, abs=0.05)
     assert found.log_likelihood > without.log_likelihood + 50
+
+
+def test_a_start_between_falling_bounds_is_likelier_than_none_or_its_mirror():
+    """What a search for it, in `make validate`, climbs."""
+    table = drawn(91_001, model=GapModel(GAPS["falling_gap"]), fall_per_s=1.0)
+    asked = FitSettings(strength="coherence", free=("+start",))
+    likelihood = asked.likelihood(asked.design(asked.read(table)), asked.model("falling_gap"))
+    truth = {**TRUE, **RESPONSES, "fall_per_s": 1.0}
+    vector = np.array([truth[name] for name in likelihood.freedom.names])
+    at, side = likelihood.freedom.names.index("start"), likelihood.design.side[0]
+    known = []
+    for start in (0.25, 0.0, -0.25):
+        vector[at] = side * start
+        known.append(likelihood(vector))
+    assert known[0] > known[1] + 50
+    assert known[1] > known[2] + 50
 
 
 def test_without_a_bias_it_is_worth_nothing():

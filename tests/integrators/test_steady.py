@@ -36,14 +36,6 @@ def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
     assert (found[found["variant"] == "D1"]["low"] > 0.02).all()
 
 
-def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number():
-    edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.clamp("GPe")}
-    found = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
-    assert (np.abs(found["value"] - found["finite_nats"]) < 0.005).all()
-    line_misses = np.abs(found["value"] - found["exact_nats"])
-    assert line_misses.max() > 0.03
-
-
 def test_a_shift_that_is_not_known_is_nan():
     """Neither that of sparse connections, by the laws of a finite number, nor 0 in its place."""
     differ = TABLE.with_connections(0.5)

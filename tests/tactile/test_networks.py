@@ -1,16 +1,21 @@
 """Networks have the layers that are stated."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
 from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 
-torch = pytest.importorskip("torch")
+# PyTorch is imported where it is used: every process of a run of tests reads all files.
+pytestmark = pytest.mark.skipif(find_spec("torch") is None, reason="networks need PyTorch")
 
 
 def layers(network):
     """Return the widths of layers with weights, and the shares that are dropped."""
+    import torch
+
     with_weights = (torch.nn.Conv2d, torch.nn.Linear)
     widths = [m.weight.shape[0] for m in network.modules() if isinstance(m, with_weights)]
     return widths, [m.p for m in network.modules() if isinstance(m, torch.nn.Dropout)]
@@ -38,6 +43,8 @@ def test_edges_are_read_by_the_perceptron_of_full_width_and_dropout():
 
 def test_normalisation_brings_a_variance_of_a_thousandth_to_a_half():
     """The least variance that is taken for signal, in each normalisation of the network."""
+    import torch
+
     network = GratingNetwork.build((19, 19), 0.1, 0.0).train()
     norms = [m for m in network if isinstance(m, torch.nn.BatchNorm1d | torch.nn.BatchNorm2d)]
     assert len(norms) == 6

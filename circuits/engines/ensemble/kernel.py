@@ -473,7 +473,9 @@ def trial(
         Number of spikes to record, which may exceed the capacity.
     """
     begin(p, work, streams)
-    return go_on(p, work, drive, streams, drop_below, out, rates, spikes, 0, p.clock[0].ticks)
+    # Not 0 itself: for a number in the text, ``go_on`` is compiled a second time.
+    start = np.int64(0)
+    return go_on(p, work, drive, streams, drop_below, out, rates, spikes, start, p.clock[0].ticks)
 
 
 @compiled

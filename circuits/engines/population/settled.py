@@ -143,7 +143,9 @@ def settled(
         missing = np.unique(entries[~bank.made[entries]])
         if len(missing):
             before = bank.made[:FEWEST].sum()
-            _settle(bank, at_rest, scheme, engine, missing, seed)
+            # The run's own window where it fits: a loop is compiled for each.
+            ticks = min(window(p), window(at_rest), key=len)
+            _settle(bank, at_rest, scheme, engine, missing, seed, ticks)
             if before < bank.made[:FEWEST].sum() == FEWEST:
                 bank.remember()
         return bank.states, entries.astype(np.intp)
@@ -185,6 +187,7 @@ def _settle(
     engine: PopulationsEngine,
     missing: Index,
     seed: int,
+    ticks: tuple[int, ...],
 ) -> None:
     """Simulate the missing states of a bank."""
     names = scheme.wiring.names if engine.noise else []
@@ -195,7 +198,7 @@ def _settle(
     def task(k: int) -> None:
         for group in groups[k :: len(work)]:
             keys = streams[group if names else []]
-            _settle_group(bank, p, work[k], missing[group], keys, scheme.wiring.circuit.name)
+            _settle_group(bank, p, work[k], missing[group], keys, ticks, scheme.wiring.circuit.name)
 
     with ThreadPoolExecutor(max_workers=len(work)) as pool:
         list(pool.map(task, range(len(work))))
@@ -208,6 +211,7 @@ def _settle_group(
     work: records.Work,
     entries: Index,
     streams: npt.NDArray[np.uint64],
+    ticks: tuple[int, ...],
     name: str,
 ) -> None:
     """Simulate states in neighbouring lanes; ``name`` is that of the circuit in the error."""
@@ -216,7 +220,7 @@ def _settle_group(
     out, rates = np.empty((count, 1, channels)), np.empty((count, 1, 0), np.float32)
     saved = _room(bank.initial, count)
     begin = np.zeros(count, dtype=np.intp)
-    given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, window(p)
+    given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, ticks
     if kernel.trials(*given):
         raise ValueError(f"rates of {name} run away before the onset of evidence")
     for part, found in zip(bank.states, saved, strict=True):

@@ -87,8 +87,11 @@ def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
 
 @pytest.mark.parametrize(
     "circuit",
-    [WITH_ADEX, with_cell(BASE.with_heterogeneity(0.1), "GPe", ADEX), with_cell(BASE, "D1", ADEX)],
-    ids=["GPe", "heterogeneity", "D1"],
+    [
+        pytest.param(WITH_ADEX, id="GPe"),
+        pytest.param(with_cell(BASE.with_heterogeneity(0.1), "GPe", ADEX), id="heterogeneity"),
+        pytest.param(with_cell(BASE, "D1", ADEX), id="D1", marks=pytest.mark.validate),
+    ],
 )
 def test_adex_cells_spike_alike_in_all_engines(circuit):
     found = [spikes_of(circuit, engine) for engine in SPIKING]

@@ -58,7 +58,7 @@ def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
     assert [found.name for found in tmp_path.iterdir()] == ["mine.toml"]
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(st.sampled_from(ALL), st.integers(2, 5), st.lists(st.one_of(EDITS), max_size=4, unique=True))
 def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
     circuit = anatomy.load_circuit(name, channels)
@@ -250,7 +250,7 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
     assert says in str(caught.value)
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(
     st.integers(0, len(TEXT)),
     st.integers(0, 40),

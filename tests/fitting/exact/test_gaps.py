@@ -115,7 +115,9 @@ def test_a_model_that_there_is_not_is_refused_with_the_names_of_all_gaps():
     ("name", "truth"),
     [
         ("hyperbolic_gap", {"fall_per_s": 2.0}),
-        ("weibull_gap", {"fall_per_s": 1.2, "fall_shape": 3.0}),
+        pytest.param(
+            "weibull_gap", {"fall_per_s": 1.2, "fall_shape": 3.0}, marks=pytest.mark.validate
+        ),
     ],
 )
 def test_a_shape_is_recovered_and_told_from_the_constant_gap(name, truth):

@@ -75,11 +75,14 @@ def both(circuit, drive=DRIVE, **options):
     "circuit",
     [
         WHOLE,
-        WHOLE.with_heterogeneity(0.15),
+        # Cells that differ are in the next too, which is sparse.
+        pytest.param(WHOLE.with_heterogeneity(0.15), marks=pytest.mark.validate),
         WHOLE.with_connections(0.3).with_heterogeneity(0.1),
         WHOLE.clamp("D2", 0.5).lesion("GPe"),
         small(),
-        replace(small(), wiring_seed=3).scale("ctx", "SNr", 0),
+        pytest.param(
+            replace(small(), wiring_seed=3).scale("ctx", "SNr", 0), marks=pytest.mark.validate
+        ),
         small().scale("ctx", "STN", 0.5, 0).scale("SNr", "SNr", 2, 1),
     ],
     ids=[
