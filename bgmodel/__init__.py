@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
-    from bgmodel.fitting.settings import fit
+    from bgmodel.fitting.person import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.stimuli import Stimuli
     from bgmodel.stopping.task import StopTask
@@ -81,7 +81,7 @@ LAZY = {
     "compare_models": "bgmodel.fitting.model_comparison",
     "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
-    "fit": "bgmodel.fitting.settings",
+    "fit": "bgmodel.fitting.person",
     "fit_people": "bgmodel.fitting.hierarchy.people",
     "load_circuit": "circuits.anatomy",
     "read_choices": "bgmodel.tables.choices",

@@ -9,7 +9,8 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.hierarchy.people import fit_people
 from bgmodel.fitting.model_comparison import compare_models
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
-from bgmodel.fitting.settings import fit, settings_of
+from bgmodel.fitting.person import fit
+from bgmodel.fitting.settings import settings_of
 from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
