@@ -30,7 +30,7 @@ from bgmodel.fitting.exact.responses import Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
 

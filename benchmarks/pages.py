@@ -18,7 +18,7 @@ from typing import Any
 import jinja2
 
 from bgmodel.bootstrap import shown
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import is_result, read_provenance, read_table, replacing
 from circuits.anatomy import DEFAULT, load_circuit
 

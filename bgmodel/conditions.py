@@ -128,7 +128,8 @@ class Setup:
         ValueError
             If the circuit has no default gain and none is given.
         """
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+        from bgmodel.integrators.basal_ganglia import BasalGanglia
+        from bgmodel.integrators.criterion import gain_of
         from circuits.engines import engine_of
 
         table = self.table(channels)
@@ -232,7 +233,7 @@ class Condition(Setup):
         control : Condition, optional
             The control of the comparison; by default this condition without its edits.
         """
-        from bgmodel.integrators.basal_ganglia import check_conditions, gain_of
+        from bgmodel.integrators.criterion import check_conditions, gain_of
 
         gain_of(self.edited, self.gain)
         level = self.threshold_nats

@@ -10,7 +10,8 @@ import pandas as pd
 
 from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit

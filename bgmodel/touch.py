@@ -19,7 +19,8 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.learning.gap import learn_gap

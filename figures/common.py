@@ -23,7 +23,7 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_provenance, replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit

@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bgmodel import stream
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed

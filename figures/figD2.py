@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel.comparison.thresholds import MSPRT
-from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
     levels_between,

@@ -18,7 +18,8 @@ from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import after_errors, learn_level, level_outcomes
 from bgmodel.learning.gap import increments

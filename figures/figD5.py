@@ -21,7 +21,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.signal import welch
 
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import THRESHOLD_NATS, stopping_posterior, working_range
 from bgmodel.support.files import read_table, write_table
 from circuits.activity import Activity

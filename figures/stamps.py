@@ -17,7 +17,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
 

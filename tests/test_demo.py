@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from bgmodel import demo as demos
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, run

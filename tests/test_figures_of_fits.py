@@ -9,7 +9,7 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import likelihood_of
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit

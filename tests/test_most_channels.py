@@ -2,7 +2,7 @@
 
 import pytest
 
-from bgmodel.integrators.basal_ganglia import rest_out
+from bgmodel.integrators.criterion import rest_out
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.laws.stability import is_stable
 from tests.helpers import run

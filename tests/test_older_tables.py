@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import provenance_path, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures import figA4

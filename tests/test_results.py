@@ -13,7 +13,7 @@ from benchmarks import pages
 from benchmarks.scores import __main__ as scores
 from benchmarks.scores import pieces
 from benchmarks.scores.pieces import Piece, Score
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import provenance_path, read_table, write_table
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT

@@ -19,7 +19,8 @@ from bgmodel.fitting.known.models import EXACT, KnownModel
 from bgmodel.fitting.known.observers import observed, observed_circuit, readings_from
 from bgmodel.fitting.known.optimum import known_optimum
 from bgmodel.fitting.known.trials import KnownTrials
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 

@@ -23,8 +23,9 @@ from bgmodel import stream
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, sample_ms
 from bgmodel.tactile.source import FOLDS, Folds, Source, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, Orientations, SameDifferent, Task

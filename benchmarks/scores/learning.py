@@ -20,7 +20,8 @@ from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs

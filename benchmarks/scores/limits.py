@@ -20,7 +20,8 @@ from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit

@@ -19,7 +19,7 @@ import pandas as pd
 
 from benchmarks import OUT
 from benchmarks.pages import TABLES
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.files import is_result, read_provenance, read_table, write_table
 from circuits.anatomy import load_circuit
 

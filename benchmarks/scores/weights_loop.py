@@ -12,7 +12,8 @@ import pandas as pd
 from benchmarks.scores.learned.tasks import ACCURACY, SCORING_SEED, mean_se
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.weights.feedback import WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,

@@ -18,7 +18,8 @@ from benchmarks.scores import sensitivity
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
 from bgmodel.comparison.edited import compare_edits
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.support.files import read_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Ensemble

@@ -18,7 +18,8 @@ import numpy as np
 from benchmarks.tuning.filters import ACCURACIES
 from benchmarks.tuning.neighbours import TUNING_SEEDS, against_msprt, options, tuning_evidence
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Ensemble

@@ -24,7 +24,8 @@ from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.decision import Trace
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.arrays import Array

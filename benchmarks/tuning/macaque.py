@@ -22,7 +22,8 @@ from benchmarks.tuning.neighbours import (
 )
 from bgmodel import stream
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from circuits.anatomy import macaque
 from circuits.cells import Phase
 from circuits.circuit import Circuit

@@ -113,7 +113,7 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
 
 def made_with(command: Any, model: BasalGanglia, **settled: Any) -> dict[str, Any]:
     """Return the options and the circuit of a result, for its provenance; see ``options_of``."""
-    from bgmodel.integrators.basal_ganglia import identity
+    from bgmodel.integrators.given import identity
 
     return {"command": options_of(command, **settled), "circuit": identity(model.circuit)}
 

@@ -138,7 +138,7 @@ class ExperimentRun(Shows):
 
     def _write(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
         """Write measures and trials."""
-        from bgmodel.integrators.basal_ganglia import identity
+        from bgmodel.integrators.given import identity
 
         assert self.output is not None
         control, manipulation = done.models

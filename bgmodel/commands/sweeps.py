@@ -206,7 +206,7 @@ class SweepRun:
 
 def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
     """Return the provenance of a sweep's table."""
-    from bgmodel.integrators.basal_ganglia import identity
+    from bgmodel.integrators.given import identity
 
     circuits = [identity(point.edited)["sha256"] for point in points]
     return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}

@@ -31,9 +31,11 @@ from bgmodel.comparison.thresholds import (
 )
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
+from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts

@@ -21,8 +21,9 @@ import pandas as pd
 from bgmodel.bootstrap import shown
 from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, check_threshold
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
+from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals

@@ -12,12 +12,8 @@ from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.deciding.calibration import warn_of_calibration
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin, tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import (
-    NOISE_SHARE,
-    BasalGanglia,
-    deciding_thresholds,
-    rest_out,
-)
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
+from bgmodel.integrators.criterion import deciding_thresholds, rest_out
 from bgmodel.integrators.deciding import thresholds_of, without_noise_alone
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift

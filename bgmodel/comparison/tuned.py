@@ -6,7 +6,8 @@ import numpy as np
 
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,

@@ -13,19 +13,16 @@ from bgmodel.comparison.thresholds import moved
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.discriminating.recording import Recording
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-    checked_circuit,
-    deciding_thresholds,
-    gain_of,
-)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
+from bgmodel.integrators.criterion import deciding_thresholds, gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
     thresholds_about,
     without_noise_alone,
 )
+from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop

@@ -18,7 +18,7 @@ from bgmodel.exam.examinee import quiet
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
-from bgmodel.integrators.basal_ganglia import checked_circuit
+from bgmodel.integrators.given import checked_circuit
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask

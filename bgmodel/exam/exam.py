@@ -16,7 +16,7 @@ from bgmodel.exam.numbers import SEED, Number, NumberList, read_numbers, shipped
 from bgmodel.exam.record import COLUMNS, ExamRecord, marked
 from bgmodel.exam.sitting import Sitting
 from bgmodel.exam.tables import Failed, Unanswered, read_tables
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
 from circuits.circuit import Circuit

@@ -40,7 +40,7 @@ from bgmodel.experiments.record import (
     uncalibrated,
     unchanged,
 )
-from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.stimuli import OF_TASK, Stimuli
 from circuits.anatomy import load_circuit
 

@@ -204,7 +204,7 @@ class FitSettings:
         from bgmodel.fitting.exact.algorithms import GapModel
         from bgmodel.fitting.exact.gaps import GAPS
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-        from bgmodel.integrators.basal_ganglia import checked_circuit
+        from bgmodel.integrators.given import checked_circuit
         from circuits.anatomy import CIRCUITS
         from circuits.declaration.table_files import is_path
 

@@ -12,14 +12,8 @@ from bgmodel.deciding.decision import Decision, any_crossing
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
-from bgmodel.integrators.basal_ganglia import (
-    NOISE_SHARE,
-    ROUNDING_NATS,
-    BasalGanglia,
-    check_threshold,
-    deciding_thresholds,
-    rest_out,
-)
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, ROUNDING_NATS, BasalGanglia
+from bgmodel.integrators.criterion import check_threshold, deciding_thresholds, rest_out
 from bgmodel.integrators.decoder import decoded
 from bgmodel.support.arrays import Array
 from bgmodel.support.progress import advance

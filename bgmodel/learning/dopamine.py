@@ -19,13 +19,10 @@ from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import any_crossing
 from bgmodel.deciding.tradeoff import OF_TRIALS, Tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import (
-    NOISE_SHARE,
-    BasalGanglia,
-    check_threshold,
-    checked_circuit,
-)
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
+from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, is_number

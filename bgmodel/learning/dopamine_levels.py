@@ -11,7 +11,8 @@ from bgmodel.bootstrap import interval, resampled
 from bgmodel.comparison.thresholds import msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
     decide_at_levels,

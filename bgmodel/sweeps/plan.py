@@ -15,7 +15,8 @@ import numpy as np
 
 from bgmodel.conditions import Observed, read_once
 from bgmodel.deciding.measures import MEASURES, OF_STOP
-from bgmodel.integrators.basal_ganglia import gain_of, identity
+from bgmodel.integrators.criterion import gain_of
+from bgmodel.integrators.given import identity
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files

@@ -20,8 +20,8 @@ from bgmodel import (
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.basal_ganglia import check_threshold, readout_of, rest_out
 from bgmodel.integrators.baselines import MaxVsNext
+from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import Stream, tally_sprt
 from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS

@@ -12,7 +12,8 @@ from hypothesis.extra.numpy import arrays
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.evidence import Evidence, expecting, gaussian_evidence, separated_evidence
 from bgmodel.integrators import basal_ganglia
-from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy

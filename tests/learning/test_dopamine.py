@@ -8,7 +8,8 @@ import pytest
 from bgmodel import first_crossing
 from bgmodel.deciding.decision import any_crossing
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
     decide_at_levels,

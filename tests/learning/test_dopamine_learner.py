@@ -8,7 +8,7 @@ from scipy.stats import chisquare, norm
 
 from bgmodel import stream
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning import dopamine_learner as level
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (

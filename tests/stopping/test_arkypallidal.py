@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.integrators.basal_ganglia import rest_out
+from bgmodel.integrators.criterion import rest_out
 from bgmodel.stopping.arkypallidal import NAME, with_arkypallidal
 from bgmodel.stopping.circuit import decide_with_stop
 from bgmodel.stopping.inputs import StopSignal, with_onsets

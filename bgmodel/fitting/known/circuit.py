@@ -15,7 +15,9 @@ from bgmodel.fitting.known.models import LEAK, Outputs, Values, read
 from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
-from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia, gain_of, identity
+from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
+from bgmodel.integrators.criterion import gain_of
+from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Integers
 from circuits.errors import InputError, RangeWarning, require
 

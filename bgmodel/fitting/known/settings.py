@@ -43,7 +43,7 @@ def known_model(
     ValueError
         For an unknown model or engine, or a circuit with another number of channels.
     """
-    from bgmodel.integrators.basal_ganglia import checked_circuit
+    from bgmodel.integrators.given import checked_circuit
     from circuits.anatomy import CIRCUITS
     from circuits.declaration.table_files import is_path
     from circuits.engines import engine_of

@@ -31,7 +31,8 @@ from bgmodel.fitting.simulated.crossings import (
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
-from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
+from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.version import __version__

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.fitting.exact.raised import threshold_nats
-from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.given import checked_circuit
 from bgmodel.stopping.circuit import step_response
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array

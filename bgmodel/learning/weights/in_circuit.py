@@ -12,7 +12,8 @@ from bgmodel.deciding.decision import Decision, Trace, crossing_of_each
 from bgmodel.deciding.readout import threshold_from_posterior
 from bgmodel.deciding.tradeoff import curve, time_at
 from bgmodel.evidence import Evidence, needed_truth
-from bgmodel.integrators.basal_ganglia import BasalGanglia, deciding_thresholds
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.learning.weights.critics import Critic, ReadOutConfidence
 from bgmodel.learning.weights.deciders import Choices

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.cli import main, parsed
-from bgmodel.integrators.basal_ganglia import rest_out
+from bgmodel.integrators.criterion import rest_out
 from bgmodel.support import toml_files
 from circuits.anatomy import load_circuit
 from circuits.declaration.courses import Course

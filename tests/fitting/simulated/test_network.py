@@ -14,7 +14,7 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
-from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.integrators.given import identity
 from circuits.anatomy import DEFAULT, load_circuit
 from tests.helpers import refused
 

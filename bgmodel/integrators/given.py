@@ -1,0 +1,42 @@
+"""A circuit as users give it, and as results identify it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from circuits.anatomy import load_circuit as named
+from circuits.circuit import Circuit
+from circuits.errors import InputError
+
+
+def checked_circuit(given: Circuit | str | Path, channels: int | None = None) -> Circuit:
+    """Return a circuit, given as such, by name or as a .toml file.
+
+    Parameters
+    ----------
+    given : Circuit, str or path
+        The user's argument.
+    channels : int, optional
+        Number of alternatives, unless ``given`` is a circuit already.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name or an argument of another type.
+    """
+    if isinstance(given, Circuit):
+        return given
+    if isinstance(given, (str, Path)):
+        return named(given, channels)
+    hint = ": give its .circuit" if isinstance(getattr(given, "circuit", None), Circuit) else ""
+    raise InputError(
+        f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}",
+        "circuit",
+    )
+
+
+def identity(circuit: Circuit) -> dict[str, str]:
+    """Return the name and the hash of an edited circuit, for provenance."""
+    from circuits.declaration.table_files import digest
+
+    return {"name": circuit.name, "sha256": digest(circuit)}
