@@ -20,7 +20,8 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.deciding.decision import Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from circuits.anatomy import DEFAULT, load_circuit

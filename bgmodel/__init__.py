@@ -35,7 +35,9 @@ except ImportError as error:
         "that name is installed in this environment; install bgmodel in a separate one"
     ) from error
 
-from bgmodel.deciding.decision import Decision, Trace, first_crossing, tally
+from bgmodel.deciding.decision import Decision, first_crossing
+from bgmodel.deciding.tally import tally
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
     Msprt,

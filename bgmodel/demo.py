@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.deciding.decision import Decision, Trace, first_crossing
+from bgmodel.deciding.decision import Decision, first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import Evidence, stream
-from bgmodel.deciding.decision import Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.circuit import closed_form, receiving, step_response

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel import first_crossing, stream
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.simulated.circuit import NOISE_NATS
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.support.seeds import stream

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bgmodel.deciding.decision import Trace
 from bgmodel.deciding.readout import ReadOut
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.checks import whole

@@ -21,7 +21,7 @@ from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, options, tuning_
 from bgmodel import stream
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia

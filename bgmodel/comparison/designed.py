@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.deciding.decision import Decision, Trace, first_crossing
+from bgmodel.deciding.decision import Decision, first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.baselines import BASELINES

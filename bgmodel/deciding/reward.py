@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Decision, Tally
+from bgmodel.deciding.decision import Decision
+from bgmodel.deciding.tally import Tally
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, one_per_trial
 

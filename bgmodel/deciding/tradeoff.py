@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.calibration import posterior_at
-from bgmodel.deciding.decision import Trace, check_trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace, check_trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals

@@ -12,14 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.calibration import warn_of_decisions
-from bgmodel.deciding.decision import (
-    Decision,
-    Trace,
-    any_crossing,
-    check_decision,
-    first_crossing,
-    joined,
-)
+from bgmodel.deciding.decision import Decision, any_crossing, check_decision, first_crossing, joined
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.criterion import gain_of, readout_of
 from bgmodel.integrators.given import checked_circuit

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.arrays import Array

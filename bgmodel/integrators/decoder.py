@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bgmodel.deciding.decision import UNDECIDED, Trace, first_crossing
+from bgmodel.deciding.decision import UNDECIDED, first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.integrators.sprt import OF_MSPRT
 

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import UNDECIDED, Decision, Trace, first_crossing
+from bgmodel.deciding.decision import UNDECIDED, Decision, first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.readings import are_sums, products
 from bgmodel.support.arrays import Array

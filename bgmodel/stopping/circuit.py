@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.inputs import MOST_NATS, StopSignal, with_stop

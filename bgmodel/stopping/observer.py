@@ -28,7 +28,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from bgmodel.deciding.decision import Decision, Trace, first_crossing
+from bgmodel.deciding.decision import Decision, first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import OF_MSPRT, Msprt
 from bgmodel.support.arrays import Array

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
 from bgmodel.comparison.matched import _matched, equivalent, latency, matched_measures
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import (
     Tradeoff,
     curve,

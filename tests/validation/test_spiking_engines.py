@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.deciding.decision import Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.steady import steady_shifts

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.simulated.crossings import BATCH, LARGEST_EXPONENT, Run
 from bgmodel.support.arrays import Array, Integers, Truths

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.algorithms import BIAS, SENSITIVITY, distinct
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, interpolated, log_odds, read
 from bgmodel.support.arrays import Array, Truths

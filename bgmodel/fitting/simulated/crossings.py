@@ -28,7 +28,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import Trace, first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.seeds import stream

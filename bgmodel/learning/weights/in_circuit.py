@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.deciding.decision import Decision, Trace, crossing_of_each
+from bgmodel.deciding.decision import Decision, crossing_of_each
 from bgmodel.deciding.readout import threshold_from_posterior
+from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import curve, time_at
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia

@@ -1,0 +1,99 @@
+"""Correct and forced choices at many thresholds, without keeping single decisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.readout import check_early_and_late
+from bgmodel.deciding.trace import Trace, check_ended, lowest, of_test, ready, sorted_levels
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import check_flag, checked_truth, known_truth
+from bgmodel.support.reprs import Facts, span
+from circuits.errors import require
+
+
+@dataclass(frozen=True, repr=False)
+class Tally(Facts):
+    """Sums over trials for each of K thresholds: trials is an int, the others are arrays (K,)."""
+
+    trials: int
+    correct: npt.NDArray[np.int64]
+    steps: Array
+    forced: npt.NDArray[np.int64]
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, thresholds, accuracy and mean time."""
+        return {
+            "trials": f"{self.trials}",
+            "thresholds": f"{len(self.correct)}",
+            "accuracy": span(self.accuracy),
+            "mean_steps": span(self.mean_steps),
+            "forced": span(self.forced, ".0f"),
+        }
+
+    def __add__(self, other: Tally) -> Tally:
+        """Pool two sets of trials."""
+        return Tally(
+            self.trials + other.trials,
+            self.correct + other.correct,
+            self.steps + other.steps,
+            self.forced + other.forced,
+        )
+
+    @property
+    def accuracy(self) -> Array:
+        """Proportion correct, (K,)."""
+        return self.correct / self.trials
+
+    @property
+    def mean_steps(self) -> Array:
+        """Mean decision time in readings, (K,)."""
+        return self.steps / self.trials
+
+
+def tally(
+    trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
+) -> Tally:
+    """Count correct and forced choices at each threshold, without keeping single decisions.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    truth : int array (trials,)
+        The true hypothesis of each trial.
+    thresholds : array (K,), nats
+        One for all responses, each; responses are forced at the deadline.
+    checked : bool
+        As for ``first_crossing``.
+
+    Raises
+    ------
+    ValueError
+        If the truth is not known or not one per trial, or thresholds are not (K,) finite
+        numbers.
+    """
+    from bgmodel.deciding.crossing import ROUNDING, tally_all
+
+    check_flag("checked", checked)
+    require(np.ndim(thresholds) == 1, "thresholds", "must be (K,)", np.shape(thresholds))
+    known = known_truth(truth)
+    out, first, ends, numbers = ready(trace)
+    truth = checked_truth(known, len(out), out.shape[2])
+    order, level = sorted_levels(thresholds, out.shape[2])
+    if checked and trace.readout is not None:
+        trace.readout.check(thresholds)
+    ended = np.isnan(out[np.arange(len(out)), ends - 1, 0])
+    if ended.any():
+        check_ended(out, ends, ended & ~(lowest(out) <= level.min()))
+    steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
+    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, ends, numbers)
+    if checked:
+        before = np.sort(lowest(out[:, :first])) if first else np.zeros(0)
+        early = np.searchsorted(before, level[0] - ROUNDING, side="right")
+        check_early_and_late(forced, early, len(out), level[0], forced=True, of_test=of_test(trace))
+    back = np.argsort(order[0])
+    return Tally(len(out), correct[back], steps[back], forced[back])
