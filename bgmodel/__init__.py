@@ -38,7 +38,7 @@ except ImportError as error:
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.tally import tally
 from bgmodel.deciding.trace import Trace
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import (
     Msprt,
     Sprt,
@@ -46,6 +46,7 @@ from bgmodel.integrators.sprt import (
     sprt_threshold_from_gap,
     threshold_from_posterior,
 )
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
 

@@ -10,10 +10,11 @@ import pandas as pd
 
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Plain

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
-from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
+from bgmodel.evidence import whole_steps
+from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.steady import lesions, steady_shifts
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, bars, key, letter, run, where

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from bgmodel import Evidence, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
-from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.stopping.circuit import closed_form, receiving, step_response
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.support.files import read_table, write_table

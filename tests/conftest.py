@@ -5,8 +5,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from bgmodel import Msprt, first_crossing
-from bgmodel.evidence import separated_evidence
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD, run

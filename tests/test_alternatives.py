@@ -12,7 +12,7 @@ from bgmodel import Msprt, stream
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 
 
 def gaussian(trials=3000, hypotheses=4):

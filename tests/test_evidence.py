@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import expecting, separated_evidence
+from bgmodel.simulated_evidence import expecting, separated_evidence
 from tests.helpers import refused, some_evidence, told
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from tests.helpers import refused
 

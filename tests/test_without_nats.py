@@ -6,11 +6,11 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.cli import main
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.decoder import decoded_input
 from bgmodel.integrators.steady import out_shift
 from bgmodel.learning import dopamine
+from bgmodel.simulated_evidence import separated_evidence
 from circuits import anatomy
 from circuits.activity import total_nats
 from circuits.laws.controls import correlated, linear_stn

@@ -19,9 +19,10 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.deciding.decision import UNDECIDED, Decision, first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 

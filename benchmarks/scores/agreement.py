@@ -22,11 +22,12 @@ from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, sample_ms
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import FOLDS, Folds, Source, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, Orientations, SameDifferent, Task
 from circuits.anatomy import load_circuit

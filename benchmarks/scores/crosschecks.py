@@ -31,8 +31,9 @@ from benchmarks.scores.other_tools import (
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.fitting.design import design_of
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import Choices
 from bgmodel.theory.sprt import OVERSHOOT

@@ -28,13 +28,14 @@ from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.comparison.tuned import swept
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
     sample_ms,
 )
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of

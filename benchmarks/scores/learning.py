@@ -19,7 +19,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Msprt
@@ -27,6 +27,7 @@ from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.dopamine_levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.learning.reinforce import Learner
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit

@@ -18,11 +18,11 @@ from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import leader_drive, lesions, steady_shifts
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
 from circuits.laws.controls import linear_stn, shuffled_stn

@@ -26,8 +26,9 @@ from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit

@@ -16,9 +16,9 @@ import pandas as pd
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
-from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Population

@@ -23,10 +23,11 @@ from scipy.stats import ks_2samp
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit

@@ -22,9 +22,10 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, time_at, tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED, TUNING_SEED = 72_001, 72_002

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import Msprt, stream, tally
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.learning.reinforce import exhaustive_search
+from bgmodel.simulated_evidence import separated_evidence
 
 D, T_MAX, FEW = 0.5, 50, 20_000
 DELTAS = np.linspace(0.2, 8, 40)

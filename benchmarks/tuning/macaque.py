@@ -21,9 +21,10 @@ from benchmarks.tuning.neighbours import (
     tuning_evidence,
 )
 from bgmodel import stream
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import macaque
 from circuits.cells import Phase
 from circuits.circuit import Circuit

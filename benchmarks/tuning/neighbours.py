@@ -23,11 +23,12 @@ from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.page import page
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.steady import resting_activity
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import load_circuit
 from circuits.cells.membrane import fit_current
 from circuits.circuit import Circuit

@@ -15,9 +15,10 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.deciding.decision import Decision, first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import macaque
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired

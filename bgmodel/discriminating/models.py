@@ -12,7 +12,7 @@ import numpy as np
 from bgmodel.comparison.thresholds import moved
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.discriminating.recording import Recording
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.criterion import deciding_thresholds, gain_of
@@ -24,6 +24,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.sprt import Integrator, Msprt
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.support.arrays import Array, Integers

@@ -12,7 +12,7 @@ from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHE
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.space import Probe, Space
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError

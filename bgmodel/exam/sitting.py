@@ -14,13 +14,14 @@ from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin
-from bgmodel.evidence import Evidence, expecting, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.exam.examinee import Examinee, once, quiet, refused
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, Tables, Unanswered
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT, behaviour_of, decide_at_thresholds
+from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.stopping.task import StopTask, decided

@@ -10,7 +10,6 @@ import pandas as pd
 from bgmodel.bootstrap import interval, resampled
 from bgmodel.comparison.thresholds import msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
@@ -20,6 +19,7 @@ from bgmodel.learning.dopamine import (
     stopping_posterior,
     working_range,
 )
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit

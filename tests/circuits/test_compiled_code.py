@@ -21,7 +21,7 @@ from tests.helpers import ROOT
 DECIDES = """
 import circuits.engines.compiling
 from bgmodel import Msprt, first_crossing
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 evidence = separated_evidence(50, 20, 1.0, rng=stream(1, "cache"), hypotheses=3)
 print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())

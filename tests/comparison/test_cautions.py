@@ -15,8 +15,8 @@ from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ce
 from bgmodel.comparison.compare import compare
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.baselines import Lca
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.errors import CalibrationWarning, DeadlineWarning
 from tests.helpers import run, unwarned
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import BasalGanglia, compare, stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from tests.helpers import refused
 

@@ -13,7 +13,6 @@ from bgmodel.comparison.matched import OTHER_NOISE, matched_measures
 from bgmodel.comparison.page import behaviour, page, verdicts
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
@@ -26,6 +25,7 @@ from bgmodel.integrators.deciding import (
     without_noise_alone,
 )
 from bgmodel.integrators.steady import resting_activity
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, engine_of
 from circuits.errors import EditWarning, RangeWarning

@@ -20,8 +20,8 @@ from bgmodel.deciding.tradeoff import (
     margin,
     tradeoff,
 )
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.baselines import MaxVsAverage, Race
+from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 
 EVIDENCE = separated_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)

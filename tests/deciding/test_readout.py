@@ -19,10 +19,10 @@ from bgmodel import (
 )
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import Stream, tally_sprt
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS
 from circuits.errors import InputError

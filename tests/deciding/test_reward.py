@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel import Sprt, first_crossing, sprt_threshold_from_gap, stream
 from bgmodel.deciding.reward import reward, reward_of
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 from tests.learning.helpers import SEPARATION, T_MAX
 

@@ -11,7 +11,6 @@ import pytest
 from bgmodel import stream
 from bgmodel.conditions import POSTERIOR
 from bgmodel.deciding.measures import MEASURES, OF_STOP
-from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import outcomes, page
@@ -19,6 +18,7 @@ from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Ef
 from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from circuits import anatomy

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.evidence import Evidence, expecting, gaussian_evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import decide_at_thresholds
+from bgmodel.simulated_evidence import expecting, gaussian_evidence, separated_evidence
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque

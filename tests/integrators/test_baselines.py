@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.deciding.tradeoff import curve, tradeoff
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import (
     BASELINES,
     Lca,
@@ -23,6 +23,7 @@ from bgmodel.integrators.baselines import (
     baselines_on,
 )
 from bgmodel.integrators.sprt import at_readings
+from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 
 

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream, tally
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.sprt import (
     Stream,
     msprt_threshold_from_gap,
@@ -14,6 +13,7 @@ from bgmodel.integrators.sprt import (
     tally_sprt,
     threshold_from_posterior,
 )
+from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, some_evidence
 
 

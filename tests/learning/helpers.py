@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 
 D, XI, T_MAX = 1.0, 25.0, 40
 # In separated_evidence, two unit-variance channels: d of the ratio is sqrt 2 times theirs.

@@ -7,7 +7,6 @@ import pytest
 
 from bgmodel import first_crossing
 from bgmodel.deciding.decision import any_crossing
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
@@ -19,6 +18,7 @@ from bgmodel.learning.dopamine import (
     usable_range,
     working_range,
 )
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Rate
 from circuits.errors import NoiseWarning

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chisquare, norm
 
 from bgmodel import stream
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning import dopamine_learner as level
 from bgmodel.learning.dopamine import playable_levels
@@ -22,6 +22,7 @@ from bgmodel.learning.dopamine_learner import (
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit

@@ -8,7 +8,6 @@ import pytest
 from bgmodel import stream
 from bgmodel.deciding.reward import mean_reward
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.evidence import separated_evidence
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
     Learned,
@@ -19,6 +18,7 @@ from bgmodel.learning.reinforce import (
     smoothed,
 )
 from bgmodel.learning.worlds import trials_of
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
 from tests.helpers import ROOT, refused
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw

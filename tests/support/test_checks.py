@@ -9,7 +9,6 @@ from benchmarks.methods.recursive import RecursiveMsprt
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import expecting, separated_evidence
 from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
 from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.integrators.sprt import (
@@ -17,6 +16,7 @@ from bgmodel.integrators.sprt import (
     tally_sprt,
 )
 from bgmodel.learning.dopamine import stopping_posterior, working_range
+from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import read_evidence_table

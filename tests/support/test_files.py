@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.files import check_new, provenance, read_provenance, read_table, write_table
 from bgmodel.support.seeds import stream
 from tests.helpers import long_table, refused

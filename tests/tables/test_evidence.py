@@ -8,7 +8,8 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.deciding.calibration import warn_of_units
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.evidence import separated_evidence
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tables.choices import read_choices
 from bgmodel.tables.exports import to_hssm, to_pyddm
 from bgmodel.tables.trials import Trials, trial_table

@@ -9,10 +9,10 @@ from bgmodel import Sprt, first_crossing, msprt_threshold_from_gap, sprt_thresho
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit

@@ -5,9 +5,9 @@ import pytest
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.steady import steady_shifts
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.engines import Ensemble

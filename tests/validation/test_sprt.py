@@ -11,9 +11,9 @@ from bgmodel import (
     sprt_threshold_from_gap,
     stream,
 )
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.sprt import Stream
 from bgmodel.learning.gap import fold_sources
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import gaussian_pair, sprt
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.deciding.decision import UNDECIDED, Decision
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import wilson
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.support.arrays import Array

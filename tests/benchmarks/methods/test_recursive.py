@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from benchmarks.methods.recursive import LOOP_READINGS, RecursiveMsprt
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence
+from bgmodel.simulated_evidence import separated_evidence
 
 
 def drawn(steps=30, hypotheses=4, seed=1):

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from benchmarks.tuning.strength import decided, drawn, late, variants
 from benchmarks.tuning.strength import stability as stability_of_loop
-from bgmodel.evidence import Evidence, minus_log_softmax, separated_evidence
+from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.simulated_evidence import separated_evidence
 from circuits import anatomy
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines import Population, run

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.declaration.motifs import MOTIFS

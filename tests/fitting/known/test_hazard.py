@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.evidence import gaussian_evidence
 from bgmodel.fitting.known.hazard import decisions, delayed
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.simulated_evidence import gaussian_evidence
 
 
 def logit(past, wait=True):
