@@ -22,6 +22,8 @@ NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
 RINGING_HZ = np.geomspace(0.02, 1000, 400)
 """Frequencies, Hz, at which turns of the determinant are counted; amplification uses 1 to 100."""
+PASSES, PEAK_POINTS = 3, 33
+"""How often the frequencies next to the peak are divided further, and into how many."""
 LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
 """Range and step of the search for the limit."""
 
@@ -129,18 +131,33 @@ def ringing(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> tuple[
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)
-    turn = 2j * np.pi * RINGING_HZ[:, None] / 1000
-    bent = wiring.units_slope(wiring.rates(x) @ wiring.deliver.T + wiring.constant)[0]
-    synapse = bent * wiring.synapse(RINGING_HZ)
-    block = wiring.rates_slope(x)[0] / (1 + turn * wiring.tau_ms)
-    loops = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
-    left = np.linalg.det(np.eye(wiring.blocks) - loops)
+    hz, left = RINGING_HZ, _determinant(wiring, x, RINGING_HZ)
+    for _ in range(PASSES):  # near an onset the peak is narrower than the spacing
+        most = _least(hz, left)
+        between = np.linspace(hz[most - 1], hz[most + 1], PEAK_POINTS)
+        hz = np.union1d(hz, between)
+        left = _determinant(wiring, x, hz)
+    most = _least(hz, left)
     turned = np.unwrap(np.angle(left))
-    seen = (RINGING_HZ >= 1) & (RINGING_HZ <= 100)
-    most = int(np.argmin(np.where(seen, np.abs(left), np.inf)))
     # Each unstable root turns the determinant by half a turn, an integrator by a quarter.
     unstable = abs(turned[-1] - turned[0]) > 0.75 * np.pi
-    return math.inf if unstable else float(1 / np.abs(left[most])), float(RINGING_HZ[most])
+    return math.inf if unstable else float(1 / np.abs(left[most])), float(hz[most])
+
+
+def _determinant(wiring: Wiring, x: Array, hz: Array) -> Complex:
+    """Return ``det(1 - L)`` at frequencies, L the loop gain at the state x."""
+    turn = 2j * np.pi * hz[:, None] / 1000
+    bent = wiring.units_slope(wiring.rates(x) @ wiring.deliver.T + wiring.constant)[0]
+    synapse = bent * wiring.synapse(hz)
+    block = wiring.rates_slope(x)[0] / (1 + turn * wiring.tau_ms)
+    loops = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
+    return np.asarray(np.linalg.det(np.eye(wiring.blocks) - loops))
+
+
+def _least(hz: Array, left: Complex) -> int:
+    """Return the place of the least modulus from 1 to 100 Hz."""
+    seen = (hz >= 1) & (hz <= 100)
+    return int(np.argmin(np.where(seen, np.abs(left), np.inf)))
 
 
 def stability_limit_nats(circuit: CircuitTable) -> float:

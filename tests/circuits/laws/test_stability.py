@@ -181,6 +181,22 @@ def test_loops_amplify_as_far_as_they_are_from_their_limit():
     assert stability.ringing(anatomy.spiking_msprt(2))[0] < 3
 
 
+def test_amplification_grows_as_the_inverse_of_the_distance_to_the_onset():
+    """One root nears the imaginary axis in proportion to the distance, however narrow its peak."""
+    circuit = anatomy.spiking_msprt(2)
+    limit = stability.onset(circuit)
+    distance = np.array([1e-2, 1e-3, 1e-4])
+    near = [
+        stability.ringing(replace(circuit, reference_nats=limit.total_nats * (1 - each)))
+        for each in distance
+    ]
+    amplified, hertz = np.array(near).T
+    assert amplified * distance == pytest.approx(amplified[-1] * distance[-1], rel=2e-3)
+    assert hertz[-1] == pytest.approx(limit.frequency_hz, rel=1e-4)
+    beyond = replace(circuit, reference_nats=limit.total_nats * (1 + 1e-4))
+    assert np.isinf(stability.ringing(beyond)[0])
+
+
 def test_what_grows_without_an_oscillation_is_unstable_too():
     """One real root, as near 0 as the lowest frequency at which turns are counted can show."""
     for growth_hz, unstable in ((0.136, True), (-0.136, False)):
