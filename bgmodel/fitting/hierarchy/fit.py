@@ -234,14 +234,6 @@ def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
             "data",
         )
     first = next(iter(likelihoods.values())).freedom
-    effects = [each.name for each in first.moved if each.effect]
-    if effects:
-        raise InputError(
-            f"a hierarchical fit needs the parameter itself in each condition, and {effects[0]} is "
-            "a difference or a slope: give each combination its value, as in 'bound ~ 0 + "
-            "instruction:side'",
-            "formula",
-        )
     for who, each in likelihoods.items():
         lacking = set(first.names) ^ set(each.freedom.names)
         if lacking:

@@ -16,6 +16,8 @@ from bgmodel.support.arrays import Array
 SINGLE, EARLIER = 0.25, 0.5
 """Share of proposals that change one parameter of a person, and of the others that are near earlier
 draws."""
+ALONE = 0.5
+"""Share of the draws with standard scores fixed that are of one parameter."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,9 @@ class Sampler:
     others are near draws of the warm-up. The exact likelihood accepts or rejects them. It draws the
     group given its people. And it draws the group's means and standard deviations once more with
     everyone's standard scores fixed, so that everyone moves with them (interweaving, Yu & Meng
-    2011): parameters that one person's trials hardly determine would mix slowly without it.
+    2011): parameters that one person's trials hardly determine would mix slowly without it. Most
+    of these draws are of the mean and the standard deviation of one parameter, which are accepted
+    far more often than those of all at once.
     """
 
     people: list[Person]
@@ -167,14 +171,18 @@ class Sampler:
     def _together(self, state: State) -> State:
         """Draw the group given everyone's standard scores."""
         mean, sd, rng = state.group.mean, np.sqrt(state.group.variance), state.rng
-        scores = (state.scaled - mean) / sd
-        proposal, now = self.expansion.shared(scores), np.concatenate([mean, sd])
-        asked = proposal.draw(rng)
+        scores, now, size = (state.scaled - mean) / sd, np.concatenate([mean, sd]), len(mean)
+        which = np.arange(2 * size)
+        if rng.random() < ALONE:
+            which = rng.choice(size, p=self.vague) + np.array([0, size])
+        proposal = self.expansion.shared(scores, now, which)
+        asked = now.copy()
+        asked[which] = proposal.draw(rng)
         # A negative standard deviation is a positive one with scores of the other sign.
-        group = Group(asked[: len(mean)], asked[len(mean) :] ** 2)
-        scaled = group.mean + asked[len(mean) :] * scores
+        group = Group(asked[:size], asked[size:] ** 2)
+        scaled = group.mean + asked[size:] * scores
         log = self._logs(scaled)
-        gain = log.sum() + group.log_own_prior() - proposal.log_density(asked)
-        gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now)
+        gain = log.sum() + group.log_own_prior() - proposal.log_density(asked[which])
+        gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now[which])
         taken = np.log(rng.uniform()) < gain
         return State(group, scaled, log, rng) if taken else state
