@@ -1,11 +1,13 @@
 """Recovery of groups of people by hierarchical fits: bias, coverage, ranks and convergence.
 
 Each data set is a piece, stored before the next begins, so that a run continues where it was
-stopped. Tables are written from those that are there, and state their number. Hours long: the
-first argument of ``--only`` chooses, and the environment's ``BENCHMARKS_OUT`` names a folder that
-keeps the pieces for later runs::
+stopped. Tables are written from those that are there, and state their number. All of them take
+15 hours of CPU; ``BENCHMARKS_OUT`` in the environment names a folder that keeps them, and
+``--only`` chooses::
 
-    BENCHMARKS_OUT=folder python -m benchmarks.scores.group_recovery --only "test 7"
+    BENCHMARKS_OUT=folder python -m benchmarks.scores.group_recovery --only "test 00"
+
+With ``--only none`` nothing is computed, and the tables are written from what is there.
 """
 
 from __future__ import annotations
@@ -62,7 +64,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 def covered(found: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with whether intervals contain the truth.
 
-    ``inside`` those of the fit, ``inside_prior`` those under the prior that made the data.
+    ``held`` for those of the fit, ``held_prior`` for those under the prior that made the data.
     """
     held = (found["low"] <= found["truth"]) & (found["truth"] <= found["high"])
     return found.assign(held=held, held_prior=found["rank"].between(0.05, 0.95))
