@@ -17,6 +17,7 @@ import pandas as pd
 
 from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
+from benchmarks.scores.stimulation import SLOW_NATS
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
 from bgmodel.fitting.model_comparison import compare_models
 from bgmodel.fitting.optimum import Likelihood
@@ -62,7 +63,7 @@ def likelihoods(by: str, terms: str, fast: bool) -> dict[str, Likelihood]:
     """Return the likelihood of each patient's trials."""
     asked = settings_of(
         formula=[f"{THRESHOLDS[by]} ~ {TERMS[terms]}"], vary={"sensitivity": "conflict"},
-        trials=COARSE_TRIALS if fast else TRIALS,
+        trials=COARSE_TRIALS if fast else TRIALS, noise_nats=SLOW_NATS,
     )  # fmt: skip
     designs = {who: asked.design(some) for who, some in asked.people(asked.read(DATA))}
     seconds = seconds_of(designs.values())

@@ -79,15 +79,15 @@ def numbers(found: pd.DataFrame) -> pd.DataFrame:
     for (by, of, name), some in covered(found).groupby(["by", "of", "parameter"], sort=False):
         off, middle = some["mean"] - some["truth"], some["truth"].mean()
         by_set = off.groupby(some["set"]).mean()
-        alone = some[some["person"].isin(["", "00"])] if of == "person" else some
-        ranks = alone["rank"].dropna()
+        first = pd.to_numeric(some["person"], errors="coerce").fillna(0) == 0
+        ranks = some.loc[first, "rank"].dropna()
         rows.append(
             {
                 "by": by, "of": of, "parameter": name, "sets": some["set"].nunique(),
                 "bias": off.mean() / middle, "error": by_set.sem() / middle,
                 "coverage": some["held"].mean(), "coverage_prior": some["held_prior"].mean(),
-                "uniform_p": kstest(ranks, "uniform").pvalue, "rank": ranks.mean(),
-                "correlation": np.corrcoef(some["truth"], some["mean"])[0, 1],
+                "uniform_p": kstest(ranks, "uniform").pvalue if len(ranks) else np.nan,
+                "rank": ranks.mean(), "correlation": some["truth"].corr(some["mean"]),
             }
         )  # fmt: skip
     return pd.DataFrame(rows)

@@ -123,6 +123,13 @@ def test_wrong_posteriors_are_not(wrong):
     assert (found["coverage"] < 0.88).all()
 
 
+def test_tables_of_stored_pieces_are_those_of_computed_ones(tmp_path):
+    """Names of people are digits, which a file does not tell from numbers."""
+    path = tmp_path / "sets.csv"
+    posteriors(40).to_csv(path, index=False)
+    pd.testing.assert_frame_equal(numbers(pd.read_csv(path)), numbers(posteriors(40)))
+
+
 def test_a_number_that_did_not_converge_counts_against_its_set():
     some = posteriors(10)
     some.loc[(some["set"] == 3) & (some["of"] == "spread"), "effective"] = 399.0
