@@ -36,7 +36,7 @@ NUMBERS = ["mean", "spread"]
 
 def order(tests: int, circuits: int) -> Iterator[tuple[str, int]]:
     """Yield the data sets: four by the test, then one by the circuit, until none is left."""
-    every = [(number, "test", number) for number in range(tests)]
+    every = [(float(number), "test", number) for number in range(tests)]
     every += [(TURN * (number + 1) - 0.5, "circuit", number) for number in range(circuits)]
     yield from ((by, number) for _, by, number in sorted(every))
 
@@ -77,14 +77,14 @@ def numbers(found: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for (by, of, name), some in covered(found).groupby(["by", "of", "parameter"], sort=False):
-        off, middle = some["mean"] - some["truth"], some["truth"].mean()
+        off, middle = some["mean"] - some["truth"], float(np.mean(some["truth"]))
         by_set = off.groupby(some["set"]).mean()
         first = pd.to_numeric(some["person"], errors="coerce").fillna(0) == 0
         ranks = some.loc[first, "rank"].dropna()
         rows.append(
             {
                 "by": by, "of": of, "parameter": name, "sets": some["set"].nunique(),
-                "bias": off.mean() / middle, "error": by_set.sem() / middle,
+                "bias": float(np.mean(off)) / middle, "error": float(by_set.sem()) / middle,
                 "coverage": some["held"].mean(), "coverage_prior": some["held_prior"].mean(),
                 "uniform_p": kstest(ranks, "uniform").pvalue if len(ranks) else np.nan,
                 "rank": ranks.mean(), "correlation": some["truth"].corr(some["mean"]),
