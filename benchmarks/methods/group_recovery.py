@@ -145,8 +145,9 @@ def compared(truth: Truth, fit: GroupFit) -> pd.DataFrame:
     """Return a row for each number: its truth, its posterior, and the rank of the truth.
 
     Columns of, person, parameter, truth, mean, low and high (central interval of 0.9, all draws),
-    rank (share of the draws within the limits of the prior that are below the truth), inside
-    (number of such draws), draws, rhat and effective. Standard deviations are on the scale.
+    mean_prior and rank (mean of the draws within the limits of the prior, and the share of them
+    that are below the truth), inside (number of such draws), draws, rhat and effective. Standard
+    deviations are on the scale.
     """
     inside = within(fit)
     parts = [("mean", "", fit.group, truth.scale.back(truth.mean))]
@@ -159,12 +160,11 @@ def compared(truth: Truth, fit: GroupFit) -> pd.DataFrame:
     for of, who, draws, true in parts:
         flat = draws.reshape(-1, draws.shape[-1])
         ends = np.quantile(flat, [(1 - SHARE) / 2, (1 + SHARE) / 2], axis=0)
-        ranks = (flat[inside] < true).mean(axis=0) if inside.any() else np.full(len(true), np.nan)
-        rows += [
-            (of, who, *each)
-            for each in zip(fit.parameters, true, flat.mean(axis=0), *ends, ranks, strict=True)
-        ]
-    names = ["of", "person", "parameter", "truth", "mean", "low", "high", "rank"]
+        kept = flat[inside] if inside.any() else np.full((1, len(true)), np.nan)
+        ranks = np.where(np.isnan(kept[0]), np.nan, (kept < true).mean(axis=0))
+        columns = (true, flat.mean(axis=0), *ends, kept.mean(axis=0), ranks)
+        rows += [(of, who, *each) for each in zip(fit.parameters, *columns, strict=True)]
+    names = ["of", "person", "parameter", "truth", "mean", "low", "high", "mean_prior", "rank"]
     return pd.DataFrame(rows, columns=names).assign(
         inside=int(inside.sum()), draws=len(inside),
         rhat=fit.agreement.rhat, effective=fit.agreement.effective,

@@ -77,14 +77,18 @@ def numbers(found: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for (by, of, name), some in covered(found).groupby(["by", "of", "parameter"], sort=False):
-        off, middle = some["mean"] - some["truth"], float(np.mean(some["truth"]))
-        by_set = off.groupby(some["set"]).mean()
+        middle = float(np.mean(some["truth"]))
+        by_set, prior = (
+            (some[each] - some["truth"]).groupby(some["set"]).mean() / middle
+            for each in ("mean", "mean_prior")
+        )
         first = pd.to_numeric(some["person"], errors="coerce").fillna(0) == 0
         ranks = some.loc[first, "rank"].dropna()
         rows.append(
             {
                 "by": by, "of": of, "parameter": name, "sets": some["set"].nunique(),
-                "bias": float(np.mean(off)) / middle, "error": float(by_set.sem()) / middle,
+                "bias": by_set.mean(), "error": by_set.sem(),
+                "bias_prior": prior.mean(), "error_prior": prior.sem(),
                 "coverage": some["held"].mean(), "coverage_prior": some["held_prior"].mean(),
                 "uniform_p": kstest(ranks, "uniform").pvalue if len(ranks) else np.nan,
                 "rank": ranks.mean(), "correlation": some["truth"].corr(some["mean"]),

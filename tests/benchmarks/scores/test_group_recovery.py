@@ -65,7 +65,9 @@ def test_ranks_are_those_among_draws_within_the_limits(small):
     kept = mean[((mean >= low) & (mean <= high)).all(axis=1)]
     assert found["inside"].unique().tolist() == [len(kept)]
     assert 0 < len(kept) <= 120
-    ranks = found[found["of"] == "mean"]["rank"].to_numpy()
+    means = found[found["of"] == "mean"]
+    assert means["mean_prior"].to_numpy() == pytest.approx(truth.scale.back(kept).mean(axis=0))
+    ranks = means["rank"].to_numpy()
     assert ranks == pytest.approx((kept < truth.mean).mean(axis=0))
     spreads = found[found["of"] == "spread"]
     assert spreads["rank"].tolist() == (truth.sd > 0.5).astype(float).tolist()
@@ -94,6 +96,7 @@ def posteriors(sets, shift=0.0, narrower=1.0):
                     "parameter": "bound",
                     "truth": true + 5,
                     "mean": mean + 5,
+                    "mean_prior": mean + 5,
                     "low": mean - 1.645 * sd + 5,
                     "high": mean + 1.645 * sd + 5,
                     "rank": norm.cdf(true, mean, sd),
@@ -113,7 +116,7 @@ def test_exact_posteriors_are_calibrated():
     assert (found["coverage"] - 0.9).abs().max() < 0.03
     assert (found["coverage_prior"] - found["coverage"]).abs().max() < 1e-9
     assert (found["converged_sets"] == 1).all()
-    assert numbers(posteriors(300))["bias"].abs().max() < 0.03
+    assert numbers(posteriors(300))[["bias", "bias_prior"]].abs().max().max() < 0.03
 
 
 @pytest.mark.parametrize("wrong", [{"shift": 0.3}, {"narrower": 0.6}])
