@@ -125,7 +125,7 @@ def pooled(found: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-SCORE = Score("group_recovery", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)
+SCORE = Score("recovery_groups", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)
 
 if __name__ == "__main__":
     main(SCORE)
