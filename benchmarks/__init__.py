@@ -1,6 +1,7 @@
 """Measurements that complement the tests: speed, tuning and scores."""
 
+import os
 from pathlib import Path
 
-OUT = Path(__file__).parent / "out"
-"""Folder for tables and pictures."""
+OUT = Path(os.environ.get("BENCHMARKS_OUT") or Path(__file__).parent / "out")
+"""Folder for tables and pictures: another one where the environment names it."""

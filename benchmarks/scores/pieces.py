@@ -74,6 +74,8 @@ class Score:
         The table that is scored; "" where others alone are.
     others : tuple of str
         Names of further tables that are.
+    partial : bool
+        Whether tables are written from the pieces that are finished, before all of them are.
     """
 
     name: str
@@ -84,6 +86,7 @@ class Score:
     draw: Callable[[Made, Path], None] | None = None
     circuit: str = TABLE
     others: tuple[str, ...] = ()
+    partial: bool = False
 
     def behind(self, trials: Sequence[int], fast: bool) -> dict[str, Any]:
         """Return the parameters of a table: trials (the fewest and the most) and circuits."""
@@ -122,10 +125,18 @@ def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: s
             found = piece.make()
             write_table(found, path, seed=score.seed, **score.behind([piece.trials], fast))
             print(f"{time.process_time() - begun:.0f} s (said: {piece.seconds:.0f})", flush=True)
-    left = [piece.name for piece in pieces if not score.finished(piece, folder, fast)]
+    there = [piece for piece in pieces if score.finished(piece, folder, fast)]
+    left = [piece.name for piece in pieces if piece not in there]
     if left:
-        print(f"{score.name}: no tables yet, what is left is {'; '.join(left)}")
-        return
+        tables = "tables of what is there" if score.partial and there else "no tables yet"
+        print(f"{score.name}: {tables}, what is left is {'; '.join(left)}")
+        if tables == "no tables yet":
+            return
+    write_tables(score, there, folder, fast)
+
+
+def write_tables(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool) -> None:
+    """Write the tables and the pictures of a score from some of its pieces."""
     made: dict[str, list[pd.DataFrame]] = {}
     for piece in pieces:
         made.setdefault(piece.kind, []).append(read_table(score.path(piece, folder)))

@@ -17,27 +17,33 @@ import numpy as np
 import pandas as pd
 from scipy.stats import kstest, norm
 
+from benchmarks.methods.decided import (
+    DEADLINE_S,
+    GRID,
+    TRIALS,
+    decided_by_circuit,
+    decided_by_test,
+    responses,
+)
 from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.algorithms import GapModel, Model
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed, responded
+from bgmodel.fitting.exact.responses import BIN_S, Observed, responded
 from bgmodel.fitting.fit import fit_likelihood, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.control import decided
-from bgmodel.fitting.simulated.crossings import FirstPassageTimes, simulated
+from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import simulation_error
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 70_001
 """Of the data sets, and of the circuit that decides them."""
-DEADLINE_S = 4.0
-GRID = Grid(round(DEADLINE_S / BIN_S))
 SETS, COARSE_SETS = {"test": 200, "circuit": 100}, 8
 """Data sets by each model: those by the circuit take eight times as long to fit."""
 SET_TRIALS = 1500
@@ -48,8 +54,6 @@ PRIOR = {
 }  # fmt: skip
 """Range from which parameters are drawn: that of the fits to people and monkeys."""
 BATCH_SETS = 10
-TRIALS = 16_000
-"""Trials that a fitted circuit is simulated with, at each drift: the default of a fit."""
 STORES, STORE_SETS, COARSE_STORES = 10, 20, 3
 """Independent stores of simulated trials, and sets that each makes and another one fits."""
 WALKERS, STEPS, RANKED = 24, 300, 99
@@ -65,55 +69,19 @@ def drawn(names: list[str], number: int) -> Array:
     return np.asarray(rng.uniform(low, high))
 
 
-def decided_by_test(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
-    """Return decision times, s, and choices of each trial by the test, from its density."""
-    rng = stream(SCORING_SEED, "test", number)
-    each = SET_TRIALS // len(STRENGTHS)
-    one = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
-    mass = GapModel().decided(one, np.array(STRENGTHS), grid).reshape(len(STRENGTHS), -1)
-    never = np.maximum(1 - mass.sum(axis=1), 0.0)
-    shares = np.column_stack([mass, never]) / (mass.sum(axis=1) + never)[:, None]
-    picked = np.concatenate([rng.choice(len(row), each, p=row) for row in shares])
-    choice, bins = np.divmod(picked, grid.bins)
-    return (bins + rng.random(len(bins))) * BIN_S, np.where(choice == 2, -1, choice)
-
-
-def decided_by_circuit(
-    values: Mapping[str, float], grid: Grid, number: int
-) -> tuple[Array, Integers]:
-    """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
-    # It is run on new evidence: its stored trials, whose number matters to fits, are not used.
-    model = fitted_circuit(NONE, TRIALS, grid.bins * BIN_S)
-    threshold = np.array([values["threshold_nats"]])
-    drifts = values["sensitivity"] * np.array(STRENGTHS)
-    seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
-    found: FirstPassageTimes = simulated(
-        replace(model, seed=seed).run((), float(threshold[0])), threshold,
-        seconds=grid.bins * BIN_S, trials=SET_TRIALS // len(STRENGTHS), seed=seed, drifts=drifts,
-    )  # fmt: skip
-    rng = stream(SCORING_SEED, "within a bin", number)
-    # Evidence of positive drift speaks for channel 0, which is response 1 here.
-    choice = np.where(found.choice[0] < 0, -1, 1 - found.choice[0])
-    return (found.bins[0] + rng.random(len(choice))) * BIN_S, choice
-
-
 def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
     """Return a data set with the parameters that it was made from."""
     truth = drawn(names, number)
     values = dict(zip(names, truth.tolist(), strict=True))
-    decide = decided_by_test if by == "test" else decided_by_circuit
-    time_s, choice = decide(values, GRID, number)
+    each = SET_TRIALS // len(STRENGTHS)
+    if by == "test":
+        found = decided_by_test(values, STRENGTHS, each, stream(SCORING_SEED, "test", number))
+    else:
+        seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
+        rng = stream(SCORING_SEED, "within a bin", number)
+        found = decided_by_circuit(values, STRENGTHS, each, seed, rng)
     rng = stream(SCORING_SEED, "responses", by, number)
-    cell = np.repeat(np.arange(len(STRENGTHS)), SET_TRIALS // len(STRENGTHS))
-    rt = time_s + rng.normal(values["t0_s"], values["t0_sd_s"], len(cell))
-    lapse = rng.random(len(cell)) < values["lapse"]
-    rt = np.where(lapse, rng.random(len(cell)) * DEADLINE_S, rt)
-    choice = np.where(lapse, rng.integers(0, 2, len(cell)), choice)
-    answered = (choice >= 0) & (rt > 0) & (rt < DEADLINE_S)
-    seen = Observed(
-        cell, np.where(answered, choice, -1), np.where(answered, rt, np.nan), GRID, DEADLINE_S
-    )
-    return Design(np.array(STRENGTHS), {}, seen), truth
+    return responses(values, STRENGTHS, found, rng), truth
 
 
 def within_prior(likelihood: Likelihood) -> Likelihood:

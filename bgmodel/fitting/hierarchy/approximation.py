@@ -11,7 +11,7 @@ from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, starts_of
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 
 ROUNDS = 2
 """Number of rounds of the EM algorithm that finds the start."""
@@ -92,7 +92,7 @@ class Expansion:
         precision = self.precision + np.diag(1 / group.variance)
         return proposal_of(precision, self.pull + group.mean / group.variance)
 
-    def shared(self, scores: Array) -> Proposal:
+    def shared(self, scores: Array, now: Array, which: Integers) -> Proposal:
         """Return the proposal for a group's means and standard deviations, given standard scores.
 
         With standard scores z of its people, parameters are linear in the group's mean m and
@@ -102,13 +102,20 @@ class Expansion:
         ----------
         scores : array (people, parameters)
             Standard scores z.
+        now : array (2 * parameters,)
+            Present means and standard deviations: those that are not drawn keep them.
+        which : int array
+            Places in it that are drawn.
         """
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
         precision = np.einsum("pai,pij,pbj->aibj", both, self.precision, both).reshape(size, size)
         prior = np.repeat([1 / FLAT, 1 / SPREAD**2], scores.shape[1])
+        precision += np.diag(prior)
         pull = np.einsum("pai,pi->ai", both, self.pull).ravel()
-        return proposal_of(precision + np.diag(prior), pull)
+        rest = np.setdiff1d(np.arange(size), which)
+        pull = pull[which] - precision[np.ix_(which, rest)] @ now[rest]
+        return proposal_of(precision[np.ix_(which, which)], pull)
 
 
 @dataclass(frozen=True)

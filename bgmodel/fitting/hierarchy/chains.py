@@ -20,7 +20,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.processes import processes
 from bgmodel.support.seeds import stream
 
-CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 200, 200, 2000
+CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 200, 200, 4000
 """Number of chains, rounds of the warm-up, sweeps in each of them, sweeps between two checks, and
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01

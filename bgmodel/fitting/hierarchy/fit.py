@@ -234,14 +234,6 @@ def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
             "data",
         )
     first = next(iter(likelihoods.values())).freedom
-    effects = [each.name for each in first.moved if each.effect]
-    if effects:
-        raise InputError(
-            f"a hierarchical fit needs the parameter itself in each condition, and {effects[0]} is "
-            "a difference or a slope: give each combination its value, as in 'bound ~ 0 + "
-            "instruction:side'",
-            "formula",
-        )
     for who, each in likelihoods.items():
         lacking = set(first.names) ^ set(each.freedom.names)
         if lacking:
@@ -258,6 +250,7 @@ def fit_group(
     seed: int = HIERARCHY_SEED,
     workers: int = 1,
     most_draws: int = MOST,
+    scale: Scale | None = None,
     path: Path | None = None,
     tell: Tell = lambda _: None,
 ) -> GroupFit:
@@ -279,6 +272,9 @@ def fit_group(
         the guard ``if __name__ == "__main__":``.
     most_draws : int
         Largest number of draws of each of four chains.
+    scale : Scale, optional
+        The scale on which people are Gaussian, with the unit of the priors. By default its unit is
+        set by the median of separate estimates.
     path : path, optional
         File (.npz) that keeps the chains; a run that was interrupted continues from it.
     tell : function
@@ -299,7 +295,7 @@ def fit_group(
     every = list(likelihoods.values())
     tell(f"start of {len(every)} people")
     first = estimates(every)
-    scale = Scale.of(every[0].freedom, np.median(first, axis=0))
+    scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
     group, expansion = started(people, scale.to(first))
     chains = sampled(

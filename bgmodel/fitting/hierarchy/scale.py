@@ -48,11 +48,21 @@ class Scale:
         typical : array (parameters,), optional
             Typical values, by default the default ones. Where they are at the lower bound, a fifth
             of the range is used.
+
+        Notes
+        -----
+        A coefficient of a formula has no typical value: its unit is that of the default value of
+        the parameter, divided by the largest weight of the coefficient. Far above the lower end of
+        its range, where the scale is linear, people are Gaussian in it.
         """
         width = space.high - space.low
         above = (space.start if typical is None else typical) - space.low
         above = np.where(above > 1e-3 * width, above, width / 5)
         shares = [each.parameter.name in SHARES for each in space.moved]
+        heights = {each.name: each.start - each.low for each in space.parameters}
+        for k, each in enumerate(space.moved):
+            if each.effect:
+                above[k] = heights[each.parameter.name] / np.abs(each.weights).max()
         return cls(space.low, space.high, np.where(shares, width, above) / PARTS)
 
     def to(self, natural: Array) -> Array:

@@ -64,6 +64,22 @@ def test_same_seed_same_bytes(group):
     assert again.individual.tobytes() == group.individual.tobytes()
 
 
+def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
+    """Blocks do not differ here: the data cannot make the difference large."""
+    with short_chains(), pytest.warns(FitWarning, match="converged"):
+        found = fit_people(
+            table({"anna": 8.0, "ben": 9.0, "cleo": 10.0}, trials=40), "constant_gap",
+            strength="strength", fix={**FIXED, "t0_s": 0.3},
+            formula="bound ~ C(block, contr.sum)", most_draws=MOST,
+        )  # fmt: skip
+    assert found.parameters == ["sensitivity", "bound[Intercept]", *found.parameters[2:]]
+    assert len(found.parameters) == 3
+    half = found.group[..., 2]
+    assert np.abs(np.median(half)) < 4 * half.std()
+    assert np.median(np.abs(half)) < 0.2
+    assert np.median(found.group[..., 1]) == pytest.approx(0.5, abs=0.2)
+
+
 def test_too_few_people_are_refused():
     few = table({"anna": 8.0, "ben": 9.0}, trials=20)
     with pytest.raises(InputError) as error:

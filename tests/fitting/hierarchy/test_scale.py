@@ -43,3 +43,15 @@ def test_a_uniform_distribution_has_the_density_of_the_slope():
     assert np.exp(log_uniform(at)) == pytest.approx(
         (np.logaddexp(0, at + 1e-6) - np.logaddexp(0, at - 1e-6)) / 2e-6
     )
+
+
+def test_coefficients_of_a_formula_have_the_unit_of_their_parameter():
+    """Divided by their weight; far above the end of their range, the scale is linear in them."""
+    bound = Parameter("bound", 0.1, 8.0, 0.7)
+    columns = {"one": np.ones(2), "block": np.array([-2.0, 2.0])}
+    space = freedom([bound], {}, 2, designs={"bound": columns})
+    scale = Scale.of(space, np.array([1.2, 0.0]))
+    assert scale.unit == pytest.approx([0.6 / PARTS, 0.3 / PARTS])
+    natural = np.array([[1.2, -0.1], [0.9, 0.3]])
+    assert scale.back(scale.to(natural)) == pytest.approx(natural)
+    assert scale.slope(scale.to(natural))[:, 1] == pytest.approx(scale.unit[1])
