@@ -50,23 +50,6 @@ class Archive:
             centre + np.einsum("pij,pj->pi", self.roots, rng.normal(size=(people, size)))
         )
 
-    def step(self, rng: np.random.Generator, whole: float) -> Array:
-        """Return the difference of two draws for each person, mostly scaled, (people, parameters).
-
-        Parameters
-        ----------
-        rng : Generator
-            Random numbers.
-        whole : float
-            Share of differences that are not scaled: they lead from one mode to another.
-        """
-        people, count, size = self.draws.shape
-        first, second = rng.integers(count, size=(2, people))
-        each = np.arange(people)
-        factor = np.where(rng.random(people) < whole, 1.0, 2.38 / np.sqrt(2 * size))
-        apart = self.draws[each, first] - self.draws[each, second]
-        return np.asarray(factor[:, None] * apart + RIDGE * rng.normal(size=(people, size)))
-
     def log_density(self, scaled: Array) -> Array:
         """Return the log density at everyone's parameters (people, parameters), (people,)."""
         _, count, size = self.draws.shape

@@ -16,9 +16,6 @@ from bgmodel.support.arrays import Array
 SINGLE, EARLIER = 0.25, 0.5
 """Share of proposals that change one parameter of a person, and of the others that are near earlier
 draws."""
-BETWEEN, WHOLE = 0.4, 0.1
-"""Share of proposals, in the chains proper, that step along the difference of two earlier draws,
-and of these the share by the whole difference."""
 ALONE = 0.5
 """Share of the draws with standard scores fixed that are of one parameter."""
 
@@ -90,19 +87,16 @@ class Sampler:
 
     Notes
     -----
-    A sweep has three steps. It draws each person's parameters given the group. The proposal is the
+    A sweep has three steps. It draws each person's parameters given the group: the proposal is the
     approximate likelihood times the distribution of the group, with heavier tails, or, in a share
     ``SINGLE`` of proposals, one parameter from the distribution of the group, which reaches the
-    long tails of parameters that the trials hardly determine. In the chains proper, half of the
-    others are near draws of the warm-up, and a share ``BETWEEN`` of all step along the difference
-    of two of those draws (ter Braak & Vrugt 2008): steps leave places that the other proposals
-    hardly ever reach. The exact likelihood accepts or rejects them.
-
-    It draws the group given its people. And it draws the group's means and standard deviations once
-    more with everyone's standard scores fixed, so that everyone moves with them (interweaving, Yu &
-    Meng 2011): parameters that one person's trials hardly determine would mix slowly without it.
-    Half of these draws are of the mean and the standard deviation of one parameter, which are
-    accepted far more often than those of all at once.
+    long tails of parameters that the trials hardly determine; in the chains proper, half of the
+    others are near draws of the warm-up. The exact likelihood accepts or rejects them. It draws the
+    group given its people. And it draws the group's means and standard deviations once more with
+    everyone's standard scores fixed, so that everyone moves with them (interweaving, Yu & Meng
+    2011): parameters that one person's trials hardly determine would mix slowly without it. Most
+    of these draws are of the mean and the standard deviation of one parameter, which are accepted
+    far more often than those of all at once.
     """
 
     people: list[Person]
@@ -147,18 +141,11 @@ class Sampler:
             asked = np.where(earlier[:, None], self.archive.draw(rng), asked)
         single = rng.random(len(now)) < SINGLE
         asked = np.where(single[:, None], self._single(state), asked)
-        between = np.zeros(len(now), bool)
-        if self.archive is not None:
-            between = rng.random(len(now)) < BETWEEN
-            asked = np.where(between[:, None], now + self.archive.step(rng, WHOLE), asked)
         log = self._logs(asked)
-        # A parameter drawn from the group: its density cancels that of the prior. A step is as
-        # likely as the step back.
-        apart = np.where(
-            between, 0.0, self._density(proposal, asked) - self._density(proposal, now)
-        )
-        prior = group.log_prior(asked) - group.log_prior(now)
-        gain = log - state.log + np.where(single & ~between, 0.0, prior - apart)
+        gain = log - state.log
+        # A parameter drawn from the group: its density cancels that of the prior.
+        apart = self._density(proposal, asked) - self._density(proposal, now)
+        gain += np.where(single, 0.0, group.log_prior(asked) - group.log_prior(now) - apart)
         taken = np.log(rng.uniform(size=len(gain))) < gain
         scaled = np.where(taken[:, None], asked, now)
         return State(group, scaled, np.where(taken, log, state.log), rng)

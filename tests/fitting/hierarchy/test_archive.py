@@ -40,14 +40,3 @@ def test_one_person_is_independent_of_the_others(archive):
     point = np.array([[0.3, -0.2]])
     both = archive.log_density(np.repeat(point, 2, axis=0))
     assert alone.log_density(point)[0] == pytest.approx(both[1])
-
-
-def test_steps_are_as_likely_back_as_forth_and_lead_between_modes(archive):
-    rng = stream(SEED, "steps")
-    steps = np.array([archive.step(rng, 0.5) for _ in range(4000)])
-    assert np.abs(steps.mean(axis=0)).max() < 0.15
-    # Differences of draws have twice their covariance; half of the steps are scaled by 2.38 / 2.
-    spread = archive.draws.var(axis=1) * 2 * (1 + 2.38**2 / 4) / 2
-    assert steps.var(axis=0) == pytest.approx(spread, rel=0.1)
-    from_first = np.abs(archive.draws[0, 0] + steps[:, 0] - 4.0).max(axis=1) < 1
-    assert from_first.any()
