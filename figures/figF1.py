@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
 from figures.common import Settings, key, letter, run, say_if_older, where

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL, WEIBULL
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from tests.test_start_point import RESPONSES, STRENGTHS, drawn
 

@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices

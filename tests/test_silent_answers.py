@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
-from bgmodel.fitting.sides import check_sides
+from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.trials.sides import check_sides
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan

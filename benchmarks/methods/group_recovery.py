@@ -25,13 +25,13 @@ from benchmarks.methods.decided import (
     responses,
 )
 from benchmarks.scores.fits import fitted_circuit
-from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.hierarchy.fit import SHARE, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.simulated.circuit import NONE
+from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
 from circuits.errors import FitWarning

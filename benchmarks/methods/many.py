@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import Model
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.optimum import Likelihood, Optimum, likelihood_of, optimum, starts_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.choices import Choices
 

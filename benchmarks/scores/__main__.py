@@ -6,7 +6,9 @@ from pkgutil import iter_modules
 from benchmarks import hssm_check, scores
 from benchmarks.scores.pieces import main
 
-NAMES = [name for _, name, _ in iter_modules(scores.__path__) if not name.startswith("_")]
+LONG = ("group_recovery",)
+"""Scores of many hours, which are run alone."""
+NAMES = [name for _, name, _ in iter_modules(scores.__path__) if name not in ("__main__", *LONG)]
 FOUND = [import_module(f"benchmarks.scores.{name}") for name in NAMES]
 MODULES = (*(module for module in FOUND if hasattr(module, "SCORE")), hssm_check)
 """All modules with a score: those of this folder, and one outside it."""

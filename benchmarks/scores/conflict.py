@@ -22,9 +22,9 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.stimulation import LONGEST_S, MOVES, SLOW_NATS, STIMULATED, stimulated
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT

@@ -32,7 +32,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import Choices

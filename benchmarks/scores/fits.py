@@ -15,7 +15,6 @@ import pandas as pd
 from benchmarks import OUT
 from benchmarks.methods.means import fit_means
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.fit import fit_likelihood
@@ -28,6 +27,7 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
+from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
 

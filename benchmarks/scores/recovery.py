@@ -28,7 +28,6 @@ from benchmarks.methods.decided import (
 from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.exact.responses import BIN_S, Observed, responded
 from bgmodel.fitting.fit import fit_likelihood, widened
@@ -39,6 +38,7 @@ from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import simulation_error
+from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
 

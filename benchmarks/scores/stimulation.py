@@ -15,7 +15,6 @@ import pandas as pd
 
 from benchmarks.scores.fits import difference, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.predicted import Predicted, better_by, predicted
@@ -26,6 +25,7 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
+from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.tables.choices import Choices, read_choices
 from circuits.anatomy import DEFAULT
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.cautions import cautions
-from bgmodel.fitting.design import Design
+from bgmodel.fitting.checks.cautions import cautions
+from bgmodel.fitting.checks.misfit import Misfit, misfit
+from bgmodel.fitting.checks.slow import warn_of_slow
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.quantiles import (
@@ -26,7 +26,7 @@ from bgmodel.fitting.quantiles import (
     too_few,
 )
 from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
-from bgmodel.fitting.slow import warn_of_slow
+from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
 from bgmodel.fitting.exact.responses import moments, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
+from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths
 from circuits.errors import FitWarning
 

@@ -13,11 +13,11 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.fitting.design import Design
     from bgmodel.fitting.exact.algorithms import Model
     from bgmodel.fitting.formulas import Formula
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.fitting.parameters import Parameter
+    from bgmodel.fitting.trials.design import Design
     from bgmodel.tables.choices import Choices
     from circuits.circuit import Circuit
 
@@ -168,8 +168,8 @@ class FitSettings:
 
     def design(self, choices: Choices) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
-        from bgmodel.fitting.design import design_of
         from bgmodel.fitting.exact.algorithms import SIDED
+        from bgmodel.fitting.trials.design import design_of
 
         named = {*self.named, *self.varied, *self.fixed, *self.formulas}
         sides = not named.isdisjoint(SIDED)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Observed
 from bgmodel.fitting.identify import Directions, _masses, directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 
 MODEL = GapModel()

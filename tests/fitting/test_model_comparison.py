@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_models
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.predicted import Predicted
+from bgmodel.fitting.trials.design import design_of
 from circuits.errors import InputError
 from tests.drawn import TRUTH, drawn
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.identify import directions
@@ -19,6 +18,7 @@ from bgmodel.fitting.optimum import (
     starts_of,
 )
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.trials.design import design_of
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import ENOUGH, Posterior, _correlated, posterior
+from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, predicted
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from tests.drawn import TRUTH, drawn
 

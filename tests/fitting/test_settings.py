@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from bgmodel.commands.fits import FitRun
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import FitSettings
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from circuits import anatomy
 from tests.helpers import refused

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.checks.misfit import misfit
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from tests.drawn import drawn
 from tests.validation.test_slow_trials import PRIOR, SECONDS, STRENGTHS, TRIALS, lapsing

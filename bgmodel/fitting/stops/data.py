@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import AFTER, slowing_of
 from bgmodel.support.arrays import Array, Integers, Truths

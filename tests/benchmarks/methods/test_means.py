@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.methods.means import fit_means
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from tests.drawn import drawn
 

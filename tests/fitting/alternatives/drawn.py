@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.methods.many import person
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.trials.design import design_of
 
 NAMES = np.array(list("abcdefghijkl"))
 TRUTH = {"sensitivity": 2.0, "threshold_nats": 0.2}

@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.alternatives.msprt import MsprtModel
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.hierarchy.people import fit_people
 from bgmodel.fitting.model_comparison import compare_models
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.checks.slow import slow_trials
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
-from bgmodel.fitting.slow import slow_trials
+from bgmodel.fitting.trials.design import design_of
 from tests.drawn import drawn, slowed
 
 pytestmark = pytest.mark.usefixtures("brief_search")

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
 from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.fitting.simulated.error import jackknifed
+from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths
 
 BEYOND_CHANCE = 0.003

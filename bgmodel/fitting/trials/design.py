@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
-from bgmodel.fitting.sides import check_sides, name_of
-from bgmodel.fitting.window import in_window
+from bgmodel.fitting.trials.sides import check_sides, name_of
+from bgmodel.fitting.trials.window import in_window
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE

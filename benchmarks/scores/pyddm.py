@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats.qmc import Sobol
+from scipy.stats.qmc import LatinHypercube
 
 from benchmarks.methods.pyddm_gaps import ByPyddm
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import read_choices
 
@@ -41,12 +41,13 @@ VALUES = {
 """What the trials are drawn from."""
 KNOWN = ("t0_sd_s", "lapse", "fall_shape")
 """Parameters that both fits are given."""
-OFF, POINTS, ROUNDS = 0.03, 64, 4
+OFF, POINTS, ROUNDS = 0.03, 48, 4
 """Of PyDDM's search: half range of the points around a centre, as a proportion of each parameter,
 their number, and the largest number of centres. The first is half of this range off our optimum."""
-CASES = {f"{name}, variable drift": (name, 1.0) for name in GAPS} | {
-    f"{name}, one drift": (name, 0.0) for name in GAPS
+CASES = {f"{name}, one drift": (name, 0.0) for name in GAPS} | {
+    f"{name}, variable drift": (name, 1.0) for name in ("falling_gap", "weibull_gap")
 }
+"""Gaps, and standard deviations of the drift."""
 
 
 def trials_of(model: GapModel, values: Mapping[str, float], trials: int, name: str) -> pd.DataFrame:
@@ -129,9 +130,9 @@ def _maximum(
     names, unit = list(at), np.array([*at.values()])
     centre = 1 + OFF / 2 * (-1.0) ** np.arange(len(names))
     terms = [*combinations_with_replacement(range(len(names)), 2)]
-    sobol = Sobol(len(names), rng=SCORING_SEED)
+    sampler = LatinHypercube(len(names), rng=SCORING_SEED)
     for _ in range(ROUNDS):
-        x = OFF * (2 * sobol.random(POINTS) - 1)
+        x = OFF * (2 * sampler.random(POINTS) - 1)
         y = [
             _limit(theirs, {**fixed, **dict(zip(names, (centre + dx) * unit, strict=True))})
             for dx in x
@@ -179,11 +180,18 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     apart = (found["pyddm_fitted"] / found["fitted"] - 1).abs().groupby(found["case"], sort=False)
     return {
         "optima": ("optimum", found[["case", *by]]),
-        "likelihoods": ("optimum", of_case.assign(largest_difference=apart.max().to_numpy())),
+        "likelihoods": (
+            "optimum",
+            of_case.assign(
+                off_nats=of_case["pyddm_log_likelihood"] - of_case["log_likelihood"],
+                times_likelihood=of_case["pyddm_likelihood_s"] / of_case["likelihood_s"],
+                largest_difference=apart.max().to_numpy(),
+            ),
+        ),
     }
 
 
-SCORE = Score("pyddm_fits", SCORING_SEED, (), pieces, tables, circuit="")
+SCORE = Score("pyddm", SCORING_SEED, (), pieces, tables, circuit="")
 
 if __name__ == "__main__":
     main(SCORE)

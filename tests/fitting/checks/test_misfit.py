@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.design import design_of
+from bgmodel.fitting.checks.misfit import misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, likelihood_of
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import without_parts
+from bgmodel.fitting.trials.design import design_of
 from circuits.anatomy import load_circuit
 from tests.drawn import TRUTH, choices, drawn
 

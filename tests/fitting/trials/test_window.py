@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.optimum import likelihood_of, optimum
-from bgmodel.fitting.window import fence_s
+from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.trials.window import fence_s
 from bgmodel.tables.choices import read_choices
 from circuits.errors import DataWarning
 from tests.drawn import choices, drawn

@@ -169,7 +169,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return found | ({"compared": ("compared", made["compared"])} if "compared" in made else {})
 
 
-SCORE = Score("conflict_group", HIERARCHY_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)
+SCORE = Score("patients", HIERARCHY_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)
 
 if __name__ == "__main__":
     main(SCORE)
