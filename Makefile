@@ -1,4 +1,4 @@
-# make figures | pictures | test | lint | docs | notebooks | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
+# make figures | pictures | test | slow | lint | docs | notebooks | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 PYTHONS ?= python3.11 python3.12 python3.13
@@ -8,12 +8,12 @@ export MPLBACKEND = Agg
 # Tests run side by side: more threads of one would wait for each other. Those of one file stay in
 # one process, which makes what they share once. Every process reads all tests first, which takes
 # half a minute of CPU: no more processes than cores.
-test validate: export OPENBLAS_NUM_THREADS = 1
-test validate: export OMP_NUM_THREADS = 1
+test slow validate: export OPENBLAS_NUM_THREADS = 1
+test slow validate: export OMP_NUM_THREADS = 1
 # Every process that a test starts would compile the sources anew, and each of pytest's all the tests.
-test validate: export PYTHONDONTWRITEBYTECODE =
+test slow validate: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: figures pictures test lint docs notebooks validate faults score benchmark dist shipped-taps clean
+.PHONY: figures pictures test slow lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -25,6 +25,10 @@ pictures: figures
 
 test: $(VENV)/test.installed
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+
+# Tests of seconds: engines cell by cell, blocks of pages, commands that are stopped and go on.
+slow: $(VENV)/test.installed
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m 'slow and not validate'
 
 lint: $(VENV)/test.installed
 	$(BIN)/ruff check .

@@ -9,6 +9,7 @@ from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
+from tests.cpu_times import listed, named
 from tests.helpers import GOOD, run
 from tests.levels import LEVELS, MODEL, SEED
 
@@ -21,6 +22,15 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("bgmodel")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the tests that were measured to be slow."""
+    names = listed()
+    for item in items:
+        if named(item.nodeid) in names:
+            item.add_marker("slow")
 
 
 @pytest.fixture(scope="module")

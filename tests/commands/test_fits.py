@@ -349,7 +349,7 @@ def test_a_circuit_is_simulated_to_the_half_second_after_the_longest_response(
     """No longer than it takes; participants with about as long responses share it."""
     simulated = []
 
-    def simulate(model, point):
+    def simulate(model, point, bias):
         simulated.append(model.seconds)
         raise KeyboardInterrupt
 

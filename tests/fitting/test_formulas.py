@@ -140,15 +140,11 @@ def test_a_parameter_has_one_rule():
     assert error.value.field == "fix"
 
 
-def test_in_a_hierarchy_each_combination_needs_a_value():
+@pytest.mark.parametrize("formula", ["bound ~ 0 + instruction", "bound ~ block"])
+def test_a_hierarchy_takes_values_and_differences(formula):
     every = table(60)
     people = {f"p{k}": every.assign(participant_id=f"p{k}") for k in range(3)}
-    levels = {who: likelihood(t, formula="bound ~ 0 + instruction") for who, t in people.items()}
-    check_people(levels)
-    slopes = {who: likelihood(t, formula="bound ~ block") for who, t in people.items()}
-    with pytest.raises(InputError) as error:
-        check_people(slopes)
-    assert error.value.field == "formula"
+    check_people({who: likelihood(some, formula=formula) for who, some in people.items()})
 
 
 def test_noise_of_the_search_does_not_leave_the_range():

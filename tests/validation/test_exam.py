@@ -1,5 +1,7 @@
 """Spikes take the exam, and through the door for tables they get the same marks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,8 @@ from circuits.anatomy import macaque
 EXAM = Exam.shipped()
 MARKS = ["value", "se", "z"]
 ENGINES = ["population", "ensemble", "brian2"]
-TRIALS = 30
-"""Trials from which rates are taken."""
+TRIALS, TRIALS_WITH_ERRORS = 30, 150
+"""Trials from which rates are taken, and trials of which enough are errors."""
 FEW_CELLS = [f"set {row.name}.neurons 30" for row in macaque(2).populations if row.spiking]
 """Edits for Brian2, which takes seconds per trial with 300 cells."""
 
@@ -44,3 +46,25 @@ def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tm
     inside = exam.take(taking(engine), seed=5, share=0.05).table
     sitting_of(engine).rates_of("rest").to_csv(tmp_path / "rates.csv", index=False)
     same_marks(exam.mark(rates=tmp_path / "rates.csv", seed=5).table, inside)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("engine", ["population", "ensemble"])
+def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path, monkeypatch):
+    monkeypatch.setattr(sittings, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
+    exam = EXAM.only(["conflict"])
+    exam = replace(exam, questions=replace(exam.questions, numbers=of_trials(exam)))
+    tasks = sorted(
+        {task for one in exam.questions.numbers for _, task in exam.questions.tasks_of(one)}
+    )
+    tables, undone = sitting_of(engine).tables(trials=tasks, rates=[])
+    assert not undone
+    tables.trials.to_csv(tmp_path / "trials.csv", index=False)
+    inside = exam.take(taking(engine), seed=5, share=0.05).table
+    assert np.isfinite(inside["value"]).all()
+    same_marks(exam.mark(tmp_path / "trials.csv", seed=5).table, inside)
+
+
+def of_trials(exam):
+    """Return the numbers that are computed from trials alone."""
+    return tuple(one for one in exam.questions.numbers if "nucleus" not in one.of)
