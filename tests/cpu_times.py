@@ -6,6 +6,9 @@ Tests that take more than ``LEAST_S`` are listed in ``slow.txt``: ``make test`` 
     CPU_TIMES=times.txt make test slow PYTEST_ADDOPTS="-p tests.cpu_times"
     python -m tests.cpu_times times.txt
 
+The first test that needs a compiled loop also pays for its compilation, and another one once that
+test is slow: append the times of a second run to those of the first.
+
 Blocks of the README are never slow. Blocks of another page are slow together, because the numbers
 of their lines change with the page.
 """
