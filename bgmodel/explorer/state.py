@@ -126,10 +126,11 @@ class State:
             return self._with(stop=stop, **self._unnamed())
         if name == "evidence":
             return self._with(task=self._task_of(value), **self._unnamed())
-        if name == "trials":
-            check_trials(value)
         if name in OF_TASK:
             task = replace(self.experiment.task, **{name: value})
+            if name == "trials":
+                task.check()  # the command's order: what is no number of trials at all comes first
+                check_trials(value)
             return self._with(task=task, **self._unnamed())
         require(name in OF_RUN, "name", f"must be one of {', '.join((*OF_TASK, *OF_RUN))}", name)
         if value is not None and name in ("circuit", "engine"):

@@ -4,6 +4,7 @@ import pytest
 
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.explorer.state import MOST_TRIALS, State, opened
+from bgmodel.stimuli import Stimuli
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 
@@ -113,3 +114,11 @@ def test_a_number_of_trials_that_cannot_be_shown_is_refused_at_its_field(trials)
     with pytest.raises(InputError) as refused:
         small().with_setting("trials", trials)
     assert refused.value.field == "trials"
+
+
+def test_no_trials_at_all_are_refused_in_the_words_of_the_task():
+    with pytest.raises(InputError) as here:
+        small().with_setting("trials", 0)
+    with pytest.raises(InputError) as there:
+        Stimuli(trials=0).check()
+    assert str(here.value) == str(there.value)
