@@ -24,9 +24,8 @@ from bgmodel import stream
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
-from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.trials.design import Design, design_of
-from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import read_choices
 
 SCORING_SEED = 74_101
@@ -82,17 +81,18 @@ def compared(case: str, trials: int) -> pd.DataFrame:
     at = dict(zip(ours.freedom.names, best.vector.tolist(), strict=True))
     theirs = _both_steps(table, model, design.grid.bins * BIN_S)
     found, limit = _maximum(theirs, fixed, at)
-    each, one = _seconds_each(ours, best.vector), _timed(lambda: theirs[0].each(fixed | at))[0]
+    one, fine = _timed(lambda: float(theirs[0].each(fixed | at).sum()))
+    here = _limit(theirs, fixed | at)
     shared = {
         "case": case,
         "trials": len(table),
         "evaluations": best.evaluations,
         "log_likelihood": best.log_likelihood,
-        "pyddm_log_likelihood": _limit(theirs, fixed | at),
-        "pyddm_step_error_nats": float(theirs[0].each(fixed | at).sum())
-        - _limit(theirs, fixed | at),
-        "pyddm_gain_nats": limit - _limit(theirs, fixed | at),
-        "likelihood_s": each,
+        "pyddm_log_likelihood": here,
+        "pyddm_step_error_nats": fine - here,
+        "pyddm_gain_nats": limit - here,
+        # Of the fit, whose every likelihood is at other parameters: those repeated are kept.
+        "likelihood_s": seconds / best.evaluations,
         "pyddm_likelihood_s": one,
         "fit_s": seconds,
         "pyddm_fit_s": one * best.evaluations,
@@ -156,11 +156,6 @@ def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
     begun = time.thread_time()
     result = call()
     return time.thread_time() - begun, result
-
-
-def _seconds_each(ours: Likelihood, vector: Array, repeats: int = 20) -> float:
-    """Return the mean CPU seconds of our likelihood."""
-    return _timed(lambda: [ours(vector) for _ in range(repeats)])[0] / repeats
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:

@@ -111,7 +111,7 @@ class Trace(Facts):
 
 
 def of_test(trace: Trace) -> bool:
-    """Whether a trace is that of a test, without noise of its own."""
+    """Whether a trace is that of a test, which adds no noise."""
     return trace.readout is not None and trace.readout.of_test
 
 

@@ -141,7 +141,7 @@ def _story(outcome: Outcome) -> str:
     told = zip(("Published", "Source", "In the model"), said, strict=True)
     about = "".join(f"<p>{label}: {escape(text.strip())}</p>" for label, text in told if text)
     found, reasons = predicted(experiment, outcome.measures)
-    rows = [(asked, "", [escape(two) for two in cells]) for asked, *cells in found]
+    rows = [(asked, "", [escape(cell) for cell in cells]) for asked, *cells in found]
     left_open = "".join(f'<p class="why">{escape(sentence)}</p>' for sentence in reasons)
     head = tuple(name[0].upper() + name[1:] for name in PREDICTED)
     return f"{about}{table_of(head, rows)}{left_open}"

@@ -1,4 +1,4 @@
-"""Calibration of the sampler of hierarchical fits, and recovery as it was measured: make validate.
+"""Calibration of the sampler of hierarchical fits: make validate.
 
 Groups are drawn from the prior. People have Gaussian errors here, so that a data set takes
 seconds; the score ``group_recovery`` repeats this with trials.
@@ -6,7 +6,7 @@ seconds; the score ``group_recovery`` repeats this with trials.
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import binom, kstest
 
 from benchmarks.methods.group_recovery import MOST_SD, RANGES, group
 from bgmodel.fitting.hierarchy.approximation import Expansion
@@ -61,7 +61,8 @@ def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
     assert p.min() * len(p) > 0.01, p
     held = ((found > 0.05) & (found < 0.95)).mean(axis=0)
     assert 0.86 < held.mean() < 0.94, held
-    assert held.min() > 0.78, held
+    # Less often than this, one of the numbers would hold by chance in a hundredth of runs.
+    assert held.min() >= binom.ppf(0.01 / len(held), SETS, 0.9) / SETS, held
 
 
 @pytest.mark.timeout(3600)
