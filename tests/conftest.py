@@ -9,7 +9,7 @@ from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from tests.cpu_times import listed, named
+from tests.cpu_times import LONG, SLOW, listed, named
 from tests.helpers import GOOD, run
 from tests.levels import LEVELS, MODEL, SEED
 
@@ -26,11 +26,12 @@ settings.load_profile("bgmodel")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark the tests that were measured to be slow."""
-    names = listed()
+    """Mark the tests that were measured to be slow, and leave long ones to ``make validate``."""
+    names = {"slow": listed(SLOW), "validate": listed(LONG)}
     for item in items:
-        if named(item.nodeid) in names:
-            item.add_marker("slow")
+        for marker, some in names.items():
+            if named(item.nodeid) in some:
+                item.add_marker(marker)
 
 
 @pytest.fixture(scope="module")

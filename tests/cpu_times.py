@@ -1,13 +1,16 @@
-"""CPU seconds of each test, and from them the list of slow tests.
+"""CPU seconds of each test, and from them the lists of slow and of long tests.
 
-Tests that take more than ``LEAST_S`` are listed in ``slow.txt``: ``make test`` leaves them out, and
-``make slow`` runs them. To list them anew, measure one run of all tests with empty caches::
+Tests that take at least ``SLOW_S`` in one of several runs are listed in ``slow.txt``: ``make test``
+leaves them out, and ``make slow`` runs them. Those that take at least ``LONG_S`` in each run are
+listed in ``long.txt``, and only ``make validate`` runs them. To list them anew, measure two runs of
+all tests with empty caches::
 
-    CPU_TIMES=times.txt make test slow PYTEST_ADDOPTS="-p tests.cpu_times"
-    python -m tests.cpu_times times.txt
+    CPU_TIMES=first.txt make test slow validate PYTEST_ADDOPTS="-p tests.cpu_times"
+    CPU_TIMES=second.txt make test slow validate PYTEST_ADDOPTS="-p tests.cpu_times"
+    python -m tests.cpu_times first.txt second.txt
 
-The first test that needs a compiled loop also pays for its compilation, and another one once that
-test is slow: append the times of a second run to those of the first.
+Two, because the first test that needs a compiled loop also pays for its compilation, and that may
+be another one each time.
 
 Blocks of the README are never slow. Blocks of another page are slow together, because the numbers
 of their lines change with the page.
@@ -24,9 +27,11 @@ from pathlib import Path
 
 import pytest
 
-LIST = Path(__file__).parent / "slow.txt"
-LEAST_S = 1.0
-"""CPU seconds from which on a test is slow."""
+SLOW, LONG = (Path(__file__).parent / name for name in ("slow.txt", "long.txt"))
+SLOW_S, LONG_S = 1.0, 5.0
+"""CPU seconds from which on a test is slow, or long."""
+NEVER_LONG = "tests/explorer/test_explorer.py::test_random_sequences"
+"""Of the explorer's tests the one that tries most: a change must not wait for ``make validate``."""
 
 
 def named(nodeid: str) -> str:
@@ -34,17 +39,24 @@ def named(nodeid: str) -> str:
     return re.sub(r" line \d+(?=\])", "", nodeid)
 
 
-def listed() -> set[str]:
-    """Return the names of all slow tests."""
-    return set(LIST.read_text(encoding="utf-8").splitlines())
+def listed(path: Path) -> set[str]:
+    """Return the names in a list."""
+    return set(path.read_text(encoding="utf-8").splitlines())
 
 
-def slow(times: Iterable[tuple[str, float]]) -> list[str]:
-    """Return the names of slow tests, sorted, from names and CPU seconds."""
-    most: dict[str, float] = defaultdict(float)
-    for name, seconds in times:
-        most[named(name)] = max(most[named(name)], seconds)
-    return sorted(n for n, seconds in most.items() if seconds >= LEAST_S and "README" not in n)
+def sorted_out(runs: Iterable[Iterable[tuple[str, float]]]) -> tuple[list[str], list[str]]:
+    """Return the names of slow and of long tests, from names and CPU seconds of each run."""
+    found: dict[str, list[float]] = defaultdict(list)
+    for times in runs:
+        most: dict[str, float] = defaultdict(float)
+        for name, seconds in times:
+            most[named(name)] = max(most[named(name)], seconds)
+        for name, seconds in most.items():
+            found[name].append(seconds)
+    apart = {name for name in found if "README" in name}
+    long = {n for n, each in found.items() if min(each) >= LONG_S} - apart - {NEVER_LONG}
+    slow = {n for n, each in found.items() if max(each) >= SLOW_S} - apart - long
+    return sorted(slow), sorted(long)
 
 
 def _used_s() -> float:
@@ -61,8 +73,13 @@ def pytest_runtest_protocol(item, nextitem):
     return result
 
 
-if __name__ == "__main__":
-    lines = Path(sys.argv[1]).read_text(encoding="utf-8").splitlines()
+def read(path: str) -> list[tuple[str, float]]:
+    """Return names and CPU seconds of one run."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
     pairs = (line.split("\t", 1) for line in lines)
-    names = slow((name, float(seconds)) for seconds, name in pairs)
-    LIST.write_text("\n".join(names) + "\n", encoding="utf-8")
+    return [(name, float(seconds)) for seconds, name in pairs]
+
+
+if __name__ == "__main__":
+    for file, names in zip((SLOW, LONG), sorted_out(map(read, sys.argv[1:])), strict=True):
+        file.write_text("\n".join(names) + "\n", encoding="utf-8")
