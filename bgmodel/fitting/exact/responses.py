@@ -184,6 +184,32 @@ class Observed:
         whole = mass.sum(axis=(1, 2)) + missing
         return mass / whole[:, None, None], missing / whole
 
+    def drawn(self, density: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
+        """Return response times, s, and responses of new trials in the same cells, (trials,).
+
+        As the data are coded: without a response NaN and -1. Times are uniform within bins.
+
+        Parameters
+        ----------
+        density : array (cells, 2, bins), 1/s
+            Densities of responses.
+        rng : Generator
+            Random numbers.
+        """
+        mass, missing = self.outcomes(density)
+        bins = self.grid.bins
+        below = np.cumsum(np.column_stack([mass.reshape(len(mass), -1), missing]), axis=1)
+        place = np.empty(len(self.cell), dtype=np.int64)
+        for cell in np.unique(self.cell):
+            here = self.cell == cell
+            at = rng.random(here.sum()) * below[cell, -1]
+            place[here] = np.searchsorted(below[cell], at, side="right")
+        response, bin_of = np.divmod(place, bins)
+        early, late = (np.clip(t / BIN_S - bin_of, 0, 1) for t in self.window_s)
+        rt_s = (bin_of + early + (late - early) * rng.random(len(place))) * BIN_S
+        never = response == 2
+        return np.where(never, np.nan, rt_s), np.where(never, -1, response)
+
     def _inside(self, density: Array) -> Array:
         """Return the probability of a response in the window, (cells,)."""
         mass = density.sum(axis=1) * BIN_S

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bgmodel.support import files
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from bgmodel.fitting.optimum import Likelihood
 
 MOST_DRAWS = 100
-"""Largest number of draws of each chain for which the log likelihood of each trial is given."""
+"""Largest number of draws of each chain for which trials are given: log likelihoods and new ones."""
+PREDICTIVE_SEED = 47_301
+"""Seed of the new trials."""
 
 
 def labelled(
@@ -45,8 +48,10 @@ def labelled(
     DataTree
         Groups ``posterior`` (numbers of the group; each participant's parameter as ``..._of``),
         ``sample_stats`` (lp, log likelihood of all trials), ``log_likelihood`` (rt, of each trial,
-        nats, for at most ``MOST_DRAWS`` evenly spaced draws of each chain) and ``observed_data``
-        (rt, s, and response).
+        nats, for at most ``MOST_DRAWS`` evenly spaced draws of each chain),
+        ``posterior_predictive`` (rt, s, and response of one new trial in place of each, for the
+        same draws) and ``observed_data`` (rt, s, and response). Without a response, rt is NaN and
+        response -1.
     """
     import xarray
 
@@ -63,7 +68,10 @@ def labelled(
     total = (("chain", "draw"), log_likelihood.sum(axis=2))
     places = np.unique(np.linspace(0, draws - 1, min(draws, MOST_DRAWS)).astype(int))
     vectors = np.stack(list(individual.values()), axis=3)
-    each = (("chain", "draw", "trial"), each_trial(likelihoods, vectors[:, places]))
+    of_trials = ("chain", "draw", "trial")
+    each = (of_trials, each_trial(likelihoods, vectors[:, places]))
+    new = zip(("rt", "response"), new_trials(likelihoods, vectors[:, places]), strict=True)
+    predictive = {name: (of_trials, values) for name, values in new}
     seen = [one.design.observed for one in likelihoods.values()]
     who = ("trial", np.repeat(people, [len(one.response) for one in seen]))
     data = {
@@ -76,6 +84,7 @@ def labelled(
             "posterior": xarray.Dataset(posterior, {**axes, "participant": people}),
             "sample_stats": xarray.Dataset({"lp": total}, axes),
             "log_likelihood": xarray.Dataset({"rt": each}, own),
+            "posterior_predictive": xarray.Dataset(predictive, own),
             "observed_data": xarray.Dataset(data, {"participant_of": who}),
         }
     )
@@ -98,6 +107,23 @@ def each_trial(likelihoods: Mapping[str, Likelihood], vectors: Array) -> Array:
         for k, likelihood in enumerate(likelihoods.values())
     ]
     return np.concatenate(parts, axis=2)
+
+
+def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[Array, Integers]:
+    """Return times, s, and responses of one new trial in place of each, (chains, draws, trials).
+
+    In as few bytes as they need. Arguments as for ``each_trial``.
+    """
+    trials = [len(one.design.observed.response) for one in likelihoods.values()]
+    shape = (*vectors.shape[:2], sum(trials))
+    rt_s, response = np.empty(shape, np.float32), np.empty(shape, np.int8)
+    ends = np.cumsum(trials)
+    for k, (who, likelihood) in enumerate(likelihoods.items()):
+        rng, own = stream(PREDICTIVE_SEED, who), slice(ends[k] - trials[k], ends[k])
+        for at in np.ndindex(shape[:2]):
+            density = likelihood.density(vectors[(*at, k)])
+            rt_s[(*at, own)], response[(*at, own)] = likelihood.design.observed.drawn(density, rng)
+    return rt_s, response
 
 
 def write(tree: xarray.DataTree, path: Path) -> Path:

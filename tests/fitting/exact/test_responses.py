@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import gamma, norm
+from scipy.stats import chi2, gamma, norm
 
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed, moments, responded
 
@@ -174,3 +174,26 @@ def test_a_time_before_the_first_middle_or_beyond_the_last_has_the_density_there
     end_s = GRID.bins * BIN_S
     found = observed([1, 1, 1], [0.0, end_s, 2 * end_s]).each(density)
     assert np.exp(found) == pytest.approx([1, 4, 4], rel=1e-6)
+
+
+@pytest.mark.parametrize("window_s", [(0.0, np.inf), (0.513, 1.207)])
+def test_new_trials_have_the_probabilities_of_outcomes(window_s):
+    trials = 40_000
+    decided = 0.8 * some_decided(8)
+    density = heard(decided, 0.3, 0.04, 0.1)
+    cell = np.repeat([0, 1], trials)
+    seen = Observed(cell, np.zeros_like(cell), np.ones(len(cell)), GRID, 3.0, window_s)
+    rt_s, response = seen.drawn(density, np.random.default_rng(81))
+    mass, missing = seen.outcomes(density)
+    never = response == -1
+    assert np.array_equal(never, np.isnan(rt_s))
+    assert ((rt_s >= window_s[0]) & (rt_s <= window_s[1]))[~never].all()
+    for k in range(2):
+        bins = np.where(never[cell == k], 0, np.nan_to_num(rt_s[cell == k]) / BIN_S).astype(int)
+        place = np.where(never[cell == k], 2 * GRID.bins, GRID.bins * response[cell == k] + bins)
+        found = np.bincount(place, minlength=2 * GRID.bins + 1)
+        expected = trials * np.append(mass[k].ravel(), missing[k])
+        often = expected > 10
+        assert found[~often].sum() == pytest.approx(expected[~often].sum(), abs=60)
+        square = ((found - expected)[often] ** 2 / expected[often]).sum()
+        assert 0.001 < chi2.sf(square, often.sum()) < 0.999

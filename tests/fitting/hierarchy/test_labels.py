@@ -9,14 +9,19 @@ from tests.fitting.conftest import MOST, PEOPLE
 
 
 @pytest.fixture(scope="module")
-def tree(group, tmp_path_factory):
-    path = group.to_netcdf(tmp_path_factory.mktemp("netcdf") / "group.nc")
+def path(group, tmp_path_factory):
+    return group.to_netcdf(tmp_path_factory.mktemp("netcdf") / "group.nc")
+
+
+@pytest.fixture(scope="module")
+def tree(path):
     with xarray.open_datatree(path, engine="h5netcdf") as opened:
         return opened.load()
 
 
 def test_a_file_holds_all_groups(tree, group):
-    assert set(tree.children) == {"posterior", "sample_stats", "log_likelihood", "observed_data"}
+    groups = {"posterior", "sample_stats", "log_likelihood", "posterior_predictive"}
+    assert set(tree.children) == groups | {"observed_data"}
     assert tree["posterior/bound"].dims == ("chain", "draw")
     assert tree["posterior/bound_of"].sel(participant="ben").shape == (4, MOST)
     assert np.array_equal(tree["posterior/bound"], group.group[..., 1])
@@ -42,3 +47,31 @@ def test_libraries_of_arviz_summarise_the_file(tree):
 
     ess = array_stats.ess(tree["posterior/bound"].to_numpy(), chain_axis=0, draw_axis=1)
     assert 1 < ess < 4 * MOST * 1.5
+
+
+def test_new_trials_are_those_of_the_densities(tree, group):
+    new, who = tree["posterior_predictive"], list(PEOPLE).index("ben")
+    mine = (new["participant_of"] == "ben").to_numpy()
+    cell = group.likelihoods["ben"].design.observed.cell
+    given = group.individual[:, new["draw"].to_numpy(), who].reshape(-1, len(group.parameters))
+    mass = [
+        group.likelihoods["ben"].design.observed.outcomes(group.likelihoods["ben"].density(each))[0]
+        for each in given
+    ]
+    share = np.mean([each[cell, 1].sum(axis=1).mean() for each in mass])
+    found = new["response"].to_numpy()[..., mine] == 1
+    assert abs(found.mean() - share) < 4 * np.sqrt(share * (1 - share) / found.size)
+
+
+def test_the_file_opens_in_arviz(path, tree):
+    arviz = pytest.importorskip("arviz")
+    # From version 1 on, ArviZ leaves opening to xarray.
+    opened = getattr(arviz, "from_netcdf", xarray.open_datatree)(path)
+    assert float(opened.posterior["bound"].mean()) == pytest.approx(
+        float(tree["posterior/bound"].mean())
+    )
+    assert opened.posterior_predictive["response"].dtype == np.int8
+    # Its own PSIS-LOO, of the log likelihoods of trials.
+    found = arviz.loo(opened)
+    best = tree["log_likelihood/rt"].sum("trial").max()
+    assert best - 100 < getattr(found, "elpd_loo", getattr(found, "elpd", None)) < best
