@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.optimum import Likelihood
 
 MOST_DRAWS = 100
-"""Largest number of draws of each chain for which trials are given: log likelihoods and new ones."""
+"""Largest number of draws of each chain with log likelihoods of trials, and with new trials."""
 PREDICTIVE_SEED = 47_301
 """Seed of the new trials."""
 
