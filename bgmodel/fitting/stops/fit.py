@@ -12,6 +12,7 @@ from bgmodel.fitting.stops.data import aligned, stop_data
 from bgmodel.fitting.stops.likelihood import (
     BOUNDS,
     CHANGE,
+    COORDINATES,
     StopLikelihood,
     StopValues,
     errors,
@@ -77,14 +78,26 @@ class StopFit(Facts):
         return found | {name: f"{getattr(self.values, name):.3g}" for name in self.errors}
 
     def parameters(self) -> pd.DataFrame:
-        """Return the parameters: parameter, value, error (standard error), low, high (95 %)."""
+        """Return the parameters: parameter, value, error (standard error), low, high (95 %).
+
+        Intervals are symmetric in the coordinates of the search (logarithms, a logit), and
+        therefore within the range of each parameter.
+        """
         rows = []
         for name, error in self.errors.items():
-            value = getattr(self.values, name)
-            rows.append((name, value, error, value - 1.96 * error, value + 1.96 * error))
+            rows.append((name, getattr(self.values, name), error, *self._interval(name, error)))
         if self.known_thresholds:
             rows.append(("strength_nats", self.values.strength_nats, np.nan, *self.strength_nats))
         return pd.DataFrame(rows, columns=["parameter", "value", "error", "low", "high"])
+
+    def _interval(self, name: str, error: float) -> tuple[float, float]:
+        """Return the 95 % interval of a parameter from its standard error."""
+        x = self.values.coordinates(self.spread)
+        move = CHANGE * (np.arange(len(x)) == COORDINATES.index(name))
+        at = [getattr(self.values.at(x + sign * move), name) for sign in (-1, 1)]
+        far = 1.96 * error / ((at[1] - at[0]) / 2)
+        low, high = (getattr(self.values.at(x + sign * far * move), name) for sign in (-1, 1))
+        return low, high
 
     def notes(self) -> list[str]:
         """Return what these data cannot distinguish, one sentence each."""
@@ -195,9 +208,8 @@ def _strengths(likelihood: StopLikelihood) -> Array:
 def _warn_of_bounds(values: StopValues, spread: bool) -> None:
     """Warn of parameters at a bound of their range."""
     x = values.coordinates(spread)
-    names = ("ssrt_ms", "ssrt_trial_sd_ms", "failures", "ssrt_people_sd_ms", "failures_people_sd")
     stuck = [
-        name for name, value, (low, high) in zip(names, x, BOUNDS, strict=False)
+        name for name, value, (low, high) in zip(COORDINATES, x, BOUNDS, strict=False)
         if min(value - low, high - value) < CHANGE
     ]  # fmt: skip
     if stuck:

@@ -65,8 +65,9 @@ class StopValues:
     def coordinates(self, spread: bool) -> Array:
         """Return the values as the search moves them: in units of 100 ms, logarithms, a logit."""
         shared = [self.ssrt_ms / 100, np.log(self.ssrt_trial_sd_ms), special.logit(self.failures)]
-        each = [np.log(self.ssrt_people_sd_ms), np.log(self.failures_people_sd)]
-        return np.array(shared + (each if spread else []))
+        if spread:
+            shared += [np.log(self.ssrt_people_sd_ms), np.log(self.failures_people_sd)]
+        return np.array(shared)
 
     def at(self, coordinates: Array) -> StopValues:
         """Return the values at coordinates; without spread, participants do not differ."""
@@ -79,6 +80,10 @@ class StopValues:
         )  # fmt: skip
 
 
+COORDINATES = (
+    "ssrt_ms", "ssrt_trial_sd_ms", "failures", "ssrt_people_sd_ms", "failures_people_sd",
+)  # fmt: skip
+"""Names of the coordinates; the last two only if participants differ."""
 BOUNDS = ((-1.0, 8.0), (np.log(5.0), np.log(300.0)), (-7.0, 3.0), (np.log(2.0), np.log(200.0)),
           (np.log(0.05), np.log(4.0)))  # fmt: skip
 """Ranges of the coordinates."""

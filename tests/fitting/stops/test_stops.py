@@ -1,14 +1,16 @@
 """Fits of stop trials: known parameters are found, what cannot be told apart is stated."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import expit, logit
 
 from bgmodel.fitting.stops.data import GO, go_processes, stop_data
-from bgmodel.fitting.stops.fit import fit_stops
-from bgmodel.fitting.stops.likelihood import StopLikelihood, StopValues
+from bgmodel.fitting.stops.fit import StopFit, fit_stops
+from bgmodel.fitting.stops.likelihood import COORDINATES, StopLikelihood, StopValues
 from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop
 from bgmodel.fitting.stops.prediction import halves
 from bgmodel.stopping.trials import StopTrials, drawn_delays
@@ -56,6 +58,27 @@ def test_known_parameters_are_found_within_their_errors(people, unknown, times):
     assert 30 / np.sqrt(40) < table.loc["ssrt_ms", "error"] < 4 * 30 / np.sqrt(40)
     assert table.loc["failures", "error"] < 0.04
     assert "strength_nats is not fitted" in fit.summary()
+
+
+@pytest.mark.parametrize("spread", [True, False])
+def test_intervals_stay_within_the_range_of_a_parameter(spread):
+    names = [n for n in COORDINATES if spread or "people" not in n]
+    errors = {"ssrt_ms": 300.0, "failures": 0.1} | {n: 60.0 for n in names if "sd" in n}
+    errors = {name: errors[name] for name in names}
+    unseen = SimpleNamespace(thresholds=np.array([np.nan]))
+    fit = StopFit(unseen, spread, TRUE, errors, 0.0, pd.DataFrame())
+    table = fit.parameters().set_index("parameter")
+    for name, error in errors.items():
+        value, far = getattr(TRUE, name), 1.96 * error
+        low, high = table.loc[name, ["low", "high"]]
+        if name == "ssrt_ms":
+            expected = value - far, value + far
+        elif name == "failures":
+            far /= value * (1 - value)
+            expected = expit(logit(value) - far), expit(logit(value) + far)
+        else:
+            expected = value * np.exp(-far / value), value * np.exp(far / value)
+        assert (low, high) == pytest.approx(expected, rel=1e-4)
 
 
 def test_differences_between_people_are_seen_in_the_likelihood(people, unknown):
