@@ -7,8 +7,7 @@ stopped. Tables are written from those that are there, and state their number. A
 
     BENCHMARKS_OUT=folder python -m benchmarks.scores.group_recovery --only "test 00"
 
-``--only none`` writes the tables from the data sets that are there. ``make score`` leaves this one
-out; no page shows it yet, and its columns have no descriptions.
+``--only none`` writes the tables from the data sets that are there. ``make score`` leaves this one out.
 """
 
 from __future__ import annotations
