@@ -7,7 +7,8 @@ stopped. Tables are written from those that are there, and state their number. A
 
     BENCHMARKS_OUT=folder python -m benchmarks.scores.group_recovery --only "test 00"
 
-``--only none`` writes the tables from the data sets that are there. ``make score`` leaves this one out.
+``--only none`` writes the tables from the data sets that are there. ``make score`` leaves this
+one out.
 """
 
 from __future__ import annotations
