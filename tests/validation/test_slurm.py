@@ -76,6 +76,11 @@ def file(tmp_path):
     return path
 
 
+def hear_interrupts():
+    """Undo that a shell has SIGINT ignored in what it runs in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def submitted(cluster, file, folder, log):
     """Submit a sweep in three parts from a login node that names no user; yield the process."""
@@ -85,7 +90,7 @@ def submitted(cluster, file, folder, log):
     with log.open("w") as output:
         process = subprocess.Popen(
             command, cwd=ROOT, env=given, stdout=output, stderr=output,
-            start_new_session=True,
+            start_new_session=True, preexec_fn=hear_interrupts,
         )  # fmt: skip
     try:
         yield process
