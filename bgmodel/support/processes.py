@@ -6,7 +6,9 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from functools import partial
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread
 from typing import Any
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -17,6 +19,8 @@ def processes(
     workers: int, receive: Callable[..., object] | None = None, held: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
     """Yield a pool of processes, one thread each; after an error their work is dropped.
+
+    They end with the process that started them, also where that is killed.
 
     Parameters
     ----------
@@ -29,7 +33,8 @@ def processes(
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))
     context = get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=receive, initargs=held) as pool:
+    begin = partial(_begin, receive, held)
+    with ProcessPoolExecutor(workers, context, initializer=begin) as pool:
         try:
             yield pool
         except BaseException:
@@ -39,3 +44,18 @@ def processes(
             raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _begin(receive: Callable[..., object] | None, held: tuple[Any, ...]) -> None:
+    """Begin a process of a pool."""
+    Thread(target=_end_with_parent, daemon=True).start()
+    if receive is not None:
+        receive(*held)
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the process that started this one, then end this one."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,53 @@
+"""Pools of processes: what they are given, and that none outlives its command."""
+
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from bgmodel.support.processes import processes
+
+LONG = """
+import os, sys, time
+from bgmodel.support.processes import processes
+
+def work(path):
+    open(path, "w").write(str(os.getpid()))
+    time.sleep(3600)
+
+if __name__ == "__main__":
+    with processes(1) as pool:
+        pool.submit(work, sys.argv[1]).result()
+"""
+held: list[object] = []
+
+
+def hold(*values):
+    held.extend(values)
+
+
+def what_is_held(_):
+    return list(held)
+
+
+def test_each_process_receives_what_is_held_once():
+    with processes(1, hold, (1, "two")) as pool:
+        assert list(pool.map(what_is_held, range(3))) == [[1, "two"]] * 3
+
+
+def test_no_process_outlives_a_command_that_was_killed(tmp_path):
+    (tmp_path / "long.py").write_text(LONG)
+    written = tmp_path / "pid"
+    with subprocess.Popen([sys.executable, tmp_path / "long.py", written]) as command:
+        while not (written.exists() and written.read_text()):
+            assert command.poll() is None
+            time.sleep(0.05)
+        worker = psutil.Process(int(written.read_text()))
+        command.kill()
+    try:
+        worker.wait(300)
+    except psutil.TimeoutExpired:
+        worker.kill()
+        pytest.fail("it went on")
