@@ -1,17 +1,21 @@
 """A fit from a table, in Python as at the terminal."""
 
 import inspect
+import pickle
 from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from bgmodel.commands.fits import FitRun
+from bgmodel.fitting.alternatives.models import MODELS
 from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import FitSettings
+from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from circuits import anatomy
@@ -31,6 +35,21 @@ def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
     expected = fit_likelihood(whole)
     assert np.array_equal(made.optimum.vector, expected.optimum.vector)
     assert made.optimum.log_likelihood == expected.optimum.log_likelihood
+
+
+@pytest.mark.parametrize("name", [*GAPS, *MODELS, "macaque"])
+def test_a_model_can_be_sent_to_another_process(name):
+    alternatives = 2 if name in GAPS else 3
+    model = FitSettings(trials=100).model(name, alternatives=alternatives)
+    sent = pickle.loads(pickle.dumps(model))
+    assert sent.identity() == model.identity()
+    assert sent.parameters == model.parameters
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_a_mechanism_can_be_sent_to_another_process(mechanism):
+    model = FitSettings(mechanism=mechanism, trials=100).model("macaque")
+    assert pickle.loads(pickle.dumps(model)).identity() == model.identity()
 
 
 def test_what_a_reader_is_shown_is_what_was_fitted(made):

@@ -75,27 +75,52 @@ class Gap:
         return bound * floor + falls * self.left(x, *more), falls * rate * self.slope(x, *more)
 
 
+# Functions with names, because fits are sent to other processes.
+def _exponential(x: Array) -> Array:
+    return np.exp(-x)
+
+
+def _exponential_slope(x: Array) -> Array:
+    return -np.exp(-x)
+
+
+def _hyperbolic(x: Array) -> Array:
+    return 1 / (1 + x)
+
+
+def _hyperbolic_slope(x: Array) -> Array:
+    return -1 / (1 + x) ** 2
+
+
+def _weibull(x: Array, k: float) -> Array:
+    return np.exp(-(x**k))
+
+
+def _weibull_slope(x: Array, k: float) -> Array:
+    return np.asarray(-k * x ** (k - 1) * np.exp(-(x**k)))
+
+
 CONSTANT = Gap("constant_gap", "a(t) = A")
 EXPONENTIAL = Gap(
     "falling_gap",
     "exponential, g(x) = exp(-x)",
     (FALL, FLOOR),
-    lambda x: np.exp(-x),
-    lambda x: -np.exp(-x),
+    _exponential,
+    _exponential_slope,
 )
 HYPERBOLIC = Gap(
     "hyperbolic_gap",
     "hyperbolic, g(x) = 1 / (1 + x) (Voskuilen, Ratcliff & Smith 2016)",
     (FALL, FLOOR),
-    lambda x: 1 / (1 + x),
-    lambda x: -1 / (1 + x) ** 2,
+    _hyperbolic,
+    _hyperbolic_slope,
 )
 WEIBULL = Gap(
     "weibull_gap",
     "Weibull, g(x) = exp(-x^k), with k the shape (Hawkins et al. 2015)",
     (FALL, STEEPNESS, FLOOR),
-    lambda x, k: np.exp(-(x**k)),
-    lambda x, k: -k * x ** (k - 1) * np.exp(-(x**k)),
+    _weibull,
+    _weibull_slope,
 )
 GAPS = {each.name: each for each in (CONSTANT, EXPONENTIAL, HYPERBOLIC, WEIBULL)}
 """The shapes by the name of the model."""
