@@ -340,7 +340,10 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
     if most.sum() >= ENOUGH and wrong > (1 - LEAST_RIGHT) * most.sum():
         raise InputError(
             f"strength must be signed, positive where it favours response 1: none is below "
-            f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0",
+            f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0. For unsigned "
+            "strengths, name the column that is 1 for correct responses and 0 for errors "
+            "(response, at the terminal --response), or the column of the correct response "
+            "(stimulus, --stimulus)",
             "strength",
         )
 

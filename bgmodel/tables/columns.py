@@ -81,6 +81,9 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         hint = ""
         if "response" in missing and "correct" in names:
             hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
+        if own := [name for name in missing if name in ("rt", "response")]:
+            options = " and ".join(f"--{name}" for name in own)
+            hint += f"; name yours ({' and '.join(own)}, at the terminal {options})"
         absent = " or ".join(missing)
         said = f"there is no column {absent}; there are {', '.join(names)}{hint}"
         raise InputError(said, missing[0])

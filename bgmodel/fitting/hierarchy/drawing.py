@@ -10,10 +10,13 @@ from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLUMNS = 3
 """Panels in a row."""
+LABELS = {"sensitivity": "sensitivity (1/√s)", "bound": "bound (√s)"}
+"""Names of parameters with units; other names contain theirs."""
 
 
 @styled
@@ -21,7 +24,8 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
     """Draw a panel for each parameter: people in the order of their medians, and the group.
 
     Points are medians and lines central intervals of 0.9; the dashed line and the band are the
-    median person's parameter and its interval.
+    median person's parameter and its interval. Values of one parameter in several conditions share
+    the axis, and the order of the first.
 
     Parameters
     ----------
@@ -34,17 +38,26 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
     """
     count = people["participant"].nunique()
     rows = -(-len(group) // COLUMNS)
-    figure, grid = panels(rows, COLUMNS, size=(7.2, 0.5 + rows * (0.9 + 0.13 * count)))
+    figure, grid = panels(rows, COLUMNS, size=(7.2, 0.5 + rows * (1.1 + 0.13 * count)))
     axes = grid.ravel()
+    place = np.arange(count)
+    first: dict[str, tuple[pd.Index, Axes]] = {}
     for ax, (name, shared) in zip(axes, group.iterrows(), strict=False):
-        own = people[people["parameter"] == name].sort_values("median")
-        place = np.arange(count)
+        parameter, _, condition = str(name).removesuffix("]").partition("[")
+        own = people[people["parameter"] == name].set_index("participant")
+        # Coefficients of a formula are values of different kinds.
+        alike = parameter if "=" in condition else str(name)
+        order, like = first.setdefault(alike, (own["median"].sort_values().index, ax))
+        own = own.loc[order]
+        if like is not ax:
+            ax.sharex(like)
         ax.axvspan(shared["low"], shared["high"], color=PALETTE[0], alpha=0.2, lw=0)
         ax.axvline(shared["median"], color=PALETTE[0], ls="--")
         ax.hlines(place, own["low"], own["high"], color=GREY, lw=1)
         ax.plot(own["median"], place, "ko", ms=3)
-        ax.set(title=name, yticks=place, ylim=(-0.8, count - 0.2))
-        ax.set_yticklabels(own["participant"], fontsize=5.5)
+        ax.set(title=condition, yticks=place, ylim=(-0.8, count - 0.2))
+        ax.set_xlabel(LABELS.get(parameter, parameter))
+        ax.set_yticklabels(own.index, fontsize=5.5)
     for row in grid:
         row[0].set_ylabel("Participant")
     for ax in axes[len(group) :]:
