@@ -365,6 +365,18 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
             assert not any("by chance" in text for text in said)
 
 
+def test_strengths_with_the_sign_of_the_responses_are_doubted():
+    table = choices(("a",), trials=200)
+    signed = table.assign(coh=np.abs(table["coh"]) * (2 * table["response"] - 1))
+    [said] = told(check_sides, read_choices(signed, strength="coh"))
+    assert "each of 200 responses agrees" in said
+    once = signed.assign(response=[1 - signed["response"][0], *signed["response"][1:]])
+    for right in (table, once, table.assign(coh=1.0, response=1)):
+        assert not any(
+            "agrees" in each for each in told(check_sides, read_choices(right, strength="coh"))
+        )
+
+
 def test_no_participant_is_pooled_with_the_other_side():
     table = choices(("a", "b", "c"))
     other = table["participant_id"] == "c"

@@ -68,6 +68,7 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
                 "'+bias_nats', at the terminal --free +start or +bias_nats) "
                 f"models have no such bias: it affects the other parameters{_coded(some, share)}"
             )
+    _warn_of_no_error(choices, who)
     if several and above <= CHANCE:
         DataWarning.warn(
             f"{who}: responses are correct no more often than by chance "
@@ -79,6 +80,20 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
             f"({np.nanmean(choices.correct):.0%}, {above:.1f} standard errors): check that it is "
             "the column of the strength, that its rows belong to those of the responses, and that "
             "responses give the side if the strength has a sign"
+        )
+
+
+def _warn_of_no_error(choices: Choices, who: str) -> None:
+    """Warn if all responses agree with strengths of both signs."""
+    strength, right = choices.strength, choices.correct[np.isfinite(choices.correct)]
+    if strength is None or not ((strength < 0).any() and (strength > 0).any()):
+        return
+    if len(right) >= ENOUGH and right.all():
+        DataWarning.warn(
+            f"{who}: each of {len(right)} responses agrees with the sign of its strength. If the "
+            "strengths were given the sign of the responses, errors count as correct: give "
+            "strengths without a sign, and as responses 1 if correct and 0 if wrong (response, at "
+            "the terminal --response)"
         )
 
 
