@@ -50,8 +50,9 @@ def labelled(
         ``sample_stats`` (lp, log likelihood of all trials), ``log_likelihood`` (rt, of each trial,
         nats, for at most ``MOST_DRAWS`` evenly spaced draws of each chain),
         ``posterior_predictive`` (rt, s, and response of one new trial in place of each, for the
-        same draws) and ``observed_data`` (rt, s, and response). Without a response, rt is NaN and
-        response -1.
+        same draws), ``observed_data`` (rt, s, and response) and ``constant_data`` (the absolute
+        strength and the conditions of each trial). Without a response, rt is NaN and response -1;
+        response 1 is the one that the strength favours.
     """
     import xarray
 
@@ -86,6 +87,7 @@ def labelled(
             "log_likelihood": xarray.Dataset({"rt": each}, own),
             "posterior_predictive": xarray.Dataset(predictive, own),
             "observed_data": xarray.Dataset(data, {"participant_of": who}),
+            "constant_data": xarray.Dataset(given_trials(likelihoods), {"participant_of": who}),
         }
     )
     tree.attrs = {"inference_library": "bgmodel", "inference_library_version": __version__}
@@ -124,6 +126,22 @@ def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[A
             density = likelihood.density(vectors[(*at, k)])
             rt_s[(*at, own)], response[(*at, own)] = likelihood.design.observed.drawn(density, rng)
     return rt_s, response
+
+
+def given_trials(likelihoods: Mapping[str, Likelihood]) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the absolute strength and the conditions of each trial."""
+    designs = [one.design for one in likelihoods.values()]
+    parts: dict[str, list[np.ndarray]] = {
+        name: [np.array(design.conditions[name]) for design in designs]
+        for name in designs[0].conditions
+    }
+    parts["strength"] = [design.strength for design in designs]
+    return {
+        name: ("trial", np.concatenate([
+            values[design.observed.cell] for values, design in zip(cells, designs, strict=True)
+        ]))
+        for name, cells in parts.items()
+    }  # fmt: skip
 
 
 def write(tree: xarray.DataTree, path: Path) -> Path:

@@ -5,7 +5,9 @@ import pytest
 import xarray
 
 from bgmodel.fitting.hierarchy.labels import MOST_DRAWS
-from tests.fitting.conftest import MOST, PEOPLE
+from bgmodel.fitting.hierarchy.people import fit_people
+from circuits.errors import FitWarning
+from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +23,7 @@ def tree(path):
 
 def test_a_file_holds_all_groups(tree, group):
     groups = {"posterior", "sample_stats", "log_likelihood", "posterior_predictive"}
-    assert set(tree.children) == groups | {"observed_data"}
+    assert set(tree.children) == groups | {"observed_data", "constant_data"}
     assert tree["posterior/bound"].dims == ("chain", "draw")
     assert tree["posterior/bound_of"].sel(participant="ben").shape == (4, MOST)
     assert np.array_equal(tree["posterior/bound"], group.group[..., 1])
@@ -40,6 +42,22 @@ def test_data_are_those_of_every_trial(tree):
     assert seen["rt"].size == 60 * len(PEOPLE)
     assert seen["participant_of"].to_numpy()[0] == "anna"
     assert set(np.unique(seen["response"])) == {0, 1}
+
+
+def test_each_trial_has_its_strength_and_conditions():
+    with short_chains(), pytest.warns(FitWarning, match="have not converged"):
+        fit = fit_people(
+            table(), "constant_gap", strength="strength", fix=FIXED | {"t0_s": 0.3},
+            vary={"bound": "block"}, most_draws=MOST,
+        )  # fmt: skip
+    given = fit.to_datatree()["constant_data"].to_dataset()
+    assert set(given["strength"].to_numpy()) == {0.2}
+    for who in PEOPLE:
+        design = fit.likelihoods[who].design
+        block = given["block"][(given["participant_of"] == who).to_numpy()].to_numpy()
+        levels = np.array(design.conditions["block"])
+        assert np.array_equal(block, levels[design.observed.cell])
+        assert set(block) == {"early", "late"}
 
 
 def test_libraries_of_arviz_summarise_the_file(tree):
