@@ -31,7 +31,7 @@ SLOW, LONG = (Path(__file__).parent / name for name in ("slow.txt", "long.txt"))
 SLOW_S, LONG_S = 1.0, 5.0
 """CPU seconds from which on a test is slow, or long."""
 NEVER_LONG = "tests/explorer/test_explorer.py::test_random_sequences"
-"""Of the explorer's tests the one that tries most: a change must not wait for ``make validate``."""
+"""Random edits in the explorer: long, but every change is tested with them."""
 
 
 def named(nodeid: str) -> str:

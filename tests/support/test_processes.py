@@ -1,4 +1,4 @@
-"""Pools of processes: what they are given, and that none outlives its command."""
+"""Pools of processes: shared arguments, and the end of workers with their command."""
 
 import subprocess
 import sys
@@ -50,4 +50,4 @@ def test_no_process_outlives_a_command_that_was_killed(tmp_path):
         worker.wait(300)
     except psutil.TimeoutExpired:
         worker.kill()
-        pytest.fail("it went on")
+        pytest.fail("the worker outlived its command")

@@ -92,8 +92,8 @@ def _warn_of_no_error(choices: Choices, who: str) -> None:
         DataWarning.warn(
             f"{who}: each of {len(right)} responses agrees with the sign of its strength. If the "
             "strengths were given the sign of the responses, errors count as correct: give "
-            "strengths without a sign, and as responses 1 if correct and 0 if wrong (response, at "
-            "the terminal --response)"
+            "strengths without a sign, and code responses as 1 if correct and 0 if wrong "
+            "(response, at the terminal --response)"
         )
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import xarray
 
-from bgmodel.fitting.hierarchy.labels import MOST_DRAWS
+from bgmodel.fitting.exact.responses import moments
+from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, new_trials
 from bgmodel.fitting.hierarchy.people import fit_people
 from circuits.errors import FitWarning
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
@@ -25,6 +26,7 @@ def test_a_file_holds_all_groups(tree, group):
     groups = {"posterior", "sample_stats", "log_likelihood", "posterior_predictive"}
     assert set(tree.children) == groups | {"observed_data", "constant_data"}
     assert tree["posterior/bound"].dims == ("chain", "draw")
+    assert tree["posterior_predictive/rt"].sizes == tree["log_likelihood/rt"].sizes
     assert tree["posterior/bound_of"].sel(participant="ben").shape == (4, MOST)
     assert np.array_equal(tree["posterior/bound"], group.group[..., 1])
     assert np.array_equal(tree["sample_stats/lp"], group.log_likelihood.sum(axis=2))
@@ -67,18 +69,23 @@ def test_libraries_of_arviz_summarise_the_file(tree):
     assert 1 < ess < 4 * MOST * 1.5
 
 
-def test_new_trials_are_those_of_the_densities(tree, group):
-    new, who = tree["posterior_predictive"], list(PEOPLE).index("ben")
-    mine = (new["participant_of"] == "ben").to_numpy()
-    cell = group.likelihoods["ben"].design.observed.cell
-    given = group.individual[:, new["draw"].to_numpy(), who].reshape(-1, len(group.parameters))
-    mass = [
-        group.likelihoods["ben"].design.observed.outcomes(group.likelihoods["ben"].density(each))[0]
-        for each in given
-    ]
-    share = np.mean([each[cell, 1].sum(axis=1).mean() for each in mass])
-    found = new["response"].to_numpy()[..., mine] == 1
-    assert abs(found.mean() - share) < 4 * np.sqrt(share * (1 - share) / found.size)
+def test_new_trials_of_each_person_are_those_of_their_densities(group):
+    vectors = group.individual[:, :50].copy()
+    # Far apart, so that the parameters of another person would be seen.
+    vectors[..., group.parameters.index("t0_s")] = 0.2 * (1 + np.arange(len(PEOPLE)))
+    rt_s, response = new_trials(group.likelihoods, vectors)
+    who = np.repeat(np.arange(len(PEOPLE)), 60)
+    for k, likelihood in enumerate(group.likelihoods.values()):
+        said = [
+            moments(likelihood.density(vector), likelihood.design.grid)
+            for vector in vectors[:, :, k].reshape(-1, vectors.shape[-1])
+        ]
+        late, right = rt_s[..., who == k], response[..., who == k] == 1
+        mean_s, sd_s, share = (
+            np.mean([each[n] for each in said]) for n in ("mean_s", "sd_s", "accuracy")
+        )
+        assert abs(late.mean() - mean_s) < 4 * sd_s / np.sqrt(late.size)
+        assert abs(right.mean() - share) < 4 * np.sqrt(share * (1 - share) / right.size)
 
 
 def test_the_file_opens_in_arviz(path, tree):
