@@ -14,7 +14,7 @@ import numpy.typing as npt
 from circuits.cells import CELLS
 from circuits.checks import check_positive, check_range, check_types, is_whole
 from circuits.declaration.rows import OF_CELLS
-from circuits.engines.memory import blocks, cells, connection_bytes
+from circuits.engines.memory import blocks, cells, connection_bytes, on_cache_lines
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -203,6 +203,10 @@ class Engine:
         """Return the number of samples of OUT in ``steps`` readings."""
         return round(steps * step_ms / self.sample_ms)
 
+    def row(self, blocks: int) -> int:
+        """Return the length of a row of rates, which is at least that of the blocks."""
+        return blocks
+
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
         """Return an estimate of the memory of a run, bytes.
 
@@ -213,7 +217,7 @@ class Engine:
         trials, samples : int
             Simultaneous trials, and samples of OUT in each.
         """
-        kept = 4.0 * trials * samples * blocks(circuit) if self.rates else 0.0
+        kept = 4.0 * trials * samples * self.row(blocks(circuit)) if self.rates else 0.0
         return 8.0 * trials * samples * circuit.channels + kept
 
 
@@ -308,10 +312,10 @@ class CompiledEngine(TimedEngine):
         return -math.inf if self.drop_below is None else float(self.drop_below)
 
     def outputs(self, trials: int, samples: int, wiring: Wiring) -> tuple[Array, Any]:
-        """Return the output arrays of a run: OUT, and the rates of blocks if recorded."""
-        blocks = wiring.blocks if self.rates else 0
+        """Return the output arrays of a run: OUT, and rows of the rates of blocks if recorded."""
+        row = self.row(wiring.blocks) if self.rates else 0
         out = np.empty((trials, samples, wiring.circuit.channels))
-        return out, np.empty((trials, samples, blocks), np.float32)
+        return out, on_cache_lines((trials, samples, row))
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
         """Return the engine set to stop a trial once its OUT falls below a level, nats."""

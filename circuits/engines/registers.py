@@ -17,10 +17,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 from circuits.dynamics import noise
+from circuits.engines.memory import CACHE_LINE
 
 WIDTH = 64
 """Numbers in a register of cells; a 64-bit word has one boolean for each."""
-TRIALS = 16
+TRIALS = CACHE_LINE
 """Numbers in a register of trials."""
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 
@@ -167,6 +168,22 @@ def store(typing, array, place, value):
         array, place, value = arguments
         pointer = _pointer(context, builder, signature.args[0], array, place, value.type)
         builder.store(value, pointer, align=4)
+
+    return types.void(array, types.uint64, value), build
+
+
+@intrinsic
+def store_past(typing, array, place, value):
+    """Write a cache line of numbers to an array, past the caches: it is not read again soon.
+
+    The array is one of ``on_cache_lines``, and the place a multiple of a line: other places crash.
+    """
+
+    def build(context, builder, signature, arguments):
+        array, place, value = arguments
+        pointer = _pointer(context, builder, signature.args[0], array, place, value.type)
+        written = builder.store(value, pointer, align=64)
+        written.set_metadata("nontemporal", builder.module.add_metadata([_I32(1)]))
 
     return types.void(array, types.uint64, value), build
 

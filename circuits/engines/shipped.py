@@ -12,7 +12,7 @@ from circuits.engines.engine import (
     SpikingEngine,
     of_cells_alone,
 )
-from circuits.engines.memory import blocks
+from circuits.engines.memory import CACHE_LINE, blocks
 from circuits.engines.registry import register
 from circuits.errors import require
 
@@ -75,6 +75,10 @@ class PopulationsEngine(CompiledEngine):
 
     dt_ms: float | None = None
     """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times."""
+
+    def row(self, blocks: int) -> int:
+        """Return a whole number of cache lines, so that a row is written past the caches."""
+        return -(-blocks // CACHE_LINE) * CACHE_LINE
 
     @property
     def laws(self) -> str:

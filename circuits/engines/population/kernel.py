@@ -33,6 +33,7 @@ from circuits.engines.registers import (
     ones_in,
     root,
     store,
+    store_past,
     transpose,
 )
 from circuits.engines.registers import load_trials as load
@@ -461,14 +462,14 @@ def _decode(p, work):
 @part
 def _keep(p, work, rates):
     """Record the mean rates of every lane since the last sample."""
-    per, blocks = ONE / np.float32(p.clock[0].sample), len(p.blocks)
-    for b in range(0, blocks, LANES):
+    per, (_, samples, row) = spread(ONE / np.float32(p.clock[0].sample)), rates.shape
+    for b in range(0, row, LANES):
         transpose(work.totals, b * LANES, work.square)
         for lane in range(LANES):
             trial, sample = work.trial[lane], work.samples[lane]
             if trial != EMPTY:
-                for k in range(min(LANES, blocks - b)):
-                    rates[trial, sample, b + k] = work.square[lane * LANES + k] * per
+                place = np.uint64((trial * samples + sample) * row + b)
+                store_past(rates, place, load(work.square, _at(lane)) * per)
     work.totals[:] = ZERO
 
 
