@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -344,9 +345,10 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
 def total_nats(circuit: CircuitTable, drive: Array) -> Array:
     """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
     circuit.check_nats("S = ln sum exp y")
-    drive = drive[..., : circuit.channels]
-    top = drive.max(axis=-1)
-    total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
+    # One channel after the other: NumPy is slow along a last axis of a few numbers.
+    channels = [drive[..., i] for i in range(circuit.channels)]
+    top = reduce(np.maximum, channels)
+    total = top + np.log(sum(np.exp(channel - top) for channel in channels))
     above: Array = circuit.reference_nats + total - np.log(circuit.channels)
     return above
 

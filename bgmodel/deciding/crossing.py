@@ -58,6 +58,17 @@ def _compete(
 
 
 @inlined
+def _first_below(out: Reals, level: Array) -> int:
+    """Return the first tick at which a channel may meet its highest threshold."""
+    ticks, channels = out.shape
+    for t in range(ticks):
+        for i in range(channels):
+            if out[t, i] <= level[i, 0] + ROUNDING:
+                return t
+    return int(ticks)
+
+
+@inlined
 def cross_trial(
     out: Reals, first: int, order: Integers, level: Array, number: int, tick: Integers,
     choice: Integers, margin: Array, equal: Integers, pointer: Integers,
@@ -72,7 +83,7 @@ def cross_trial(
     tick[:] = -1
     pointer[:] = 0
     open_ = count
-    for t in range(ticks):
+    for t in range(_first_below(out, level), ticks):
         for i in range(channels):
             value = out[t, i]
             p = pointer[i]

@@ -189,6 +189,17 @@ def store_past(typing, array, place, value):
 
 
 @intrinsic
+def take_number(typing, next_number):
+    """Return the number in an array of one and raise it by 1, so that each thread gets its own."""
+
+    def build(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, *arguments).data
+        return builder.atomic_rmw("add", data, _I64(1), "monotonic")
+
+    return types.int64(next_number), build
+
+
+@intrinsic
 def note(typing, bits, place, truths):
     """Write truth values, one bit each, to a word of an array of 64-bit words."""
 

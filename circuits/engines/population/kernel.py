@@ -34,6 +34,7 @@ from circuits.engines.registers import (
     root,
     store,
     store_past,
+    take_number,
     transpose,
 )
 from circuits.engines.registers import load_trials as load
@@ -545,8 +546,8 @@ def _window(p, work, first, drive, level, out, rates, saved, ticks):
 
 
 @compiled
-def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ticks):
-    """Run trials.
+def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ticks, next_trial):
+    """Run trials until none is left, together with other threads.
 
     Parameters
     ----------
@@ -565,25 +566,30 @@ def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ti
         Final states, written here unless it has no rows.
     ticks : tuple
         One of ``WINDOWS``.
+    next_trial : array (1,) int64
+        The first trial that no thread has begun; shared by all threads.
 
     Returns
     -------
     int
         0, or 1 plus the sample at which rates had diverged.
     """
-    clock, waiting, running, first = p.clock[0], 0, 0, 0
+    clock, running, first, left = p.clock[0], 0, 0, True
     work.trial[:] = EMPTY
-    while running or waiting < len(drive):
-        if first % clock.start == 0 and (waiting < len(drive) or first == 0):
+    while running or left:
+        if left and first % clock.start == 0:
             for lane in range(LANES):
-                if work.trial[lane] == EMPTY and (waiting < len(drive) or first == 0):
-                    last = waiting >= len(drive)
-                    trial = EMPTY if last else waiting
-                    _load(p, work, state, lane, first, trial, entries[0 if last else waiting])
-                    if len(streams) and not last:
+                if work.trial[lane] == EMPTY and (left or first == 0):
+                    trial = take_number(next_trial)
+                    left = trial < len(drive)
+                    # Lanes that never run a trial begin too: their numbers must be finite.
+                    if left or first == 0:
+                        entry = entries[trial if left else 0]
+                        _load(p, work, state, lane, first, trial if left else EMPTY, entry)
+                    if left and len(streams):
                         for b in range(len(p.blocks)):
                             work.streams[b, lane] = streams[trial, b]
-                    waiting, running = waiting + (not last), running + (not last)
+                    running += left
         over = _window(p, work, first, drive, level, out, rates, saved, ticks)
         if over < 0:
             return -over

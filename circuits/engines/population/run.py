@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
 RINGING = 8.0
 """Amplification of fluctuations by feedback loops above which a warning is issued."""
-PIECES = 4
-"""Parts of the trials per thread."""
 NOT_SAVED = State(*(np.zeros((0,) * axes, np.float32) for axes in (3, 3, 3, 2)))
 """Room for the final states of trials, which are not kept."""
 _ringing = lru_cache(maxsize=64)(ringing)
@@ -80,7 +78,7 @@ def run(
     drive = checked_drive(circuit, drive)
     _check_trials(len(drive), first_trial=first_trial)
     check_positive(step_ms=step_ms)
-    prepared = _Prepared(circuit, engine, drive.shape[1], step_ms)
+    prepared = _prepared(circuit, engine, drive.shape[1], step_ms)
     warn_beyond_range(circuit, drive)
     if engine.noise:
         _warn_of_ringing(circuit)
@@ -164,6 +162,10 @@ class _Prepared:
         return streams if names else streams[:0], *start
 
 
+# Of every batch of trials anew, this took a twentieth of a decision's time.
+_prepared = lru_cache(maxsize=8)(_Prepared)
+
+
 def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
     """Run all trials; return 0, or 1 plus the first sample at which rates had diverged.
 
@@ -178,31 +180,17 @@ def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEng
         Number of threads, and the OUT below which a trial ends.
     """
     drive, streams, state, entries, out, kept = arrays
-    workers, p = int(engine.workers), prepared.plan
-    # Decisions take different times, so that halves would keep one thread waiting for the other.
-    pieces = 1 if workers == 1 else min(PIECES * workers, -(-len(drive) // kernel.LANES))
-    edges = np.linspace(0, len(drive), pieces + 1).astype(int)
+    given = state, entries, drive, streams, engine.level_nats, out, kept, NOT_SAVED
+    # Decisions take different times: each thread takes the next trial as soon as it has room.
+    next_trial = np.zeros(1, np.int64)
+    threads = min(int(engine.workers), -(-len(drive) // kernel.LANES))
 
-    def task(k: int) -> int:
-        here = slice(edges[k], edges[k + 1])
-        return int(
-            kernel.trials(
-                p,
-                workspace(p, kept=bool(kept.shape[2])),
-                state,
-                entries[here],
-                drive[here],
-                streams[here],
-                engine.level_nats,
-                out[here],
-                kept[here],
-                NOT_SAVED,
-                prepared.ticks,
-            )
-        )
+    def work(_: int) -> int:
+        space = workspace(prepared.plan, kept=bool(kept.shape[2]))
+        return int(kernel.trials(prepared.plan, space, *given, prepared.ticks, next_trial))
 
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        ended = [sample for sample in pool.map(task, range(pieces)) if sample]
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        ended = [sample for sample in pool.map(work, range(threads)) if sample]
     return min(ended, default=0)
 
 

@@ -221,7 +221,7 @@ def _settle_group(
     saved = _room(bank.initial, count)
     begin = np.zeros(count, dtype=np.intp)
     given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, ticks
-    if kernel.trials(*given):
+    if kernel.trials(*given, np.zeros(1, np.int64)):
         raise ValueError(f"rates of {name} run away before the onset of evidence")
     for part, found in zip(bank.states, saved, strict=True):
         part[entries] = found
