@@ -325,4 +325,7 @@ def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> np
     degree = max(1, round(p.probability * sources))
     key = noise.stream_key(circuit.wiring_seed, 0, f"{p.name}/{target}/{source}")
     words = noise.words(key, noise.CONNECTIONS_TICK, sources * targets).reshape(targets, sources)
-    return np.sort(np.argsort(words, axis=1, kind="stable")[:, :degree], axis=1)
+    # The sources with the lowest words; the first of equal ones. Sorting all words took longer.
+    keys = words.astype(np.uint64) << np.uint64(32) | np.arange(sources, dtype=np.uint64)
+    chosen = np.partition(keys, degree - 1, axis=1)[:, :degree] & np.uint64(2**32 - 1)
+    return np.sort(chosen.astype(np.int64), axis=1)
