@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from bgmodel.fitting.hierarchy.fit import GroupFit
     from bgmodel.fitting.optimum import Likelihood
 
-GROUP, PEOPLE = "group.csv", "people.csv"
-"""Tables of a hierarchical fit: parameters of the group, and of each participant."""
+GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "cells.csv"
+"""Tables of a hierarchical fit: parameters of the group and of each participant, and data and model
+of each participant."""
 
 
 def fit_hierarchically(
@@ -47,7 +48,7 @@ def fit_hierarchically(
 
     if command.draws:
         raise InputError("--draws has no effect with --hierarchical, which always draws", "draws")
-    for name in (GROUP, PEOPLE):
+    for name in (GROUP, PEOPLE, CELLS):
         path = folder / name
         files.check_new(path, force=command.force and files.is_result(path))
     files.check_writable(folder)
@@ -57,7 +58,8 @@ def fit_hierarchically(
     }
     group = _table({name: fit.summary().reset_index() for name, fit in found.items()})
     people = _table({name: fit.to_dataframe() for name, fit in found.items()})
-    for table, name in ((group, GROUP), (people, PEOPLE)):
+    cells = _table({name: fit.cells() for name, fit in found.items()})
+    for table, name in ((group, GROUP), (people, PEOPLE), (cells, CELLS)):
         files.write_table(table, folder / name, seed=command.seed, **asked)
     if command.compare:
         from bgmodel.fitting.model_comparison import compare_models
@@ -68,7 +70,8 @@ def fit_hierarchically(
     with pd.option_context("display.width", 160):
         command.show("\n" + group.round(4).to_string(index=False), group)
     command.note(
-        f"-> {folder}: {GROUP}, {PEOPLE}; for each model a figure and the draws (.nc, for ArviZ)"
+        f"-> {folder}: {GROUP}, {PEOPLE}, {CELLS}; for each model figures of its parameters and of "
+        "data and model, and the draws (.nc, for ArviZ)"
     )
 
 
@@ -79,7 +82,7 @@ def _fit(
     likelihoods: Mapping[str, Likelihood],
     asked: dict[str, Any],
 ) -> GroupFit:
-    """Return one model's fit, after writing its draws and its figure."""
+    """Return one model's fit, after writing its draws and its figures."""
     from tqdm import tqdm
 
     from bgmodel.fitting.hierarchy.fit import fit_group
@@ -104,6 +107,10 @@ def _fit(
         say(f"{name}: {caution}")
     fit.to_netcdf(folder / f"{stem}.nc")
     save_figure(fit.plot(), folder / f"{stem}.png")
+    try:
+        save_figure(fit.plot_cells(), folder / f"{stem} cells.png")
+    except InputError as error:
+        command.note(f"{name}: no figure of data and model, {error}")
     return fit
 
 

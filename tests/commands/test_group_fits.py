@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.commands.group_fits import GROUP, PEOPLE
+from bgmodel.commands.group_fits import CELLS, GROUP, PEOPLE
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.support.files import read_provenance
 from tests.fitting.conftest import PEOPLE as PERSONS
@@ -36,6 +36,8 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     group, people = (pd.read_csv(mine / "out" / name) for name in (GROUP, PEOPLE))
     assert group["parameter"].tolist() == ["sensitivity", "bound"]
     assert len(people) == 6
+    assert pd.read_csv(mine / "out" / CELLS)["participant"].tolist() == ["anna", "cleo", "dora"]
+    assert (mine / "out" / "constant_gap cells.png").is_file()
     assert {path.suffix for path in (mine / "out").iterdir()} > {".nc", ".png", ".csv"}
     assert read_provenance(mine / "out" / GROUP)["parameters"]["trials"]
     assert run("fit", *ASKED) == 2
@@ -52,6 +54,16 @@ def test_models_are_compared_by_the_draws(mine, capsys):
     table = pd.read_csv(mine / "out" / "comparison.csv")
     assert set(table["model"]) == {"constant_gap", "falling_gap"}
     assert (mine / "out" / "comparison.png").is_file()
+
+
+def test_people_with_other_strengths_have_no_figure_of_averages(mine, capsys):
+    trials = pd.read_csv("mine.csv")
+    trials.loc[trials["participant_id"] == "cleo", "strength"] *= 1.05
+    trials.to_csv("mine.csv", index=False)
+    assert run("fit", *ASKED) == 0
+    assert "people have different strengths" in capsys.readouterr().out
+    assert not (mine / "out" / "constant_gap cells.png").exists()
+    assert len(pd.read_csv(mine / "out" / CELLS)) == 3
 
 
 def test_options_without_effect_are_refused(mine, capsys):

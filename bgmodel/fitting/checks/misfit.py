@@ -8,8 +8,9 @@ conservative (Chernoff & Lehmann 1954).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,79 @@ NAMED = 3
 """Number of cells that a warning names."""
 
 
+ACCURACY, MEAN, TIMES = (
+    "accuracy",
+    "mean response time",
+    "the distribution of responses and their times",
+)
+"""The three tests."""
+ENOUGH = {ACCURACY: COUNTED, MEAN: RESPONSES, TIMES: COUNTED}
+"""Size of a sum from which it is tested on its own."""
+FIXED = {ACCURACY: 0, MEAN: 0, TIMES: 1}
+"""Number of sums that data and model have in common: all trials are counted."""
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Observed minus predicted sums over trials.
+
+    Parameters
+    ----------
+    off : array (sums,)
+        The differences.
+    variance : array (sums,)
+        Their variance for as many trials of the model.
+    parts : array (parts, sums)
+        What is predicted without each part of the simulated trials; no row if the model is exact.
+    size : array (sums,)
+        Number of trials that a sum rests on.
+    """
+
+    off: Array
+    variance: Array
+    parts: Array
+    size: Array
+
+    def __add__(self, other: Excess) -> Excess:
+        """Return the sums over the trials of both, which share the simulated trials."""
+        return Excess(
+            self.off + other.off, self.variance + other.variance,
+            self.parts + other.parts, self.size + other.size,
+        )  # fmt: skip
+
+    def total(self) -> Excess:
+        """Return the sum of all sums."""
+        off, variance, parts, size = (
+            each.sum(axis=-1, keepdims=True)
+            for each in (self.off, self.variance, self.parts, self.size)
+        )
+        return Excess(off, variance, parts, size)
+
+    def p(self, enough: float, fixed: int = 0) -> float:
+        """Return the probability of a larger chi-square.
+
+        Parameters
+        ----------
+        enough : float
+            Sums of a smaller size are tested together.
+        fixed : int
+            Number of sums that data and model have in common.
+        """
+        variance = self.variance + (jackknifed(self.parts) ** 2 if len(self.parts) else 0.0)
+        some = variance > 0
+        alone, rest = some & (self.size >= enough), some & (self.size < enough)
+        chi_square = float((self.off[alone] ** 2 / variance[alone]).sum())
+        freedom = int(alone.sum()) - fixed
+        if self.size[rest].sum() >= LEAST:
+            chi_square += float(self.off[rest].sum() ** 2 / variance[rest].sum())
+            freedom += 1
+        if freedom < 1:
+            return 1.0
+        from scipy.special import chdtrc
+
+        return float(chdtrc(freedom, chi_square))
+
+
 @dataclass(frozen=True)
 class Misfit:
     """Difference between data and a fitted model.
@@ -39,13 +113,19 @@ class Misfit:
         Observed minus predicted share of response 1 and mean response time, in standard deviations
         of the prediction: those of as many trials of the model, and of its simulated trials. NaN
         in a cell without a response.
-    p : dict of str to float
-        Probability of a larger chi-square under the model, for each of the three tests.
+    excess : dict of str to Excess
+        What each of the three tests compares: number of responses 1 and sum of response times of
+        each cell, and counts of all cells by response and time.
     """
 
     z_accuracy: Array
     z_mean_rt: Array
-    p: dict[str, float]
+    excess: dict[str, Excess]
+
+    @cached_property
+    def p(self) -> dict[str, float]:
+        """Probability of a larger chi-square under the model, for each of the three tests."""
+        return p_values(self.excess)
 
     def cautions(self, found: Optimum) -> list[str]:
         """Return a warning with the worst cells if data and model differ by more than chance.
@@ -100,42 +180,32 @@ def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mis
     answered = np.bincount(design.observed.cell[design.observed.response >= 0], None, design.cells)
     n = np.where(answered > 0, answered, np.nan)
     drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / n, counts])
-    variance = drawn + own
     with np.errstate(invalid="ignore", divide="ignore"):
-        z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(variance), design.cells)
-    (right, late, more), (v_right, v_late, v_more) = (
-        _split(each, design.cells) for each in (off, variance)
+        z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(drawn + own), design.cells)
+    # Means become sums over trials, which can be added.
+    times = np.concatenate([answered, answered, np.ones(len(counts))])
+    sizes = np.concatenate([answered * np.minimum(share, 1 - share), answered, counts])
+    sums = (
+        np.nan_to_num(times * off),
+        np.nan_to_num(times**2 * drawn),
+        times * np.reshape(parts, (len(parts), len(said))),
+        sizes,
     )
-    rare = answered * np.minimum(share, 1 - share)
-    p = {
-        "accuracy": _p(n * right, n**2 * v_right, rare, COUNTED),
-        "mean response time": _p(n * late, n**2 * v_late, answered.astype(float), RESPONSES),
-        "the distribution of responses and their times": _p(more, v_more, counts, COUNTED, 1),
+    split = zip(*(_split(each, design.cells) for each in sums), strict=True)
+    excess = {
+        test: Excess(*each) for test, each in zip((ACCURACY, MEAN, TIMES), split, strict=True)
     }
-    return Misfit(z_accuracy, z_mean_rt, p)
+    return Misfit(z_accuracy, z_mean_rt, excess)
 
 
-def _p(off: Array, variance: Array, size: Array, enough: float, fixed: int = 0) -> float:
-    """Return the probability of a larger chi-square; values of small size are summed to one.
-
-    ``fixed`` is the number of sums that data and model have in common.
-    """
-    some = np.isfinite(off) & (variance > 0)
-    alone, rest = some & (size >= enough), some & (size < enough)
-    chi_square, freedom = float((off[alone] ** 2 / variance[alone]).sum()), int(alone.sum()) - fixed
-    if size[rest].sum() >= LEAST:
-        chi_square += float(off[rest].sum() ** 2 / variance[rest].sum())
-        freedom += 1
-    if freedom < 1:
-        return 1.0
-    from scipy.special import chdtrc
-
-    return float(chdtrc(freedom, chi_square))
+def p_values(excess: Mapping[str, Excess]) -> dict[str, float]:
+    """Return the probability of a larger chi-square for each test."""
+    return {test: each.p(ENOUGH[test], FIXED[test]) for test, each in excess.items()}
 
 
 def _split(values: Array, cells: int) -> tuple[Array, Array, Array]:
-    """Return values of accuracy and of mean time, both (cells,), and of counts."""
-    return values[:cells], values[cells : 2 * cells], values[2 * cells :]
+    """Return values of accuracy and of mean time, both (..., cells), and of counts."""
+    return values[..., :cells], values[..., cells : 2 * cells], values[..., 2 * cells :]
 
 
 def _edges_s(design: Design, density: Array) -> Array:

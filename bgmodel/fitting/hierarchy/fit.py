@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.checks.group_misfit import GroupMisfit, averaged, group_misfit
+from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
@@ -23,7 +25,7 @@ from bgmodel.fitting.hierarchy.chains import (
 )
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning, InputError
@@ -94,6 +96,20 @@ class GroupFit(Facts):
         """Each person's parameters, (chains, draws, people, parameters)."""
         return self.scale.back(np.stack([each.scaled for each in self.chains]))
 
+    @cached_property
+    def typical(self) -> dict[str, Optimum]:
+        """Each person's likelihood at the medians of the person's parameters."""
+        found = {}
+        for who, vector in zip(self.people, np.median(self.individual, axis=(0, 1)), strict=True):
+            likelihood = self.likelihoods[who]
+            found[who] = Optimum(likelihood, vector, likelihood(vector), evaluations=1)
+        return found
+
+    @cached_property
+    def misfit(self) -> GroupMisfit:
+        """Difference between data and the model at the medians of each person's parameters."""
+        return group_misfit(self.typical)
+
     @property
     def log_likelihood(self) -> Array:
         """Log likelihood of each person's trials, (chains, draws, people), nats."""
@@ -134,6 +150,20 @@ class GroupFit(Facts):
         flat = self.individual.reshape(*self.individual.shape[:2], -1)
         return pd.DataFrame(_middle(flat, ("median", "low", "high")), index=index).reset_index()
 
+    def cells(self) -> pd.DataFrame:
+        """Return data and model for each participant and cell of the design.
+
+        Columns participant and those of ``Fit.cells``. Predictions are for the medians of each
+        person's parameters.
+        """
+        parts = []
+        for who, each in self.typical.items():
+            own = self.misfit.people[who]
+            table = cells_of(each.likelihood.design, each.density)
+            table.insert(0, "participant", who)
+            parts.append(table.assign(z_accuracy=own.z_accuracy, z_mean_rt=own.z_mean_rt))
+        return pd.concat(parts, ignore_index=True)
+
     def difference(self, first: str, second: str) -> dict[str, float]:
         """Return the posterior of a difference between two parameters of the median person.
 
@@ -162,6 +192,10 @@ class GroupFit(Facts):
         return found | {"above_zero": float((draws > 0).mean())}
 
     def cautions(self) -> list[str]:
+        """Return warnings: data that the model does not fit, and chains that do not agree."""
+        return [*self.misfit.cautions(), *self._short()]
+
+    def _short(self) -> list[str]:
         """Return a warning if chains do not agree or are short, naming the worst numbers."""
         if self.agreement.reached:
             return []
@@ -204,6 +238,22 @@ class GroupFit(Facts):
 
         trials = sum(int(each.design.trials.sum()) for each in self.likelihoods.values())
         return draw_group(self.to_dataframe(), self.summary(), trials)
+
+    def plot_cells(self) -> Figure:
+        """Draw data and model over strength, averaged over people; panels as in ``Fit.plot``.
+
+        Raises
+        ------
+        ValueError
+            If people do not have the same strengths and conditions.
+        """
+        from bgmodel.fitting.drawing import draw_fits
+
+        table = averaged(self.cells())
+        if table is None:
+            said = "people have different strengths or conditions: cells() has each person's"
+            raise InputError(said, "strength")
+        return draw_fits({"Model": table}, f"Average of {len(self.people)} people")
 
 
 MIDDLE = ("median", "low", "high")
@@ -289,7 +339,8 @@ def fit_group(
     Warns
     -----
     FitWarning
-        If the chains do not agree.
+        If data differ from the model by more than chance (``checks.group_misfit``), and if the
+        chains do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())

@@ -1,0 +1,132 @@
+"""Whether data of a group differ from a hierarchical fit by more than chance.
+
+Each person's trials are compared with the model at the medians of that person's parameters. The
+three tests of ``misfit`` are applied to sums over all people, in which a difference is seen that is
+too small in each of them; simulated trials are the same for all people, and so is their error. Of
+single people only the distribution of responses and their times is tested: with fewer than a
+hundred trials in a cell, means and shares are not Gaussian enough for as many tests as there are
+people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from operator import add
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.fitting.checks.misfit import (
+    BEYOND_CHANCE,
+    ENOUGH,
+    NAMED,
+    TIMES,
+    Excess,
+    Misfit,
+    misfit,
+    p_values,
+)
+from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.quantiles import conditions_of
+
+TOGETHER = "all people together"
+
+
+@dataclass(frozen=True)
+class GroupMisfit:
+    """Difference between the data of a group and a hierarchical fit.
+
+    Parameters
+    ----------
+    people : dict of str to Misfit
+        That of each person.
+    """
+
+    people: dict[str, Misfit]
+
+    @cached_property
+    def together(self) -> dict[str, float]:
+        """Probability of a larger chi-square of all people together, for each of three tests."""
+        return p_values({test: self._sum(test) for test in ENOUGH})
+
+    def _sum(self, test: str) -> Excess:
+        """Return the sums over all people; over all cells too if their number differs."""
+        every = [each.excess[test] for each in self.people.values()]
+        alike = len({len(each.off) for each in every}) == 1
+        return reduce(add, every if alike else [each.total() for each in every])
+
+    def beyond_chance(self) -> pd.Series:
+        """Return the p values that are beyond chance, by person and test, the smallest first.
+
+        These are below 0.003 after multiplication by the number of all p values.
+        """
+        every = {(TOGETHER, test): p for test, p in self.together.items()}
+        every |= {(who, TIMES): each.p[TIMES] for who, each in self.people.items()}
+        found = pd.Series(every)
+        return found[len(found) * found < BEYOND_CHANCE].sort_values(kind="stable")
+
+    def cautions(self) -> list[str]:
+        """Return a warning that names whose data differ from the model in what."""
+        found = self.beyond_chance()
+        if found.empty:
+            return []
+        told = "; ".join(
+            f"{test} of {who} (p = {found[who, test]:.1g})" for who, test in found.index[:NAMED]
+        )
+        more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+        return [
+            f"the model does not fit: data differ from it by more than chance in {told}{more}. "
+            "Parameters may be far off: see cells() (cells.csv) and plot_cells(), check for "
+            "guesses and for strengths in another unit, or fit another model"
+        ]
+
+
+def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
+    """Return the misfit of a hierarchical fit.
+
+    Parameters
+    ----------
+    people : dict of str to Optimum
+        Each person's likelihood and parameters; all have one model.
+    """
+    left = next(iter(people.values())).likelihood.model.left_out()
+    found = {}
+    for who, each in people.items():
+        parts = [(replace(each.likelihood, model=part), each.vector) for part in left]
+        found[who] = misfit(each, parts)
+    return GroupMisfit(found)
+
+
+def averaged(cells: pd.DataFrame) -> pd.DataFrame | None:
+    """Return the average over people of the cells of data and model, or None.
+
+    Parameters
+    ----------
+    cells : DataFrame
+        Cells of each participant, as from ``fit.cells_of``.
+
+    Returns
+    -------
+    DataFrame or None
+        One row per cell: trials and answered are sums, and standard errors those of an average over
+        these people. A person in whom a number of the data is not known, such as times of errors
+        without an error, counts neither for the data nor for the model. None if people do not have
+        the same strengths and conditions.
+    """
+    by = ["strength", *conditions_of(cells)]
+    groups = cells.groupby(by, sort=False, dropna=False)
+    if groups["participant"].nunique().min() < cells["participant"].nunique():
+        return None
+    known = cells.select_dtypes("number").drop(columns=by, errors="ignore").copy()
+    for name in known.columns.intersection([f"model_{each}" for each in known.columns]):
+        known[name] = known[name].where(known[name.removeprefix("model_")].notna())
+    keys = [cells[name] for name in by]
+    found = known.groupby(keys, sort=False, dropna=False).mean()
+    errors = [name for name in known.columns if name.endswith("_se")]
+    squares = (known[errors] ** 2).groupby(keys, sort=False, dropna=False)
+    found[errors] = np.sqrt(squares.sum(min_count=1)) / squares.count()
+    sums = ["trials", "answered"]
+    found[sums] = known[sums].groupby(keys, sort=False, dropna=False).sum()
+    return found.reset_index()

@@ -1,0 +1,133 @@
+"""Data of a group that a hierarchical fit cannot describe are reported, and clean data are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binom
+
+from bgmodel.fitting.checks.group_misfit import TOGETHER, averaged, group_misfit
+from bgmodel.fitting.checks.misfit import TIMES, Excess
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.simulated.error import jackknifed
+from bgmodel.fitting.trials.design import design_of
+from tests.drawn import TRUTH, drawn
+from tests.fitting.checks.test_misfit import FREE
+
+STRENGTHS, SEED = [0.0, 0.1, 0.2, 0.4], 24_391
+PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0, "eve": 12.0, "finn": 13.0}
+
+
+def person(sensitivity, seed, each=50, strengths=STRENGTHS, bound=0.7):
+    """Return the trials of a person."""
+    return drawn(
+        GapModel(), strengths, each, seed, seconds=4.0, sensitivity=sensitivity, bound=bound
+    )
+
+
+def people(seed=SEED, each=50, bound=0.7):
+    """Return the trials of all people."""
+    return {
+        who: person(sensitivity, seed + number, each, bound=bound)
+        for number, (who, sensitivity) in enumerate(PEOPLE.items())
+    }
+
+
+def at_truth(choices):
+    """Return the misfit to the test with the parameters that made the data."""
+    found = {}
+    for who, some in choices.items():
+        likelihood = likelihood_of(GapModel(), design_of(some), free=FREE)
+        values = {**TRUTH, "sensitivity": PEOPLE[who], "bound": 0.7}
+        vector = np.array([values[name] for name in likelihood.freedom.names])
+        found[who] = Optimum(likelihood, vector, 0.0, 0)
+    return group_misfit(found)
+
+
+def test_clean_groups_are_reported_as_often_as_stated():
+    groups = 50
+    found = [at_truth(people(seed=SEED + 1000 * number)) for number in range(groups)]
+    p = np.array([list(each.together.values()) for each in found])
+    most = binom.ppf(0.999, groups, 0.05)
+    assert (p < 0.05).sum(axis=0).max() <= most
+    assert (p > 0.95).sum(axis=0).max() <= most
+    assert np.abs(p.mean(axis=0) - 0.5).max() < 4 * np.sqrt(1 / 12 / groups)
+    assert sum(not each.beyond_chance().empty for each in found) <= binom.ppf(0.999, groups, 0.003)
+
+
+def test_a_misfit_of_all_that_is_seen_in_nobody_is_found():
+    found = at_truth(people(bound=0.77))
+    assert {who for who, _ in found.beyond_chance().index} == {TOGETHER}
+    assert len(found.cautions()) == 1
+
+
+def test_one_person_who_guesses_is_named():
+    choices, rng = people(each=100), np.random.default_rng(SEED)
+    some = choices["ben"]
+    guess = rng.random(some.trials) < 0.2
+    rt_s = np.where(guess, rng.uniform(0.15, 0.3, some.trials), some.rt_s)
+    response = np.where(guess, rng.integers(0, 2, some.trials), some.response)
+    choices["ben"] = replace(some, rt_s=rt_s, response=response.astype(np.int8))
+    found = at_truth(choices)
+    named = {who for who, _ in found.beyond_chance().index}
+    assert "ben" in named
+    assert named <= {"ben", TOGETHER}
+    assert "ben" in found.cautions()[0]
+
+
+def test_people_with_other_numbers_of_cells_are_summed_over_cells():
+    choices = people()
+    choices["ben"] = person(9.0, SEED + 1, strengths=STRENGTHS[1:])
+    assert all(0.001 < p <= 1 for p in at_truth(choices).together.values())
+
+
+def test_the_error_of_shared_simulated_trials_adds_up():
+    """Drawn trials are independent, so their variances add; simulated ones are the same twice."""
+    parts = np.random.default_rng(SEED).normal(size=(8, 3))
+    one = Excess(np.ones(3), np.full(3, 0.5), parts, np.full(3, 40.0))
+    both = one + one
+    assert both.variance == pytest.approx(2 * one.variance)
+    assert jackknifed(both.parts) ** 2 == pytest.approx(4 * jackknifed(one.parts) ** 2)
+    assert both.p(5) < one.p(5)
+    assert replace(both, parts=np.zeros((0, 3))).p(5) < both.p(5)
+
+
+def cells(who, accuracy, wrong_s):
+    """Return a table of two cells."""
+    return pd.DataFrame(
+        {
+            "participant": who, "strength": [0.1, 0.2], "side": "left", "trials": 10, "answered": 9,
+            "accuracy": accuracy, "accuracy_se": 0.3, "wrong_s": wrong_s,
+            "model_accuracy": 0.7, "model_wrong_s": [0.5, 0.6],
+        }
+    )  # fmt: skip
+
+
+def test_cells_are_averaged_over_people():
+    found = averaged(
+        pd.concat([cells("a", [0.6, 0.9], [0.4, np.nan]), cells("b", [0.8, 1.0], 0.6)])
+    )
+    assert found["strength"].tolist() == [0.1, 0.2]
+    assert found["side"].tolist() == ["left", "left"]
+    assert found["accuracy"].tolist() == pytest.approx([0.7, 0.95])
+    assert found["accuracy_se"].tolist() == pytest.approx([np.hypot(0.3, 0.3) / 2] * 2)
+    assert found["wrong_s"].tolist() == pytest.approx([0.5, 0.6])
+    assert found["answered"].tolist() == [18, 18]
+
+
+def test_a_person_without_errors_does_not_count_for_the_times_of_errors():
+    one, two = cells("a", 0.9, np.nan), cells("b", 0.9, 0.6)
+    one["model_wrong_s"] = 5.0
+    assert averaged(pd.concat([one, two]))["model_wrong_s"].tolist() == [0.5, 0.6]
+
+
+def test_people_with_other_strengths_have_no_average():
+    other = cells("b", 0.9, 0.5).assign(strength=[0.1, 0.3])
+    assert averaged(pd.concat([cells("a", 0.9, 0.5), other])) is None
+
+
+def test_times_are_tested_in_each_person():
+    found = at_truth(people())
+    assert [each.p[TIMES] > 0 for each in found.people.values()] == [True] * len(PEOPLE)

@@ -1,0 +1,38 @@
+"""How often a hierarchical fit warns of data that its model made: make validate."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom, kstest
+
+from benchmarks.methods.group_recovery import RANGES, group, model_of, scale_of, trials_of
+from bgmodel.fitting.checks.group_misfit import group_misfit
+from bgmodel.fitting.checks.misfit import BEYOND_CHANCE
+from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.support.seeds import stream
+
+pytestmark = pytest.mark.validate
+SEED, GROUPS, PEOPLE, EACH = 47_811, 300, 20, 50
+
+
+def of_group(number):
+    """Return the misfit of a group at its true parameters."""
+    model, names = model_of("test", 0)
+    any_trials = trials_of("test", {name: RANGES[name][0] for name in names}, SEED, number, -1, 1)
+    scale = scale_of(likelihood_of(model, any_trials, free=names))
+    truth = group(scale, names, stream(SEED, "group", "test", number), PEOPLE)
+    found = {}
+    for who, vector in enumerate(scale.back(truth.scaled)):
+        values = dict(zip(names, vector.tolist(), strict=True))
+        design = trials_of("test", values, SEED, number, who, EACH)
+        found[f"{who}"] = Optimum(likelihood_of(model, design, free=names), vector, 0.0, 0)
+    return group_misfit(found)
+
+
+@pytest.mark.timeout(3600)
+def test_groups_without_misfit_are_reported_as_often_as_stated():
+    found = [of_group(number) for number in range(GROUPS)]
+    p = np.array([list(each.together.values()) for each in found])
+    uniform = [kstest(each, "uniform").pvalue for each in p.T]
+    assert min(uniform) * len(uniform) > 0.01, uniform
+    warned = sum(bool(each.cautions()) for each in found)
+    assert warned <= binom.ppf(0.99, GROUPS, BEYOND_CHANCE), warned
