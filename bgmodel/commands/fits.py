@@ -69,7 +69,8 @@ class FitRun(FitSettings, Shows):
     is fitted too (partial pooling). Writes the draws for ArviZ."""
     compare: bool = False
     """Compare the models by how well they predict trials that they were not fitted to: writes
-    comparison.csv and comparison.png."""
+    comparison.csv and comparison.png. A single model is compared with itself without the effect of
+    each --vary and --formula: with one value of that parameter for all conditions."""
     workers: int = 2
     """Number of processes of a hierarchical fit; the results do not depend on it."""
     task: Literal["choices", "stop"] = "choices"
@@ -99,8 +100,9 @@ class FitRun(FitSettings, Shows):
         self.check()
         if self.models == ():
             raise InputError("models must name at least one", "models")
-        if self.compare and self.models is not None and len(self.models) < 2:
-            raise InputError.of("compare", "needs at least two models", ", ".join(self.models))
+        if self.compare and self._alone() and not (self.vary or self.formula):
+            must = "needs at least two models, or one with --vary or --formula"
+            raise InputError.of("compare", must, ", ".join(self.models or ()))
         if self.task == "stop":
             fit_stop_signals(self)
             return
@@ -124,19 +126,21 @@ class FitRun(FitSettings, Shows):
         models = {each: self.model(each, **more) for each in self._models(choices.alternatives)}
         for lacking in self.check_parameters(models):
             say(lacking)
+        versions = self._versions(models)
+        circuits = _circuits({name: model for name, (_, model) in versions.items()})
         if self.hierarchical:
-            made = {name: self.likelihoods(designs, each) for name, each in models.items()}
-            asked = {**self._asked(), "circuits": _circuits(models)}
+            made = {name: own.likelihoods(designs, each) for name, (own, each) in versions.items()}
+            asked = {**self._asked(), "circuits": circuits}
             fit_hierarchically(self, folder, asked, made, choices.checksum)
             return
         kept = Kept(
-            folder, self.seed, self._asked(), _circuits(models),
+            folder, self.seed, self._asked(), circuits,
             self.draws, self.note,
         )  # fmt: skip
         kept.check(self.force)
         # Build all before any is fitted, so that errors are raised at once.
         likelihoods = {
-            who: {name: self.likelihood(design, each) for name, each in models.items()}
+            who: {name: own.likelihood(design, each) for name, (own, each) in versions.items()}
             for who, design in designs.items()
         }
         self.note(choices.summary())
@@ -151,6 +155,22 @@ class FitRun(FitSettings, Shows):
     def _models(self, alternatives: int) -> tuple[str, ...]:
         """Return the models to fit; by default those for a number of alternatives."""
         return self.models or (MANY_MODELS if alternatives > 2 else DEFAULT_MODELS)
+
+    def _alone(self) -> bool:
+        """Return whether a single model is asked for."""
+        return self.models is not None and len(self.models) == 1
+
+    def _versions(self, models: Mapping[str, Model]) -> dict[str, tuple[FitSettings, Model]]:
+        """Return the models with their settings, and a single one without each of its effects."""
+        found: dict[str, tuple[FitSettings, Model]] = {
+            name: (self, model) for name, model in models.items()
+        }
+        if self.compare and self._alone():
+            for name, model in models.items():
+                for effect in (*self.varied, *self.formulas):
+                    label = f"{Path(name).stem}, constant {effect}"
+                    found[label] = self.constant(effect), model
+        return found
 
     def _check_needs_evidence(self) -> None:
         """Raise ValueError for an option of known evidence without any."""

@@ -193,7 +193,7 @@ def draw_comparison(table: pd.DataFrame, by_person: Mapping[str, Array], title: 
     for ax, text in zip((total, each), titles, strict=True):
         ax.axvline(0, color=GREY, lw=0.8)
         ax.set(title=text, yticks=place, ylim=(-0.6, len(table) - 0.4))
-        ax.set_xlabel(f"Score minus that of {table.index[0]} (nats)")
+        ax.set_xlabel("Score minus the highest (nats)")
         ax.set_yticklabels(table.index if ax is total else [""] * len(table))
     figure.suptitle(title, x=0.01, ha="left")
     return figure

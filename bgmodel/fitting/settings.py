@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from bgmodel.support.checks import check_flag, check_positive, whole
 from circuits.errors import InputError
@@ -128,6 +128,15 @@ class FitSettings:
     def named(self) -> tuple[str, ...]:
         """Names of ``free``, without plus signs."""
         return tuple(name.removeprefix(ADDED) for name in self.free)
+
+    def constant(self, name: str) -> Self:
+        """Return the settings with a parameter that is the same in all conditions, and free."""
+        plus = ADDED if not self.free or self.free[0].startswith(ADDED) else ""
+        more = () if name in self.named else (f"{plus}{name}",)
+        vary = tuple(each for each in self.vary if _pair(each, "vary")[0] != name)
+        written = zip(self.formulas, self.formula, strict=True)
+        formula = tuple(each for other, each in written if other != name)
+        return replace(self, free=(*self.free, *more), vary=vary, formula=formula)
 
     def _freed(self, known: Mapping[str, Parameter], own: Callable[[str], str]) -> list[str] | None:
         """Return the names of free parameters of a model; None for those that are by default."""

@@ -467,3 +467,23 @@ def test_models_are_compared_by_cross_validation(mine, capsys):
     assert table["difference"].max() == 0
     assert (table["standard_error"] >= 0).all()
     assert run("fit", "mine.csv", "out", *COHERENCE, *GAP, "--compare") == 2
+
+
+def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
+    """Numbers of the full model and of that without are those of two separate fits."""
+    trials = pd.read_csv("mine.csv")
+    trials["block"] = ["early", "late"] * (len(trials) // 2) + ["early"] * (len(trials) % 2)
+    trials.to_csv("mine.csv", index=False)
+    asked = [*COHERENCE, "--pooled", *GAP, "--fix", "t0_sd_s=0.05", "lapse=0.01"]
+    vary = ["--vary", "bound=block"]
+    assert run("fit", "mine.csv", "out", *asked, *vary, "--compare") == 0
+    table = pd.read_csv("out/comparison.csv").set_index("model")
+    assert set(table.index) == {"constant_gap", "constant_gap, constant bound"}
+    assert table["log_likelihood"].idxmax() == "constant_gap"
+    numbers = pd.read_csv("out/parameters.csv").set_index(["model", "parameter"])["value"]
+    assert run("fit", "mine.csv", "full", *asked, *vary) == 0
+    assert run("fit", "mine.csv", "null", *asked) == 0
+    for folder, label in (("full", "constant_gap"), ("null", "constant_gap, constant bound")):
+        alone = pd.read_csv(f"{folder}/parameters.csv").set_index("parameter")["value"]
+        both = numbers[label]
+        assert both[alone.index].to_numpy() == pytest.approx(alone.to_numpy(), rel=1e-9), folder

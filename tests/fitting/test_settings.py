@@ -103,3 +103,20 @@ def test_a_circuit_is_taken_as_it_is(tmp_path):
     model = settings.model(table, seconds=1.0, folder=tmp_path)
     assert model.circuit == table
     assert model.folder == tmp_path
+
+
+@pytest.mark.parametrize(
+    ("asked", "free"),
+    [
+        ({}, ("+bound",)),
+        ({"free": ("+start",)}, ("+start", "+bound")),
+        ({"free": ("t0_s", "bound")}, ("t0_s", "bound")),
+        ({"free": ("t0_s",)}, ("t0_s", "bound")),
+    ],
+)
+@pytest.mark.parametrize("effect", [{"vary": ("bound=side",)}, {"formula": ("bound ~ side",)}])
+def test_a_parameter_without_its_effect_stays_free(asked, free, effect):
+    others = {"vary": ("lapse=side",), "formula": ("t0_s ~ side",)}
+    given = {name: (*others[name], *effect.get(name, ())) for name in others}
+    found = FitSettings(**asked, **given).constant("bound")
+    assert found == FitSettings(free=free, **others)
