@@ -6,12 +6,13 @@ import pytest
 from scipy.stats import norm
 
 from benchmarks.methods.group_recovery import MOST_SD, RANGES, compared, data_set, group
-from benchmarks.scores import pieces
-from benchmarks.scores.group_recovery import SETS, numbers, order, pooled
+from benchmarks.scores import group_recovery, pieces
+from benchmarks.scores.group_recovery import SETS, condensed, numbers, order, pooled
 from benchmarks.scores.pieces import Piece, Score
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.sampler import Draws
 from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 
 SEED = 24_341
@@ -111,17 +112,17 @@ def posteriors(sets, shift=0.0, narrower=1.0):
 
 
 def test_exact_posteriors_are_calibrated():
-    found = pooled(posteriors(300)).set_index("of")
+    found = pooled(condensed(posteriors(300))).set_index("of")
     assert (found["uniform_p"] > 0.01).all()
     assert (found["coverage"] - 0.9).abs().max() < 0.03
     assert (found["coverage_prior"] - found["coverage"]).abs().max() < 1e-9
     assert (found["converged_sets"] == 1).all()
-    assert numbers(posteriors(300))[["bias", "bias_prior"]].abs().max().max() < 0.03
+    assert numbers(condensed(posteriors(300)))[["bias", "bias_prior"]].abs().max().max() < 0.03
 
 
 @pytest.mark.parametrize("wrong", [{"shift": 0.3}, {"narrower": 0.6}])
 def test_wrong_posteriors_are_not(wrong):
-    found = pooled(posteriors(300, **wrong)).set_index("of")
+    found = pooled(condensed(posteriors(300, **wrong))).set_index("of")
     assert (found["uniform_p"] < 0.01).all()
     assert (found["coverage"] < 0.88).all()
 
@@ -130,13 +131,43 @@ def test_tables_of_stored_pieces_are_those_of_computed_ones(tmp_path):
     """Names of people are digits, which a file does not tell from numbers."""
     path = tmp_path / "sets.csv"
     posteriors(40).to_csv(path, index=False)
-    pd.testing.assert_frame_equal(numbers(pd.read_csv(path)), numbers(posteriors(40)))
+    found = [numbers(condensed(each)) for each in (pd.read_csv(path), posteriors(40))]
+    pd.testing.assert_frame_equal(*found)
+
+
+def test_data_sets_of_an_earlier_run_are_taken_from_the_stored_table(tmp_path, monkeypatch):
+    """Tables of two runs are those of one, and what is stored is not computed again."""
+    monkeypatch.setattr(group_recovery, "TABLES", tmp_path)
+    every = posteriors(40)
+    whole = {name: table for name, (_, table) in group_recovery.tables({"sets": every}).items()}
+    score, path = group_recovery.SCORE, tmp_path / "recovery_groups_groups.csv"
+    given = score.behind([group_recovery.SIZE], False)
+    write_table(condensed(every[every["set"] < 25]), path, seed=score.seed, **given)
+    left = [piece.name for piece in group_recovery.pieces(False, 1)]
+    assert len(left) == sum(SETS.values()) - 25
+    assert "test 024" not in left
+    assert "test 025" in left
+    later = group_recovery.tables({"sets": every[every["set"] >= 25]})
+    for name, table in whole.items():
+        found = later[name][1].reset_index(drop=True)
+        pd.testing.assert_frame_equal(found, table.reset_index(drop=True), check_dtype=False)
+    write_table(condensed(every), path, seed=score.seed + 1, **given)
+    assert len(list(group_recovery.pieces(False, 1))) == sum(SETS.values())
+
+
+def test_data_sets_after_a_gap_wait(tmp_path, monkeypatch):
+    """Those that finish first are the easy ones."""
+    monkeypatch.setattr(group_recovery, "TABLES", tmp_path)
+    every = posteriors(40)
+    some = group_recovery.tables({"sets": every[~every["set"].isin([7, 30])]})
+    assert (some["numbers"][1]["sets"] == 7).all()
+    assert some["groups"][1]["set"].nunique() == 38
 
 
 def test_a_number_that_did_not_converge_counts_against_its_set():
     some = posteriors(10)
     some.loc[(some["set"] == 3) & (some["of"] == "spread"), "effective"] = 399.0
-    found = pooled(some).set_index("of")
+    found = pooled(condensed(some)).set_index("of")
     assert found.loc["group", "converged"] == pytest.approx(0.95)
     assert found.loc["group", "converged_sets"] == pytest.approx(0.9)
     assert found.loc["person", "converged_sets"] == 1
