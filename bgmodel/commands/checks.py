@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import sys
+import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options that do not affect results, and the seed, which is recorded separately."""
+MINUTE_S = 60.0
 RECORDS = ("setup", "condition")
 """Fields of commands whose own fields are options."""
 
@@ -184,6 +186,30 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
 def say(text: str) -> None:
     """Print a sentence on stderr, prefixed by the program's name."""
     print(f"bgmodel: {text}", file=sys.stderr)
+
+
+@contextmanager
+def stages(what: str) -> Iterator[Callable[[str], None]]:
+    """Yield a function that shows the stage of a long computation: in one line at a terminal.
+
+    Elsewhere, such as in the log of a cluster, it prints a line at most once a minute.
+    """
+    if sys.stderr.isatty():
+        from tqdm import tqdm
+
+        with tqdm(desc=what, bar_format="{desc} {elapsed}{postfix}") as bar:
+            yield bar.set_postfix_str
+        return
+    begun = said = time.monotonic()
+
+    def tell(stage: str) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said >= MINUTE_S:
+            said = now
+            say(f"{what}, after {(now - begun) / MINUTE_S:.0f} min: {stage}")
+
+    yield tell
 
 
 @contextmanager

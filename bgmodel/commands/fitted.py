@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import recorded, save_figure, say
+from bgmodel.commands.checks import recorded, save_figure, say, stages
 from bgmodel.support import files
 from bgmodel.version import __version__
 from circuits.errors import InputError
@@ -104,7 +104,6 @@ class Kept:
     def _one(self, who: str, some: Choices, name: str, likelihood: Likelihood) -> Piece:
         """Return the tables of one fit, read from its files or computed."""
         import pandas as pd
-        from tqdm import tqdm
 
         from bgmodel.fitting.fit import fit_likelihood
         from bgmodel.fitting.pieces import Piece, read_piece, write_piece
@@ -126,12 +125,9 @@ class Kept:
             self.note(f"{who}, {name}: already done")
             _warn(who, name, there)
             return there
-        shape = "{desc} {elapsed}{postfix}"
-        with tqdm(desc=f"{who}, {name}", bar_format=shape, disable=None) as bar:
-            said = bar.set_postfix_str
-            with warnings.catch_warnings(record=True) as cautions:
-                warnings.simplefilter("always", UserWarning)
-                found = fit_likelihood(likelihood, draws=self.posterior, tell=said)
+        with stages(f"{who}, {name}") as tell, warnings.catch_warnings(record=True) as cautions:
+            warnings.simplefilter("always", UserWarning)
+            found = fit_likelihood(likelihood, draws=self.posterior, tell=tell)
         self._say(who, name, found)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})

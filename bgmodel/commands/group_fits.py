@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import kept_warnings, recorded, save_figure, say
+from bgmodel.commands.checks import kept_warnings, recorded, save_figure, say, stages
 from bgmodel.commands.fitted import write_comparison
 from bgmodel.support import files
 from circuits.errors import InputError
@@ -83,8 +83,6 @@ def _fit(
     asked: dict[str, Any],
 ) -> GroupFit:
     """Return one model's fit, after writing its draws and its figures."""
-    from tqdm import tqdm
-
     from bgmodel.fitting.hierarchy.fit import fit_group
     from bgmodel.fitting.pieces import piece_path
 
@@ -98,11 +96,8 @@ def _fit(
     }
     stem = Path(name).stem
     kept = piece_path(folder / "pieces", stem, key, "chains.npz")
-    with (
-        tqdm(desc=name, bar_format="{desc} {elapsed}{postfix}", disable=None) as bar,
-        kept_warnings() as cautions,
-    ):
-        fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=bar.set_postfix_str)
+    with stages(name) as tell, kept_warnings() as cautions:
+        fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=tell)
     for caution in cautions:
         say(f"{name}: {caution}")
     fit.to_netcdf(folder / f"{stem}.nc")

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from bgmodel.cli import _plain_warnings, main
-from bgmodel.commands.checks import say_before
+from bgmodel.commands import checks
+from bgmodel.commands.checks import say_before, stages
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence
@@ -171,3 +172,21 @@ def test_a_command_says_before_it_starts_what_runs(
     out, told = capsys.readouterr()
     assert "read " not in out
     assert told.index(said) < told.index("started")
+
+
+def test_stages_are_told_in_a_log_but_not_more_than_once_a_minute(monkeypatch, capsys):
+    times = iter([0.0, 30.0, 61.0, 70.0, 121.5])
+    monkeypatch.setattr(checks.time, "monotonic", lambda: next(times))
+    with stages("fit") as tell:
+        for stage in "abcd":
+            tell(stage)
+    told = capsys.readouterr().err.splitlines()
+    assert [line[-1] for line in told] == ["b", "d"]
+    assert all("fit" in line for line in told)
+
+
+def test_a_terminal_shows_the_stage_in_one_line(monkeypatch, capsys):
+    monkeypatch.setattr(checks.sys.stderr, "isatty", lambda: True, raising=False)
+    with stages("fit") as tell:
+        tell("optimum")
+    assert "optimum" in capsys.readouterr().err
