@@ -203,9 +203,9 @@ class Engine:
         """Return the number of samples of OUT in ``steps`` readings."""
         return round(steps * step_ms / self.sample_ms)
 
-    def row(self, blocks: int) -> int:
-        """Return the length of a row of rates, which is at least that of the blocks."""
-        return blocks
+    def row_length(self, count: int) -> int:
+        """Return the length of a row of rates for a number of blocks, at least that number."""
+        return count
 
     def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
         """Return an estimate of the memory of a run, bytes.
@@ -217,7 +217,7 @@ class Engine:
         trials, samples : int
             Simultaneous trials, and samples of OUT in each.
         """
-        kept = 4.0 * trials * samples * self.row(blocks(circuit)) if self.rates else 0.0
+        kept = 4.0 * trials * samples * self.row_length(blocks(circuit)) if self.rates else 0.0
         return 8.0 * trials * samples * circuit.channels + kept
 
 
@@ -313,7 +313,7 @@ class CompiledEngine(TimedEngine):
 
     def outputs(self, trials: int, samples: int, wiring: Wiring) -> tuple[Array, Any]:
         """Return the output arrays of a run: OUT, and rows of the rates of blocks if recorded."""
-        row = self.row(wiring.blocks) if self.rates else 0
+        row = self.row_length(wiring.blocks) if self.rates else 0
         out = np.empty((trials, samples, wiring.circuit.channels))
         return out, on_cache_lines((trials, samples, row))
 

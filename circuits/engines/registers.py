@@ -174,9 +174,10 @@ def store(typing, array, place, value):
 
 @intrinsic
 def store_past(typing, array, place, value):
-    """Write a cache line of numbers to an array, past the caches: it is not read again soon.
+    """Write a cache line of numbers without caching it, since it is not read again soon.
 
-    The array is one of ``on_cache_lines``, and the place a multiple of a line: other places crash.
+    The array must be from ``on_cache_lines`` and the place a multiple of a line, or the process
+    crashes.
     """
 
     def build(context, builder, signature, arguments):

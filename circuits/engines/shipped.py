@@ -76,9 +76,9 @@ class PopulationsEngine(CompiledEngine):
     dt_ms: float | None = None
     """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times."""
 
-    def row(self, blocks: int) -> int:
+    def row_length(self, count: int) -> int:
         """Return a whole number of cache lines, so that a row is written past the caches."""
-        return -(-blocks // CACHE_LINE) * CACHE_LINE
+        return -(-count // CACHE_LINE) * CACHE_LINE
 
     @property
     def laws(self) -> str:

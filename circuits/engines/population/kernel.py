@@ -560,8 +560,9 @@ def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ti
     streams : array (trials, blocks) uint64, or (0, 0) without noise
     level : float
         OUT below which a trial ends.
-    out, rates : arrays (trials, samples, channels), (trials, samples, blocks or 0)
-        Written here; NaN after the end of a trial.
+    out, rates : arrays (trials, samples, channels), (trials, samples, row or 0)
+        Written here; NaN after the end of a trial. A row of rates has a whole number of cache lines
+        and begins at one (``memory.on_cache_lines``).
     saved : State
         Final states, written here unless it has no rows.
     ticks : tuple

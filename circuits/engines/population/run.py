@@ -78,7 +78,7 @@ def run(
     drive = checked_drive(circuit, drive)
     _check_trials(len(drive), first_trial=first_trial)
     check_positive(step_ms=step_ms)
-    prepared = _prepared(circuit, engine, drive.shape[1], step_ms)
+    prepared = _Prepared(circuit, engine, drive.shape[1], step_ms)
     warn_beyond_range(circuit, drive)
     if engine.noise:
         _warn_of_ringing(circuit)
@@ -160,10 +160,6 @@ class _Prepared:
         streams = noises.stream_keys(seed, trials, names)
         start = settled(self.plan, self.scheme, self.clock, self.engine, trials, seed)
         return streams if names else streams[:0], *start
-
-
-# Of every batch of trials anew, this took a twentieth of a decision's time.
-_prepared = lru_cache(maxsize=8)(_Prepared)
 
 
 def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:

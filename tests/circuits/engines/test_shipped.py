@@ -8,7 +8,7 @@ from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import wire
 from circuits.engines import Ensemble, engine_of, run
 from circuits.engines.ensemble.plan import plan, workspace
-from circuits.engines.memory import cells
+from circuits.engines.memory import blocks, cells
 
 TABLE = anatomy.spiking_msprt()
 
@@ -18,7 +18,8 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
     """The fixed point takes half as much again as its rates on the way."""
     engine = engine_of(name)
     found = run(TABLE, np.zeros((3, 4, 2)), engine=engine, step_ms=5, seed=1)
-    samples, rates = found.output_nats.shape[1], sum(x.nbytes for x in found.rates_hz.values())
+    samples, number = found.output_nats.shape[1], blocks(TABLE)
+    rates = sum(x.nbytes for x in found.rates_hz.values()) * engine.row_length(number) / number
     whole = found.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
     assert engine.memory_bytes(TABLE, 3, samples) == whole
     out = found.output_nats.nbytes if engine.drops else whole
@@ -28,10 +29,10 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
 def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
     of = {
         (name, workers): engine_of(name).tuned(workers=workers).memory_bytes(TABLE, 10, 50)
-        for name in ("ensemble", "brian2", "plain", "population")
+        for name in ("ensemble", "brian2", "plain")
         for workers in (1, 2)
     }
-    kept = of["population", 1]
+    kept = 10 * 50 * (8 * TABLE.channels + 4 * blocks(TABLE))
     each = (of["ensemble", 1] - kept) / cells(TABLE)
     wiring = wire(TABLE)
     work = workspace(plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool)))
