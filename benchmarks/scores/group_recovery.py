@@ -1,15 +1,14 @@
 """Recovery of groups of people by hierarchical fits: bias, coverage, ranks and convergence.
 
 Each data set is a piece, stored before the next begins, so that a run continues where it was
-stopped. Tables are written from those that are there, and state their number: of the first ones
-without a gap, since those that finish first have chains that mix well. Data sets of an earlier run,
-also on another machine, are taken from the stored table of data sets. All of them take more than 15
-hours of CPU; ``--only`` chooses::
+stopped. Data sets of an earlier run, also on another machine, are taken from the stored table of
+data sets, which must be deleted after a change of the sampler. Summaries use consecutive data sets
+only: those that finish first have chains that mix well. All of them take more than 15 hours of CPU;
+``--only`` chooses::
 
     python -m benchmarks.scores.group_recovery --only "test 00"
 
-``--only none`` writes the tables from the data sets that are there. ``make score`` leaves this
-one out.
+``make score`` leaves this one out.
 """
 
 from __future__ import annotations
@@ -67,9 +66,11 @@ def stored() -> pd.DataFrame:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return recovery by number of the group, that of all of them, and each data set."""
-    new = condensed(made["sets"])
-    found = pd.concat([stored(), new])[list(new)]
-    found = found.drop_duplicates(["by", "set", "of", "parameter"])
+    new, old = condensed(made["sets"]), stored()
+    key = ["by", "set"]
+    # The coarse form computes data sets again, and stands alone.
+    apart = new.merge(old[key], on=key).empty
+    found = pd.concat([old, new])[list(new)] if apart else new
     found = found.sort_values(["by", "set"], kind="stable", ascending=[False, True])
     first = without_gap(found)
     return {
@@ -80,7 +81,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 def without_gap(found: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the data sets from the first to the last before one that is missing."""
+    """Return the rows of the data sets before the first that is missing."""
     kept = []
     for _, some in found.groupby("by", sort=False):
         there = set(some["set"])
@@ -111,7 +112,7 @@ def condensed(found: pd.DataFrame) -> pd.DataFrame:
         rows.append(
             {
                 "of": "person", "parameter": name, "by": by, "set": number, "people": len(some),
-                **{each: some[each].mean() for each in means if each in some},
+                **{each: some[each].mean() for each in means},
                 "rank": some["rank"].iloc[0], "rhat": some["rhat"].max(),
                 "effective": some["effective"].min(),
                 "correlation": some["truth"].corr(some["mean"]),

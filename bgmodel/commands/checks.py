@@ -183,6 +183,11 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
             yield from _paths(value)
 
 
+def plain(model: str) -> str:
+    """Return the name of a model, which may be a .toml file, as part of the name of a file."""
+    return Path(model).stem if model.endswith(".toml") else model
+
+
 def say(text: str) -> None:
     """Print a sentence on stderr, prefixed by the program's name."""
     print(f"bgmodel: {text}", file=sys.stderr)

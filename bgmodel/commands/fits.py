@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, recorded, say
+from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, plain, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.known_fits import fit_known_evidence
@@ -69,8 +69,8 @@ class FitRun(FitSettings, Shows):
     is fitted too (partial pooling). Writes the draws for ArviZ."""
     compare: bool = False
     """Compare the models by how well they predict trials that they were not fitted to: writes
-    comparison.csv and comparison.png. A single model is compared with itself without the effect of
-    each --vary and --formula: with one value of that parameter for all conditions."""
+    comparison.csv and comparison.png. A single model is compared with versions in which one
+    parameter of --vary or --formula has one value, which is fitted, for all conditions."""
     workers: int = 2
     """Number of processes of a hierarchical fit; the results do not depend on it."""
     task: Literal["choices", "stop"] = "choices"
@@ -100,7 +100,7 @@ class FitRun(FitSettings, Shows):
         self.check()
         if self.models == ():
             raise InputError("models must name at least one", "models")
-        if self.compare and self._alone() and not (self.vary or self.formula):
+        if self.compare and self._alone() and not self.effects:
             must = "needs at least two models, or one with --vary or --formula"
             raise InputError.of("compare", must, ", ".join(self.models or ()))
         if self.task == "stop":
@@ -166,10 +166,9 @@ class FitRun(FitSettings, Shows):
             name: (self, model) for name, model in models.items()
         }
         if self.compare and self._alone():
-            for name, model in models.items():
-                for effect in (*self.varied, *self.formulas):
-                    label = f"{Path(name).stem}, constant {effect}"
-                    found[label] = self.constant(effect), model
+            ((name, model),) = models.items()
+            for effect in self.effects:
+                found[f"{plain(name)}, constant {effect}"] = self.constant(effect), model
         return found
 
     def _check_needs_evidence(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import recorded, save_figure, say, stages
+from bgmodel.commands.checks import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
 from bgmodel.version import __version__
 from circuits.errors import InputError
@@ -119,7 +119,7 @@ class Kept:
             "posterior": self.posterior,
             "bgmodel": __version__,
         }
-        pieces, title = self.folder / "pieces", f"{who} {Path(name).stem}"
+        pieces, title = self.folder / "pieces", f"{who} {plain(name)}"
         there = read_piece(pieces, title, key)
         if there is not None:
             self.note(f"{who}, {name}: already done")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import kept_warnings, recorded, save_figure, say, stages
+from bgmodel.commands.checks import kept_warnings, plain, recorded, save_figure, say, stages
 from bgmodel.commands.fitted import write_comparison
 from bgmodel.support import files
 from circuits.errors import InputError
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.hierarchy.fit import GroupFit
     from bgmodel.fitting.optimum import Likelihood
 
-GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "cells.csv"
+GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
 """Tables of a hierarchical fit: parameters of the group and of each participant, and data and model
 of each participant."""
 
@@ -94,7 +94,7 @@ def _fit(
         "values": [each.start for each in first.freedom.parameters],
         "free": first.freedom.names,
     }
-    stem = Path(name).stem
+    stem = plain(name)
     kept = piece_path(folder / "pieces", stem, key, "chains.npz")
     with stages(name) as tell, kept_warnings() as cautions:
         fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=tell)

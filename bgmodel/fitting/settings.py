@@ -105,7 +105,18 @@ class FitSettings:
     @property
     def varied(self) -> dict[str, str]:
         """Parameters that differ between conditions, with their columns."""
-        return dict(_pair(each, "vary") for each in self.vary)
+        found: dict[str, str] = {}
+        for name, column in (_pair(each, "vary") for each in self.vary):
+            if name in found:
+                raise InputError(f"{name} varies with two columns", "vary", self.vary)
+            found[name] = column
+        return found
+
+    @property
+    def effects(self) -> list[str]:
+        """Parameters that may have one value for all conditions instead; see ``constant``."""
+        varied = [name for name, column in self.varied.items() if "/" not in column]
+        return [*varied, *self.formulas]
 
     @property
     def formulas(self) -> dict[str, Formula]:
@@ -130,7 +141,7 @@ class FitSettings:
         return tuple(name.removeprefix(ADDED) for name in self.free)
 
     def constant(self, name: str) -> Self:
-        """Return the settings with a parameter that is the same in all conditions, and free."""
+        """Return the settings with one free value of a parameter for all conditions."""
         plus = ADDED if not self.free or self.free[0].startswith(ADDED) else ""
         more = () if name in self.named else (f"{plus}{name}",)
         vary = tuple(each for each in self.vary if _pair(each, "vary")[0] != name)
@@ -288,6 +299,9 @@ class FitSettings:
 
         fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
+        if len(vary) < len(self.varied):
+            said = f"threshold is {model.threshold_name} here, which varies with two columns"
+            raise InputError(said, "vary", self.vary)
         return likelihood_of(
             model,
             design,

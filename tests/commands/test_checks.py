@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.cli import _plain_warnings, main
 from bgmodel.commands import checks
-from bgmodel.commands.checks import say_before, stages
+from bgmodel.commands.checks import plain, say_before, stages
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence
@@ -190,3 +190,15 @@ def test_a_terminal_shows_the_stage_in_one_line(monkeypatch, capsys):
     with stages("fit") as tell:
         tell("optimum")
     assert "optimum" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        ("folder/my.v2.toml", "my.v2"),
+        ("my.v2, constant threshold", "my.v2, constant threshold"),
+        ("constant_gap", "constant_gap"),
+    ],
+)
+def test_files_of_a_model_and_of_its_versions_have_names_of_their_own(model, name):
+    assert plain(model) == name

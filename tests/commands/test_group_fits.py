@@ -56,6 +56,16 @@ def test_models_are_compared_by_the_draws(mine, capsys):
     assert (mine / "out" / "comparison.png").is_file()
 
 
+def test_fits_of_both_kinds_have_one_folder(mine, capsys):
+    """Neither writes over the other's tables."""
+    single = [each for each in ASKED if each not in ("--hierarchical", "--workers", "1")]
+    assert run("fit", *single) == 0
+    assert run("fit", *ASKED) == 0
+    before = {path.name: path.read_bytes() for path in (mine / "out").glob("*.csv")}
+    assert run("fit", *single) == 0
+    assert {path.name: path.read_bytes() for path in (mine / "out").glob("*.csv")} == before
+
+
 def test_people_with_other_strengths_have_no_figure_of_averages(mine, capsys):
     trials = pd.read_csv("mine.csv")
     trials.loc[trials["participant_id"] == "cleo", "strength"] *= 1.05

@@ -120,3 +120,15 @@ def test_a_parameter_without_its_effect_stays_free(asked, free, effect):
     given = {name: (*others[name], *effect.get(name, ())) for name in others}
     found = FitSettings(**asked, **given).constant("bound")
     assert found == FitSettings(free=free, **others)
+
+
+@pytest.mark.parametrize("name", ["bound", "threshold"])
+def test_a_parameter_that_varies_with_two_columns_is_refused(name):
+    asked = FitSettings(vary=(f"{name}=side", "bound=block"))
+    with refused("vary"):
+        asked.likelihood(design_of(read_choices(DATA, **WHOSE)), GapModel())
+
+
+def test_a_parameter_with_a_fixed_level_is_no_effect_to_remove():
+    asked = FitSettings(vary=("stn_loss=stimulation/off", "bound=side"), formula=("t0_s ~ side",))
+    assert asked.effects == ["bound", "t0_s"]

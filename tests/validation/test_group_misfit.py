@@ -1,4 +1,4 @@
-"""How often a hierarchical fit warns of data that its model made: make validate."""
+"""How often groups at their true parameters are reported as a misfit: make validate."""
 
 import numpy as np
 import pytest

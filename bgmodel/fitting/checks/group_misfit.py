@@ -1,9 +1,9 @@
 """Whether data of a group differ from a hierarchical fit by more than chance.
 
 Each person's trials are compared with the model at the medians of that person's parameters. The
-three tests of ``misfit`` are applied to sums over all people, in which a difference is seen that is
-too small in each of them; simulated trials are the same for all people, and so is their error. Of
-single people only the distribution of responses and their times is tested: with fewer than a
+three tests of ``misfit`` are applied to sums over all people, which reveal differences too small to
+be detected in single people; simulated trials are the same for all people, and so is their error.
+Of single people only the distribution of responses and their times is tested: with fewer than a
 hundred trials in a cell, means and shares are not Gaussian enough for as many tests as there are
 people.
 """
@@ -42,9 +42,12 @@ class GroupMisfit:
     ----------
     people : dict of str to Misfit
         That of each person.
+    cells : dict of str to list of str
+        Names of each person's cells.
     """
 
     people: dict[str, Misfit]
+    cells: dict[str, list[str]]
 
     @cached_property
     def together(self) -> dict[str, float]:
@@ -52,10 +55,15 @@ class GroupMisfit:
         return p_values({test: self._sum(test) for test in ENOUGH})
 
     def _sum(self, test: str) -> Excess:
-        """Return the sums over all people; over all cells too if their number differs."""
-        every = [each.excess[test] for each in self.people.values()]
-        alike = len({len(each.off) for each in every}) == 1
-        return reduce(add, every if alike else [each.total() for each in every])
+        """Return the sums over all people; those of cells by cell, which some may lack."""
+        every = {who: each.excess[test] for who, each in self.people.items()}
+        if test == TIMES:
+            return reduce(add, every.values())
+        names = list(dict.fromkeys(cell for cells in self.cells.values() for cell in cells))
+        return reduce(
+            add, (one.placed(map(names.index, self.cells[who]), len(names))
+                  for who, one in every.items())
+        )  # fmt: skip
 
     def beyond_chance(self) -> pd.Series:
         """Return the p values that are beyond chance, by person and test, the smallest first.
@@ -68,7 +76,7 @@ class GroupMisfit:
         return found[len(found) * found < BEYOND_CHANCE].sort_values(kind="stable")
 
     def cautions(self) -> list[str]:
-        """Return a warning that names whose data differ from the model in what."""
+        """Return a warning that names the people and the tests with a misfit."""
         found = self.beyond_chance()
         if found.empty:
             return []
@@ -78,7 +86,7 @@ class GroupMisfit:
         more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
         return [
             f"the model does not fit: data differ from it by more than chance in {told}{more}. "
-            "Parameters may be far off: see cells() (cells.csv) and plot_cells(), check for "
+            "Parameters may be far off: see cells() (people_cells.csv) and plot_cells(), check for "
             "guesses and for strengths in another unit, or fit another model"
         ]
 
@@ -92,11 +100,13 @@ def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
         Each person's likelihood and parameters; all have one model.
     """
     left = next(iter(people.values())).likelihood.model.left_out()
-    found = {}
+    found, cells = {}, {}
     for who, each in people.items():
+        design = each.likelihood.design
+        cells[who] = [design.label(cell) for cell in range(design.cells)]
         parts = [(replace(each.likelihood, model=part), each.vector) for part in left]
         found[who] = misfit(each, parts)
-    return GroupMisfit(found)
+    return GroupMisfit(found, cells)
 
 
 def averaged(cells: pd.DataFrame) -> pd.DataFrame | None:

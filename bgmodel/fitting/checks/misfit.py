@@ -8,7 +8,7 @@ conservative (Chernoff & Lehmann 1954).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -53,7 +53,7 @@ class Excess:
     variance : array (sums,)
         Their variance for as many trials of the model.
     parts : array (parts, sums)
-        What is predicted without each part of the simulated trials; no row if the model is exact.
+        Predictions without each part of the simulated trials; no row if the model is exact.
     size : array (sums,)
         Number of trials that a sum rests on.
     """
@@ -70,13 +70,16 @@ class Excess:
             self.parts + other.parts, self.size + other.size,
         )  # fmt: skip
 
-    def total(self) -> Excess:
-        """Return the sum of all sums."""
-        off, variance, parts, size = (
-            each.sum(axis=-1, keepdims=True)
-            for each in (self.off, self.variance, self.parts, self.size)
-        )
-        return Excess(off, variance, parts, size)
+    def placed(self, places: Iterable[int], count: int) -> Excess:
+        """Return as many sums as ``count``, these at their places and 0 elsewhere."""
+        at = list(places)
+
+        def spread(values: Array) -> Array:
+            found = np.zeros((*values.shape[:-1], count))
+            found[..., at] = values
+            return found
+
+        return Excess(*map(spread, (self.off, self.variance, self.parts, self.size)))
 
     def p(self, enough: float, fixed: int = 0) -> float:
         """Return the probability of a larger chi-square.

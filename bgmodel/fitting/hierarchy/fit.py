@@ -192,7 +192,7 @@ class GroupFit(Facts):
         return found | {"above_zero": float((draws > 0).mean())}
 
     def cautions(self) -> list[str]:
-        """Return warnings: data that the model does not fit, and chains that do not agree."""
+        """Return warnings: of misfit, and of chains that have not converged."""
         return [*self.misfit.cautions(), *self._short()]
 
     def _short(self) -> list[str]:

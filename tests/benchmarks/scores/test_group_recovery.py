@@ -101,6 +101,8 @@ def posteriors(sets, shift=0.0, narrower=1.0):
                     "low": mean - 1.645 * sd + 5,
                     "high": mean + 1.645 * sd + 5,
                     "rank": norm.cdf(true, mean, sd),
+                    "inside": 400,
+                    "draws": 400,
                     "rhat": 1.001,
                     "effective": 900.0,
                     "set": np.arange(sets),
@@ -151,6 +153,8 @@ def test_data_sets_of_an_earlier_run_are_taken_from_the_stored_table(tmp_path, m
     for name, table in whole.items():
         found = later[name][1].reset_index(drop=True)
         pd.testing.assert_frame_equal(found, table.reset_index(drop=True), check_dtype=False)
+    again = group_recovery.tables({"sets": every[every["set"] < 2]})
+    assert again["groups"][1]["set"].nunique() == 2
     write_table(condensed(every), path, seed=score.seed + 1, **given)
     assert len(list(group_recovery.pieces(False, 1))) == sum(SETS.values())
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binom
 
 from bgmodel.fitting.checks.group_misfit import TOGETHER, averaged, group_misfit
-from bgmodel.fitting.checks.misfit import TIMES, Excess
+from bgmodel.fitting.checks.misfit import Excess
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import Optimum, likelihood_of
 from bgmodel.fitting.simulated.error import jackknifed
@@ -46,7 +46,7 @@ def at_truth(choices):
     return group_misfit(found)
 
 
-def test_clean_groups_are_reported_as_often_as_stated():
+def test_groups_without_misfit_are_reported_as_often_as_stated():
     groups = 50
     found = [at_truth(people(seed=SEED + 1000 * number)) for number in range(groups)]
     p = np.array([list(each.together.values()) for each in found])
@@ -77,10 +77,19 @@ def test_one_person_who_guesses_is_named():
     assert "ben" in found.cautions()[0]
 
 
-def test_people_with_other_numbers_of_cells_are_summed_over_cells():
-    choices = people()
-    choices["ben"] = person(9.0, SEED + 1, strengths=STRENGTHS[1:])
-    assert all(0.001 < p <= 1 for p in at_truth(choices).together.values())
+def test_cells_are_summed_by_strength_whoever_lacks_one():
+    """Accuracy is raised at one strength and lowered at another: one sum of both would hide it."""
+    choices, rng = people(each=100), np.random.default_rng(SEED)
+    for who, some in choices.items():
+        response = some.response.copy()
+        for strength, to in ((0.1, 1), (0.4, 0)):
+            changed = (some.strength == strength) & (rng.random(some.trials) < 0.15)
+            response[changed] = to
+        keep = (some.strength > 0) | (who != "ben")
+        choices[who] = replace(some, response=response).where(keep)
+    found = at_truth(choices)
+    assert len(found.cells["ben"]) == len(STRENGTHS) - 1
+    assert found.together["accuracy"] < 1e-4
 
 
 def test_the_error_of_shared_simulated_trials_adds_up():
@@ -126,8 +135,3 @@ def test_a_person_without_errors_does_not_count_for_the_times_of_errors():
 def test_people_with_other_strengths_have_no_average():
     other = cells("b", 0.9, 0.5).assign(strength=[0.1, 0.3])
     assert averaged(pd.concat([cells("a", 0.9, 0.5), other])) is None
-
-
-def test_times_are_tested_in_each_person():
-    found = at_truth(people())
-    assert [each.p[TIMES] > 0 for each in found.people.values()] == [True] * len(PEOPLE)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.people import fit_people
 from circuits.errors import FitWarning, InputError
-from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
+from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
 
 GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
 
@@ -54,6 +55,26 @@ def test_log_likelihood_of_a_draw_is_that_of_its_parameters(group):
     likelihood = group.likelihoods["cleo"]
     vector = group.individual[1, 7, 2]
     assert group.log_likelihood[1, 7, 2] == pytest.approx(likelihood(vector))
+
+
+def test_cells_are_those_at_the_medians_of_each_person(group):
+    medians = group.to_dataframe().pivot(index="participant", columns="parameter", values="median")
+    found = group.cells().set_index("participant")
+    for who, likelihood in group.likelihoods.items():
+        vector = medians.loc[who, group.parameters].to_numpy()
+        expected = cells_of(likelihood.design, likelihood.density(vector))
+        assert found.loc[who, "model_mean_s"] == pytest.approx(expected["model_mean_s"][0])
+        assert found.loc[who, "accuracy"] == expected["accuracy"][0]
+
+
+def test_guesses_are_warned_of():
+    some, rng = table(trials=100), np.random.default_rng(SEED)
+    guess = rng.random(len(some)) < 0.3
+    some.loc[guess, "rt"] = rng.uniform(0.15, 0.25, guess.sum())
+    some.loc[guess, "response"] = rng.integers(0, 2, guess.sum())
+    with short_chains(), pytest.warns(FitWarning) as warned:
+        fit_people(some, **GAP, most_draws=MOST)
+    assert [str(each.message) for each in warned if "does not fit" in str(each.message)]
 
 
 def test_same_seed_same_bytes(group):
