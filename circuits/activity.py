@@ -346,7 +346,7 @@ def total_nats(circuit: CircuitTable, drive: Array) -> Array:
     """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
     circuit.check_nats("S = ln sum exp y")
     # One channel after the other: NumPy is slow along a last axis of a few numbers.
-    channels = [drive[..., i] for i in range(circuit.channels)]
+    channels = list(np.moveaxis(drive[..., : circuit.channels], -1, 0))
     top = reduce(np.maximum, channels)
     total = top + np.log(sum(np.exp(channel - top) for channel in channels))
     above: Array = circuit.reference_nats + total - np.log(circuit.channels)
