@@ -73,11 +73,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     found = pd.concat([old, new])[list(new)] if apart else new
     found = found.sort_values(["by", "set"], kind="stable", ascending=[False, True])
     first = without_gap(found)
-    return {
-        "numbers": ("sets", numbers(first)),
-        "pooled": ("sets", pooled(first)),
-        "groups": ("sets", found),
-    }
+    summaries = {} if first.empty else {"numbers": numbers(first), "pooled": pooled(first)}
+    return {name: ("sets", table) for name, table in {**summaries, "groups": found}.items()}
 
 
 def without_gap(found: pd.DataFrame) -> pd.DataFrame:

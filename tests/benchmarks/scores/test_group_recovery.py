@@ -166,6 +166,7 @@ def test_data_sets_after_a_gap_wait(tmp_path, monkeypatch):
     some = group_recovery.tables({"sets": every[~every["set"].isin([7, 30])]})
     assert (some["numbers"][1]["sets"] == 7).all()
     assert some["groups"][1]["set"].nunique() == 38
+    assert list(group_recovery.tables({"sets": every[every["set"] > 3]})) == ["groups"]
 
 
 def test_a_number_that_did_not_converge_counts_against_its_set():
