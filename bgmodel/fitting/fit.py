@@ -137,14 +137,8 @@ class Fit(Facts):
         return table
 
     def cells(self) -> pd.DataFrame:
-        """Return data and model for each cell of the design, one row per cell; see ``cells_of``.
-
-        Two more columns, z_accuracy and z_mean_rt, are the difference between data and model in
-        standard deviations; see ``misfit.Misfit``.
-        """
-        table = cells_of(self.optimum.likelihood.design, self.optimum.density)
-        z = {"z_accuracy": self.misfit.z_accuracy, "z_mean_rt": self.misfit.z_mean_rt}
-        return table.assign(**z)
+        """Return data and model for each cell of the design; see ``cells_with_misfit``."""
+        return cells_with_misfit(self.optimum, self.misfit)
 
 
 def widened(drawn: Posterior, simulation: Array) -> Array:
@@ -168,6 +162,16 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
     low, high = drawn.interval(SHARE)
     half = NormalDist().inv_cdf((1 + SHARE) / 2) * np.nan_to_num(simulation)
     return np.stack([middle - np.hypot(middle - low, half), middle + np.hypot(high - middle, half)])
+
+
+def cells_with_misfit(found: Optimum, apart: Misfit) -> pd.DataFrame:
+    """Return data and model for each cell of the design, one row per cell; see ``cells_of``.
+
+    Two more columns, z_accuracy and z_mean_rt, are the difference between data and model in
+    standard deviations; see ``misfit.Misfit``.
+    """
+    table = cells_of(found.likelihood.design, found.density)
+    return table.assign(z_accuracy=apart.z_accuracy, z_mean_rt=apart.z_mean_rt)
 
 
 def cells_of(design: Design, density: Array) -> pd.DataFrame:

@@ -32,6 +32,7 @@ from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.quantiles import conditions_of
 
 TOGETHER = "all people together"
+"""Name of the sums over people in warnings, in place of a person's."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,12 @@ class GroupMisfit:
     ----------
     people : dict of str to Misfit
         That of each person.
-    cells : dict of str to list of str
-        Names of each person's cells.
+    cells : dict of str to list of tuple
+        Strength and levels of conditions of each person's cells.
     """
 
     people: dict[str, Misfit]
-    cells: dict[str, list[str]]
+    cells: dict[str, list[tuple[float | str, ...]]]
 
     @cached_property
     def together(self) -> dict[str, float]:
@@ -59,11 +60,13 @@ class GroupMisfit:
         every = {who: each.excess[test] for who, each in self.people.items()}
         if test == TIMES:
             return reduce(add, every.values())
-        names = list(dict.fromkeys(cell for cells in self.cells.values() for cell in cells))
-        return reduce(
-            add, (one.placed(map(names.index, self.cells[who]), len(names))
-                  for who, one in every.items())
-        )  # fmt: skip
+        cells = dict.fromkeys(cell for own in self.cells.values() for cell in own)
+        place = {cell: number for number, cell in enumerate(cells)}
+        parts = (
+            one.placed([place[cell] for cell in self.cells[who]], len(place))
+            for who, one in every.items()
+        )
+        return reduce(add, parts)
 
     def beyond_chance(self) -> pd.Series:
         """Return the p values that are beyond chance, by person and test, the smallest first.
@@ -103,7 +106,7 @@ def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
     found, cells = {}, {}
     for who, each in people.items():
         design = each.likelihood.design
-        cells[who] = [design.label(cell) for cell in range(design.cells)]
+        cells[who] = list(zip(design.strength.tolist(), *design.conditions.values(), strict=True))
         parts = [(replace(each.likelihood, model=part), each.vector) for part in left]
         found[who] = misfit(each, parts)
     return GroupMisfit(found, cells)

@@ -8,7 +8,7 @@ conservative (Chernoff & Lehmann 1954).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,13 +70,12 @@ class Excess:
             self.parts + other.parts, self.size + other.size,
         )  # fmt: skip
 
-    def placed(self, places: Iterable[int], count: int) -> Excess:
+    def placed(self, places: Sequence[int], count: int) -> Excess:
         """Return as many sums as ``count``, these at their places and 0 elsewhere."""
-        at = list(places)
 
         def spread(values: Array) -> Array:
             found = np.zeros((*values.shape[:-1], count))
-            found[..., at] = values
+            found[..., places] = values
             return found
 
         return Excess(*map(spread, (self.off, self.variance, self.parts, self.size)))

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.checks.group_misfit import GroupMisfit, averaged, group_misfit
-from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
@@ -158,10 +158,8 @@ class GroupFit(Facts):
         """
         parts = []
         for who, each in self.typical.items():
-            own = self.misfit.people[who]
-            table = cells_of(each.likelihood.design, each.density)
-            table.insert(0, "participant", who)
-            parts.append(table.assign(z_accuracy=own.z_accuracy, z_mean_rt=own.z_mean_rt))
+            parts.append(cells_with_misfit(each, self.misfit.people[who]))
+            parts[-1].insert(0, "participant", who)
         return pd.concat(parts, ignore_index=True)
 
     def difference(self, first: str, second: str) -> dict[str, float]:
