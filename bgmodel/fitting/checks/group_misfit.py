@@ -53,9 +53,9 @@ class GroupMisfit:
     @cached_property
     def together(self) -> dict[str, float]:
         """Probability of a larger chi-square of all people together, for each of three tests."""
-        return p_values({test: self._sum(test) for test in ENOUGH})
+        return p_values({test: self.sums(test) for test in ENOUGH})
 
-    def _sum(self, test: str) -> Excess:
+    def sums(self, test: str) -> Excess:
         """Return the sums over all people; those of cells by cell, which some may lack."""
         every = {who: each.excess[test] for who, each in self.people.items()}
         if test == TIMES:

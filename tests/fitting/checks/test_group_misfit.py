@@ -90,6 +90,12 @@ def test_cells_are_summed_by_strength_whoever_lacks_one():
     found = at_truth(choices)
     assert len(found.cells["ben"]) == len(STRENGTHS) - 1
     assert found.together["accuracy"] < 1e-4
+    by_strength = dict.fromkeys([0.0, 0.1, 0.2, 0.4], 0.0)
+    for who, each in found.people.items():
+        for (strength,), off in zip(found.cells[who], each.excess["accuracy"].off, strict=True):
+            by_strength[strength] += off
+    off = found.sums("accuracy").off
+    assert sorted(off) == pytest.approx(sorted(by_strength.values()))
 
 
 def test_cells_of_almost_equal_strengths_are_all_counted():
@@ -101,7 +107,7 @@ def test_cells_of_almost_equal_strengths_are_all_counted():
     found = at_truth(choices)
     assert len(set(found.cells["ben"])) == 2 * len(STRENGTHS) - 1
     whole = sum(each.excess["accuracy"].off.sum() for each in found.people.values())
-    assert found._sum("accuracy").off.sum() == pytest.approx(whole)
+    assert found.sums("accuracy").off.sum() == pytest.approx(whole)
 
 
 def test_the_error_of_shared_simulated_trials_adds_up():
