@@ -10,7 +10,6 @@ from scipy.stats import binom, kstest
 
 from benchmarks.methods.group_recovery import MOST_SD, RANGES, group
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.archive import Archive
 from bgmodel.fitting.hierarchy.group import group_of
 from bgmodel.fitting.hierarchy.sampler import Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
@@ -45,8 +44,8 @@ def ranks(number, shift=0.0):
     expansion = Expansion(point, pull, np.array([np.diag(each**2 / ERRORS**2) for each in slope]))
     sampler = Sampler([Measured(each) for each in values], expansion)
     state, warm = sampler.run(sampler.first(group_of(point), rng), WARM_UP)
-    archive = Archive(warm.scaled[WARM_UP // 4 :].swapaxes(0, 1))
-    _, draws = Sampler(sampler.people, expansion, archive).run(state, SWEEPS)
+    guided = sampler.guided(warm.part(WARM_UP // 4), rng)
+    _, draws = guided.run(state, SWEEPS)
     low, high = SCALE.to(np.array([RANGES[name] for name in NAMES]).T)
     inside = (draws.mean >= low) & (draws.mean <= high) & (draws.sd <= MOST_SD)
     inside = inside.all(axis=1)

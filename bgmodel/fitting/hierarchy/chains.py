@@ -5,31 +5,33 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.archive import Archive
 from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.guide import Guide
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, joined
+from bgmodel.fitting.hierarchy.surrogate import Surrogate
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.processes import processes
 from bgmodel.support.seeds import stream
 
-CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 200, 200, 4000
+CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 """Number of chains, rounds of the warm-up, sweeps in each of them, sweeps between two checks, and
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
 ARRAYS = ("mean", "sd", "scaled", "log_likelihood")
+GUIDE, SURROGATE = ("root", "step", "vague"), fields(Surrogate)
 
 Run = Callable[[list[State], int], list[tuple[State, Draws]]]
-# Archive of the warm-up, and state and draws of each chain.
-Kept = tuple[Archive, list[State], list[Draws]]
+# Sampler after the warm-up, and state and draws of each chain.
+Kept = tuple[Sampler, list[State], list[Draws]]
 
 _here: list[Sampler] = []
 
@@ -98,33 +100,34 @@ def sampled(
     tell : function
         Called with a text on the progress.
     """
-    kept = _kept(path)
+    kept = _kept(path, sampler)
     if kept is None:
-        tell("warm-up")
-        states = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
-        kept = _warmed(sampler, states, workers)
-    archive, states, draws = kept
-    with _runner(replace(sampler, archive=archive), workers) as run:
+        kept = _warmed(sampler, group, seed, workers, tell)
+    guided, states, draws = kept
+    with _runner(guided, workers) as run:
         while not draws or not _ended(draws, most, tell):
             states, draws = _longer(states, draws, run)
-            _keep(path, archive, states, draws)
+            _keep(path, guided, states, draws)
     return draws
 
 
-def _warmed(sampler: Sampler, states: list[State], workers: int) -> Kept:
-    """Return the archive of a warm-up, and the states at its end.
+def _warmed(
+    sampler: Sampler, group: Group, seed: int, workers: int, tell: Callable[[str], None]
+) -> Kept:
+    """Return the sampler with the guide of a warm-up, and the states at its end.
 
-    In each round proposals are near the draws of the round before, from all chains, so that every
+    In each round the guide is made from the draws of the round before, of all chains, so that every
     chain reaches what any of them has found. The first quarter of a round is left out.
     """
-    for _ in range(ROUNDS):
+    states = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
+    for number in range(ROUNDS):
+        tell(f"warm-up {number + 1} of {ROUNDS}")
         with _runner(sampler, workers) as run:
             found = run(states, WARM_UP)
         states = [state for state, _ in found]
-        late = [draws.scaled[len(draws) // 4 :] for _, draws in found]
-        archive = Archive(np.concatenate(late).swapaxes(0, 1))
-        sampler = replace(sampler, archive=archive)
-    return archive, states, []
+        late = joined([draws.part(len(draws) // 4) for _, draws in found])
+        sampler = sampler.guided(late, stream(seed, "surrogate", number))
+    return sampler, states, []
 
 
 def _longer(states: list[State], draws: list[Draws], run: Run) -> tuple[list[State], list[Draws]]:
@@ -163,30 +166,35 @@ def _run(state: State, sweeps: int) -> tuple[State, Draws]:
     return _here[0].run(state, sweeps)
 
 
-def _keep(path: Path | None, archive: Archive, states: list[State], draws: list[Draws]) -> None:
-    """Write the archive, the draws of all chains and their random numbers atomically."""
-    if path is None:
+def _keep(path: Path | None, sampler: Sampler, states: list[State], draws: list[Draws]) -> None:
+    """Write the guide, the draws of all chains and their random numbers atomically."""
+    if path is None or sampler.guide is None:
         return
     numbers = json.dumps([each.rng.bit_generator.state for each in states])
     arrays: dict[str, Any] = {
         name: np.stack([getattr(each, name) for each in draws]) for name in ARRAYS
     }
+    guide = {name: getattr(sampler.guide, name) for name in GUIDE}
+    surrogate = {each.name: getattr(sampler.guide.surrogate, each.name) for each in SURROGATE}
     with files.replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, rng=np.array(numbers), archive=archive.draws, **arrays)
+        np.savez(file, rng=np.array(numbers), **guide, **surrogate, **arrays)
 
 
-def _kept(path: Path | None) -> Kept | None:
+def _kept(path: Path | None, sampler: Sampler) -> Kept | None:
     """Return kept chains; None without a complete file."""
     if path is None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
             parts = [file[name] for name in ARRAYS]
-            numbers, archive = json.loads(str(file["rng"])), Archive(file["archive"])
+            numbers = json.loads(str(file["rng"]))
+            surrogate = Surrogate(*(file[each.name] for each in SURROGATE))
+            guide = Guide(surrogate, *(file[name] for name in GUIDE))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
-    return archive, [_restored(*each) for each in zip(draws, numbers, strict=True)], draws
+    states = [_restored(*each) for each in zip(draws, numbers, strict=True)]
+    return replace(sampler, guide=guide), states, draws
 
 
 def _restored(draws: Draws, numbers: dict[str, Any]) -> State:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.approximation import Expansion, Person, Proposal
-from bgmodel.fitting.hierarchy.archive import Archive
+from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.guide import Guide, guide_of
+from bgmodel.fitting.hierarchy.surrogate import surrogate_of
 from bgmodel.support.arrays import Array
 
-SINGLE, EARLIER = 0.25, 0.5
-"""Share of proposals that change one parameter of a person, and of the others that are near earlier
-draws."""
+SINGLE = 0.25
+"""Share of proposals that change one parameter of a person."""
+UNGUIDED = 0.2
+"""Share of the sweeps with a guide that move people without it."""
 ALONE = 0.5
 """Share of the draws with standard scores fixed that are of one parameter."""
 
@@ -43,11 +45,15 @@ class Draws:
         """Return the number of draws."""
         return len(self.mean)
 
+    def part(self, first: int) -> Draws:
+        """Return the draws from a number on."""
+        return Draws(*(getattr(self, each.name)[first:] for each in fields(self)))
+
 
 def joined(parts: Sequence[Draws]) -> Draws:
-    """Return consecutive draws of one chain as one."""
-    fields = ("mean", "sd", "scaled", "log_likelihood")
-    return Draws(*(np.concatenate([getattr(each, name) for each in parts]) for name in fields))
+    """Return parts of a chain, or several chains, one after the other."""
+    names = [each.name for each in fields(Draws)]
+    return Draws(*(np.concatenate([getattr(each, name) for each in parts]) for name in names))
 
 
 @dataclass(frozen=True)
@@ -82,26 +88,29 @@ class Sampler:
         Exact likelihood of each person's trials.
     expansion : Expansion
         Its approximation.
-    archive : Archive, optional
-        Draws of the warm-up.
+    guide : Guide, optional
+        Moves under a surrogate, made from draws without it.
 
     Notes
     -----
     A sweep has three steps. It draws each person's parameters given the group: the proposal is the
     approximate likelihood times the distribution of the group, with heavier tails, or, in a share
     ``SINGLE`` of proposals, one parameter from the distribution of the group, which reaches the
-    long tails of parameters that the trials hardly determine; in the chains proper, half of the
-    others are near draws of the warm-up. The exact likelihood accepts or rejects them. It draws the
-    group given its people. And it draws the group's means and standard deviations once more with
-    everyone's standard scores fixed, so that everyone moves with them (interweaving, Yu & Meng
-    2011): parameters that one person's trials hardly determine would mix slowly without it. Most
-    of these draws are of the mean and the standard deviation of one parameter, which are accepted
-    far more often than those of all at once.
+    long tails of parameters that the trials hardly determine. The exact likelihood accepts or
+    rejects it. It draws the group given its people. And it draws the group's means and standard
+    deviations once more with everyone's standard scores fixed, so that everyone moves with them
+    (interweaving, Yu & Meng 2011): parameters that one person's trials hardly determine would mix
+    slowly without it. Most of these draws are of the mean and the standard deviation of one
+    parameter, which are accepted far more often than those of all at once.
+
+    With a guide, the first step is mostly, and the last one always, a chain of many such moves
+    under the surrogate, whose end the exact likelihood accepts or rejects. It costs as many exact
+    likelihoods as one proposal, and its end depends little on its beginning.
     """
 
     people: list[Person]
     expansion: Expansion
-    archive: Archive | None = None
+    guide: Guide | None = None
 
     @cached_property
     def vague(self) -> Array:
@@ -119,9 +128,13 @@ class Sampler:
         """Return the state after some sweeps, and those after each of them."""
         kept = []
         for _ in range(sweeps):
-            state = self._individual(state)
+            guide = self.guide
+            if guide is None or state.rng.random() < UNGUIDED:
+                state = self._individual(state)
+            else:
+                state = self._guided(guide, state)
             state = replace(state, group=state.group.drawn(state.scaled, state.rng))
-            state = self._together(state)
+            state = self._together(state) if guide is None else self._guided_together(guide, state)
             sd = np.sqrt(state.group.variance)
             # The square of the kept root, so that a chain continues from it with the same bytes.
             state = replace(state, group=Group(state.group.mean, sd**2))
@@ -136,28 +149,14 @@ class Sampler:
         group, now, rng = state.group, state.scaled, state.rng
         proposal = self.expansion.times(group)
         asked = proposal.draw(rng)
-        if self.archive is not None:
-            earlier = rng.random(len(now)) < EARLIER
-            asked = np.where(earlier[:, None], self.archive.draw(rng), asked)
         single = rng.random(len(now)) < SINGLE
         asked = np.where(single[:, None], self._single(state), asked)
         log = self._logs(asked)
         gain = log - state.log
         # A parameter drawn from the group: its density cancels that of the prior.
-        apart = self._density(proposal, asked) - self._density(proposal, now)
+        apart = proposal.log_density(asked) - proposal.log_density(now)
         gain += np.where(single, 0.0, group.log_prior(asked) - group.log_prior(now) - apart)
-        taken = np.log(rng.uniform(size=len(gain))) < gain
-        scaled = np.where(taken[:, None], asked, now)
-        return State(group, scaled, np.where(taken, log, state.log), rng)
-
-    def _density(self, proposal: Proposal, scaled: Array) -> Array:
-        """Return the log density of proposals at everyone's parameters, (people,)."""
-        near = proposal.log_density(scaled)
-        if self.archive is None:
-            return near
-        earlier = self.archive.log_density(scaled)
-        both = np.log(1 - EARLIER) + near, np.log(EARLIER) + earlier
-        return np.asarray(np.logaddexp(*both))
+        return _taken(state, asked, log, gain)
 
     def _single(self, state: State) -> Array:
         """Return everyone's parameters with one of them drawn from the group, (people, ...)."""
@@ -186,3 +185,38 @@ class Sampler:
         gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now[which])
         taken = np.log(rng.uniform()) < gain
         return State(group, scaled, log, rng) if taken else state
+
+    def _guided(self, guide: Guide, state: State) -> State:
+        """Move each person along the surrogate given the group."""
+        asked, rise = guide.people_moved(state.group, state.scaled, state.rng)
+        log = self._logs(asked)
+        return _taken(state, asked, log, log - state.log - rise)
+
+    def _guided_together(self, guide: Guide, state: State) -> State:
+        """Move the group and its people along the surrogate."""
+        group, asked, rise = guide.all_moved(state.group, state.scaled, state.rng)
+        log = self._logs(asked)
+        taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
+        return State(group, asked, log, state.rng) if taken else state
+
+    def guided(self, draws: Draws, rng: np.random.Generator) -> Sampler:
+        """Return the sampler with a guide made from draws."""
+        surrogate = surrogate_of(self.people, draws.scaled, draws.log_likelihood, rng)
+        return replace(self, guide=guide_of(surrogate, draws.mean, draws.sd, self.vague))
+
+
+def _taken(state: State, asked: Array, log: Array, gain: Array) -> State:
+    """Return the state with those of everyone's proposals that are accepted.
+
+    Parameters
+    ----------
+    state : State
+        The state.
+    asked, log : array (people, parameters), (people,)
+        Proposals and their log likelihoods.
+    gain : array (people,)
+        Logs of the ratios of acceptance.
+    """
+    taken = np.log(state.rng.uniform(size=len(gain))) < gain
+    scaled = np.where(taken[:, None], asked, state.scaled)
+    return State(state.group, scaled, np.where(taken, log, state.log), state.rng)

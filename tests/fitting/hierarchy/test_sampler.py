@@ -7,7 +7,6 @@ import pytest
 from arviz_stats.base import array_stats
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.archive import Archive
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
 from bgmodel.fitting.hierarchy.sampler import Sampler, joined
 from bgmodel.fitting.hierarchy.scale import log_uniform
@@ -52,12 +51,12 @@ def expansion(people, shift=0.0, narrower=1.0):
     return Expansion(points, np.zeros(points.shape), precisions)
 
 
-def draws(approximation, people, sweeps, parameters=2, archived=False):
+def draws(approximation, people, sweeps, parameters=2, guided=False):
     sampler = Sampler(people, approximation)
     group = Group(np.zeros(parameters), np.ones(parameters))
     state, warm = sampler.run(sampler.first(group, stream(SEED)), 200)
-    if archived:
-        sampler = replace(sampler, archive=Archive(warm.scaled.swapaxes(0, 1)))
+    if guided:
+        sampler = sampler.guided(warm, stream(SEED, "surrogate"))
     return sampler.run(state, sweeps)[1]
 
 
@@ -71,12 +70,12 @@ def people():
 
 
 @pytest.mark.parametrize(
-    ("shift", "narrower", "archived"),
+    ("shift", "narrower", "guided"),
     [(0.0, 1.0, False), (0.3, 0.7, False), (0.6, 0.5, True)],
-    ids=["exact", "misplaced", "earlier draws"],
+    ids=["exact", "misplaced", "guided"],
 )
-def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, archived):
-    found = draws(expansion(people, shift, narrower), people, 2000, archived=archived)
+def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, guided):
+    found = draws(expansion(people, shift, narrower), people, 2000, guided=guided)
     for k, factor in enumerate((1.0, 3.0)):
         estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
         mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
@@ -118,22 +117,42 @@ def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
     assert len(whole) == 30
 
 
-def test_people_given_the_group_have_their_exact_posterior_whatever_earlier_draws_were(people):
-    # Earlier draws that are narrow and off the posterior: only their density corrects for that.
-    middles, errors = ESTIMATES, ERRORS
-    rng = stream(SEED, "archive")
-    spread = np.stack([errors, 3 * errors], axis=1)[:, None]
-    around = np.stack([middles, 0.5 * middles], axis=1)[:, None] + 0.7 * spread
-    earlier = Archive(around + 0.6 * spread * rng.normal(size=(len(middles), 200, 2)))
-    sampler = replace(Sampler(people, expansion(people)), archive=earlier)
-    group = Group(np.zeros(2), np.ones(2))
-    state, kept = sampler.first(group, rng), []
+@pytest.fixture(scope="module")
+def astray(people):
+    """Return a sampler whose surrogate is of people with other and less certain estimates."""
+    others = [Gaussian(each.middle + 0.7 * each.error, 1.4 * each.error) for each in people]
+    sampler, start = Sampler(others, expansion(others)), Group(np.zeros(2), np.ones(2))
+    _, warm = sampler.run(sampler.first(start, stream(SEED)), 300)
+    guide = sampler.guided(warm, stream(SEED, "astray")).guide
+    return replace(Sampler(people, expansion(people)), guide=guide)
+
+
+def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
+    state = astray.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "astray"))
+    _, found = astray.run(state, 4000)
+    for k, factor in enumerate((1.0, 3.0)):
+        estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
+        mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
+        for draws_, middle, spread in (
+            (found.mean[:, k], mean, mean_sd),
+            (found.sd[:, k], sd, sd_sd),
+        ):
+            size = array_stats.ess(draws_[None], chain_axis=0, draw_axis=1)
+            assert size > 75
+            assert draws_.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(size))
+
+
+@pytest.mark.parametrize("step", ["_individual", "_guided"])
+def test_people_given_the_group_have_their_exact_posterior(people, astray, step):
+    group, rng = Group(np.zeros(2), np.ones(2)), stream(SEED, "people")
+    state, kept = astray.first(group, rng), []
     for _ in range(3000):
-        state = sampler._individual(state)
+        given = (state,) if step == "_individual" else (astray.guide, state)
+        state = getattr(astray, step)(*given)
         kept.append(state.scaled)
     draws_ = np.array(kept)
-    precision = 1 / spread[:, 0] ** 2
-    exact = precision * np.stack([middles, 0.5 * middles], axis=1) / (1 + precision)
+    precision = 1 / np.array([each.error for each in people]) ** 2
+    exact = precision * np.array([each.middle for each in people]) / (1 + precision)
     sd = 1 / np.sqrt(1 + precision)
     size = array_stats.ess(np.moveaxis(draws_, 0, 2)[:, :, None], chain_axis=2, draw_axis=3)
     assert size.min() > 300

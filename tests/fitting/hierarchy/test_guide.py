@@ -1,0 +1,81 @@
+"""Moves under a surrogate leave the posterior under that surrogate as it is, and are reversible."""
+
+import numpy as np
+import pytest
+from scipy.stats import ks_2samp
+
+from bgmodel.fitting.hierarchy import guide as moves
+from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.guide import guide_of
+from bgmodel.fitting.hierarchy.surrogate import surrogate_of
+from bgmodel.support.seeds import stream
+
+SEED, PEOPLE = 24_317, 5
+MIDDLES = np.linspace(-1, 2, PEOPLE)
+
+
+def person(middle):
+    return lambda x: float(-(((x - middle) / 0.7) ** 2).sum() / 2)
+
+
+@pytest.fixture(scope="module")
+def guide():
+    people, rng = [person(each) for each in MIDDLES], stream(SEED)
+    draws = MIDDLES[:, None] + 0.7 * rng.normal(size=(300, PEOPLE, 2))
+    logs = np.array([[p(x) for p, x in zip(people, each, strict=True)] for each in draws])
+    surrogate = surrogate_of(people, draws, logs, rng)
+    groups = rng.normal(0.5, 0.4, size=(2, 100, 2))
+    return guide_of(surrogate, groups[0], np.abs(groups[1]), np.array([0.6, 0.4]))
+
+
+def pairs(guide, count=6000):
+    """Return consecutive states of a chain of guided moves: mean, sd and first person."""
+    group, scaled = Group(np.zeros(2), np.ones(2)), np.tile(MIDDLES[:, None], 2).astype(float)
+    rng, kept = stream(SEED, "chain"), []
+    for _ in range(count):
+        group, scaled, _ = guide.all_moved(group, scaled, rng)
+        kept.append([*group.mean, *np.log(group.variance), *scaled[0]])
+    return np.array(kept[100:])
+
+
+def test_moves_are_reversible(guide, monkeypatch):
+    # Few moves, so that a state depends on the one before; steps up and down are then equally
+    # common of any size, which a chain that cycles in one direction would violate.
+    monkeypatch.setattr(moves, "TOGETHER", 6)
+    kept = pairs(guide)
+    for column in kept.T:
+        assert np.corrcoef(column[1:], column[:-1])[0, 1] > 0.1
+    # A function of both states and its mirror image have one mean.
+    now, then = kept[:-1], kept[1:]
+    for k in range(kept.shape[1]):
+        for j in range(kept.shape[1]):
+            apart = now[:, k] ** 2 * then[:, j] - then[:, k] ** 2 * now[:, j]
+            blocks = apart[: len(apart) // 50 * 50].reshape(50, -1).mean(axis=1)
+            assert abs(blocks.mean()) < 4.5 * blocks.std() / np.sqrt(50), (k, j)
+
+
+def test_the_rise_is_that_of_the_surrogate(guide):
+    rng, scaled = stream(SEED, "rise"), np.tile(MIDDLES[:, None], 2).astype(float)
+    group = Group(np.zeros(2), np.ones(2))
+    before = scaled.copy()
+    for moved in (guide.people_moved(group, scaled, rng), guide.all_moved(group, scaled, rng)[1:]):
+        now, rise = moved
+        assert rise == pytest.approx(guide.surrogate(now) - guide.surrogate(before))
+    assert scaled.tobytes() == before.tobytes()
+    assert group.mean.tolist() == [0.0, 0.0]
+
+
+def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeypatch):
+    monkeypatch.setattr(moves, "ALONE", 200)
+    group, found = Group(np.array([0.5, 0.0]), np.array([1.0, 0.3])), []
+    for first in (-3.0, 3.0):
+        rng = stream(SEED, "people", first)
+        start = np.full((PEOPLE, 2), first)
+        found.append([guide.people_moved(group, start, rng)[0].ravel() for _ in range(400)])
+    for one, other in zip(*(np.array(each).T for each in found), strict=True):
+        assert ks_2samp(one, other).pvalue > 1e-4
+    # And have the product of both Gaussians.
+    precision = 1 / 0.7**2 + 1 / group.variance
+    exact = (MIDDLES[:, None] / 0.7**2 + group.mean / group.variance) / precision
+    mean = np.array(found).reshape(800, PEOPLE, 2).mean(axis=0)
+    assert np.abs((mean - exact) * np.sqrt(800 * precision)).max() < 4

@@ -1,0 +1,71 @@
+"""Surrogates of log likelihoods."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.hierarchy.surrogate import HIGHER, surrogate_of
+from bgmodel.support.seeds import stream
+
+SEED = 24_316
+
+
+def quadratic(x):
+    return float(-3 - x[0] ** 2 - 2 * (x[1] - 0.3 * x[0]) ** 2)
+
+
+def bent(x):
+    """Flat for negative values of the second parameter, as the likelihood of few lapses is."""
+    return float(-40 - 2 * x[0] ** 2 - 3 * np.logaddexp(0, 2 * x[1]))
+
+
+def two_modes(x):
+    return float(np.logaddexp(-(x**2).sum(), -((x - 2.5) ** 2).sum() - 1))
+
+
+def drawn(person, count, spread=1.0):
+    """Return draws from the posterior of a person under a standard normal prior."""
+    rng, x, kept = stream(SEED, person.__name__), np.zeros(2), []
+    for _ in range(20 * count):
+        asked = x + spread * rng.normal(size=2)
+        gain = person(asked) - person(x) - (asked @ asked - x @ x) / 8
+        x = asked if np.log(rng.random()) < gain else x
+        kept.append(x)
+    draws = np.array(kept[::20])[:, None]
+    return draws, np.array([[person(each)] for each in draws[:, 0]])
+
+
+@pytest.mark.parametrize("person", [quadratic, bent, two_modes])
+def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
+    draws, logs = drawn(person, 900)
+    found = surrogate_of([person], draws[:450], logs[:450], stream(SEED))
+    error = [found(x)[0] - log[0] for x, log in zip(draws[450:], logs[450:], strict=True)]
+    assert np.std(logs[450:]) > 0.5
+    assert np.median(np.abs(error)) < 0.02
+    # Far below the highest it is allowed to be less exact.
+    below = logs.max() - logs[450:, 0]
+    assert (np.abs(error) < 0.1 + 0.1 * below).all()
+
+
+def test_everyone_has_an_own_one():
+    parts = [drawn(each, 300) for each in (quadratic, bent)]
+    draws, logs = (np.concatenate(both, axis=1) for both in zip(*parts, strict=True))
+    both = surrogate_of([quadratic, bent], draws, logs, stream(SEED))
+    x = np.array([[0.3, 0.2], [-0.4, 0.1]])
+    assert both(x) == pytest.approx([quadratic(x[0]), bent(x[1])], abs=0.1)
+
+
+def test_far_away_it_is_at_most_a_nat_above_the_highest_draw():
+    draws, logs = drawn(bent, 300)
+    found = surrogate_of([bent], draws, logs, stream(SEED))
+    far = [found(np.array([x]))[0] for x in stream(SEED, "far").normal(0, 50, size=(200, 2))]
+    assert max(far) <= found.highest[0] <= logs.max() + HIGHER + 0.5
+
+
+def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
+    def person(x):
+        return float(-(x[0] ** 2))
+
+    draws = np.repeat(np.linspace(-1, 1, 5), 30)[:, None, None]
+    logs = np.array([[person(x)] for x in draws[:, 0]])
+    found = surrogate_of([person], draws, logs, stream(SEED))
+    assert found(np.array([[0.4]]))[0] == pytest.approx(-0.16, abs=0.02)
