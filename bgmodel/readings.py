@@ -7,7 +7,7 @@ import numpy as np
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from circuits.errors import DataWarning
 
-MOST_TRIALS = 1000
+MOST_TRIALS = 200
 """Number of trials examined: sufficient, and quick."""
 FEWEST_READINGS = 100
 """Number of readings below which there is no warning."""
@@ -56,7 +56,7 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
         return
     if read.all():
         _warn_of_padding(values)
-    told = values[read]
+    told = values if read.all() else values[read]
     if told.min() > 0 and told.max() < 1 and np.ptp(told) > 0:
         DataWarning.warn(
             "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
@@ -82,7 +82,10 @@ def _warn_of_padding(values: Reals) -> None:
     values : array (trials, steps, hypotheses)
         Log-likelihoods of trials that are taken to be of the same length, nats.
     """
-    empty = (values == values[:, :, :1]).all(axis=2)
+    # Hypothesis by hypothesis: NumPy is slow along axes of few elements.
+    empty = np.ones(values.shape[:2], bool)
+    for k in range(1, values.shape[2]):
+        empty &= values[:, :, k] == values[:, :, 0]
     empty = empty[~empty.all(axis=1)]
     ends = empty[:, ::-1].cumprod(axis=1).sum(axis=1)
     if empty.sum() == ends.sum() >= PADDED and np.ptp(ends) > 0:
@@ -160,11 +163,16 @@ def serial_correlation(values: Reals, read: Truths) -> float:
     """
     long = read.sum(axis=1) >= SHORTEST
     values, read = values[long].astype(np.float64), read[long]
-    between = values - values.mean(axis=2, keepdims=True)
-    mean = (between * read[:, :, None]).sum(axis=1) / read.sum(axis=1)[:, None]
-    deviation = (between - mean[:, None]) * read[:, :, None]
-    variance = (deviation**2).sum()
+    common = sum(np.moveaxis(values, 2, 0)) / values.shape[2]
+    counts = read.sum(axis=1)[:, None]
+    variance = squares = products = 0.0
+    # Hypothesis by hypothesis: NumPy is slow along axes of few elements.
+    for k in range(values.shape[2]):
+        between = values[:, :, k] - common
+        deviation = between - (between * read).sum(axis=1, keepdims=True) / counts
+        deviation *= read
+        squares += (between**2).sum()
+        variance += (deviation**2).sum()
+        products += (deviation[:, 1:] * deviation[:, :-1]).sum()
     # Rounding error does not count as variance.
-    if not variance > 1e-12 * (between**2).sum():
-        return 0.0
-    return float((deviation[:, 1:] * deviation[:, :-1]).sum() / variance)
+    return float(products / variance) if variance > 1e-12 * squares else 0.0

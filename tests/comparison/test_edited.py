@@ -115,9 +115,10 @@ def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
     [TABLE, TABLE.lesion("STN", 0.3), TABLE.with_neurons(30)],
     ids=["intact", "crosses early", "noisy"],
 )
-@pytest.mark.parametrize("tau_ms", [None, 20.0])
-def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
-    """Below the lowest threshold a trial is over, unless the decoder has not got there."""
+@pytest.mark.parametrize(("tau_ms", "share"), [(None, 0.3), (20.0, 0.3), (20.0, 0.97)])
+def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, share):
+    """A trial is over where it is dropped, unless the decoder has not got there."""
+    monkeypatch.setattr("bgmodel.integrators.deciding.DROPPED", share)
     given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
     # Batches of 6: a trial that is run again has the noise of its place among all.
