@@ -4,6 +4,8 @@ Groups are drawn from the prior. People have Gaussian errors here, so that a dat
 seconds; the score ``group_recovery`` repeats this with trials.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom, kstest
@@ -44,8 +46,8 @@ def ranks(number, shift=0.0):
     expansion = Expansion(point, pull, np.array([np.diag(each**2 / ERRORS**2) for each in slope]))
     sampler = Sampler([Measured(each) for each in values], expansion)
     state, warm = sampler.run(sampler.first(group_of(point), rng), WARM_UP)
-    guided = sampler.guided(warm.part(WARM_UP // 4), rng)
-    _, draws = guided.run(state, SWEEPS)
+    guide = sampler.guide_from(warm.part(WARM_UP // 4), rng)
+    _, draws = replace(sampler, guide=guide).run(state, SWEEPS)
     low, high = SCALE.to(np.array([RANGES[name] for name in NAMES]).T)
     inside = (draws.mean >= low) & (draws.mean <= high) & (draws.sd <= MOST_SD)
     inside = inside.all(axis=1)

@@ -26,12 +26,13 @@ CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
-ARRAYS = ("mean", "sd", "scaled", "log_likelihood")
-GUIDE, SURROGATE = ("root", "step", "vague"), fields(Surrogate)
+SAME_NATS = 1e-6
+"""Largest difference of the log likelihood at a kept draw from that which was kept with it."""
+DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Surrogate))
 
 Run = Callable[[list[State], int], list[tuple[State, Draws]]]
-# Sampler after the warm-up, and state and draws of each chain.
-Kept = tuple[Sampler, list[State], list[Draws]]
+# Guide of the warm-up, and state and draws of each chain.
+Kept = tuple[Guide, list[State], list[Draws]]
 
 _here: list[Sampler] = []
 
@@ -100,21 +101,21 @@ def sampled(
     tell : function
         Called with a text on the progress.
     """
-    kept = _kept(path, sampler)
+    kept = _kept(path, sampler, group)
     if kept is None:
         kept = _warmed(sampler, group, seed, workers, tell)
-    guided, states, draws = kept
-    with _runner(guided, workers) as run:
+    guide, states, draws = kept
+    with _runner(replace(sampler, guide=guide), workers) as run:
         while not draws or not _ended(draws, most, tell):
             states, draws = _longer(states, draws, run)
-            _keep(path, guided, states, draws)
+            _keep(path, guide, states, draws)
     return draws
 
 
 def _warmed(
     sampler: Sampler, group: Group, seed: int, workers: int, tell: Callable[[str], None]
 ) -> Kept:
-    """Return the sampler with the guide of a warm-up, and the states at its end.
+    """Return the guide of a warm-up, and the states at its end.
 
     In each round the guide is made from the draws of the round before, of all chains, so that every
     chain reaches what any of them has found. The first quarter of a round is left out.
@@ -126,8 +127,9 @@ def _warmed(
             found = run(states, WARM_UP)
         states = [state for state, _ in found]
         late = joined([draws.part(len(draws) // 4) for _, draws in found])
-        sampler = sampler.guided(late, stream(seed, "surrogate", number))
-    return sampler, states, []
+        guide = sampler.guide_from(late, stream(seed, "surrogate", number))
+        sampler = replace(sampler, guide=guide)
+    return guide, states, []
 
 
 def _longer(states: list[State], draws: list[Draws], run: Run) -> tuple[list[State], list[Draws]]:
@@ -166,40 +168,47 @@ def _run(state: State, sweeps: int) -> tuple[State, Draws]:
     return _here[0].run(state, sweeps)
 
 
-def _keep(path: Path | None, sampler: Sampler, states: list[State], draws: list[Draws]) -> None:
+def _keep(path: Path | None, guide: Guide, states: list[State], draws: list[Draws]) -> None:
     """Write the guide, the draws of all chains and their random numbers atomically."""
-    if path is None or sampler.guide is None:
+    if path is None:
         return
     numbers = json.dumps([each.rng.bit_generator.state for each in states])
     arrays: dict[str, Any] = {
-        name: np.stack([getattr(each, name) for each in draws]) for name in ARRAYS
+        name: np.stack([getattr(each, name) for each in draws]) for name in DRAWS
     }
-    guide = {name: getattr(sampler.guide, name) for name in GUIDE}
-    surrogate = {each.name: getattr(sampler.guide.surrogate, each.name) for each in SURROGATE}
+    arrays |= {name: getattr(guide.surrogate, name) for name in SURROGATE}
     with files.replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, rng=np.array(numbers), **guide, **surrogate, **arrays)
+        np.savez(file, rng=np.array(numbers), step=guide.step, **arrays)
 
 
-def _kept(path: Path | None, sampler: Sampler) -> Kept | None:
-    """Return kept chains; None without a complete file."""
+def _kept(path: Path | None, sampler: Sampler, group: Group) -> Kept | None:
+    """Return kept chains; None without a complete file, or if it is of other data."""
     if path is None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            parts = [file[name] for name in ARRAYS]
+            parts = [file[name] for name in DRAWS]
             numbers = json.loads(str(file["rng"]))
-            surrogate = Surrogate(*(file[each.name] for each in SURROGATE))
-            guide = Guide(surrogate, *(file[name] for name in GUIDE))
+            guide = Guide(Surrogate(*(file[name] for name in SURROGATE)), file["step"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
-    states = [_restored(*each) for each in zip(draws, numbers, strict=True)]
-    return replace(sampler, guide=guide), states, draws
+    states = [_restored(*each, group) for each in zip(draws, numbers, strict=True)]
+    if not all(_is_of(each, sampler) for each in states):
+        return None
+    return guide, states, draws
 
 
-def _restored(draws: Draws, numbers: dict[str, Any]) -> State:
+def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
     """Return the last state of a chain."""
     rng = np.random.default_rng()
     rng.bit_generator.state = numbers
-    group = Group(draws.mean[-1], draws.sd[-1] ** 2)
-    return State(group, draws.scaled[-1], draws.log_likelihood[-1], rng)
+    last = replace(group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2)
+    return State(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
+
+
+def _is_of(state: State, sampler: Sampler) -> bool:
+    """Whether a kept state is of the same people, with the same likelihood."""
+    if len(state.scaled) != len(sampler.people):
+        return False
+    return bool(np.allclose(sampler.logs(state.scaled), state.log, rtol=0, atol=SAME_NATS))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -347,6 +347,8 @@ def fit_group(
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
     group, expansion = started(people, scale.to(first))
+    highest = scale.to(scale.high)
+    group = replace(group, mean=np.minimum(group.mean, highest), highest=highest)
     chains = sampled(
         Sampler(people, expansion), group,
         seed=seed, workers=min(workers, CHAINS), most=most_draws, path=path, tell=tell,

@@ -22,10 +22,13 @@ class Group:
     ----------
     mean, variance : array (parameters,)
         Mean and variance between people, on the scale.
+    highest : array (parameters,) or float
+        Upper end of the range of each mean, on the scale.
     """
 
     mean: Array
     variance: Array
+    highest: Array | float = np.inf
 
     def log_prior(self, scaled: Array) -> Array:
         """Return the log density of people's parameters (people, parameters), up to a constant."""
@@ -51,16 +54,19 @@ class Group:
         people, size = scaled.shape
         asked = scaled.mean(axis=0) + np.sqrt(self.variance / people) * rng.normal(size=size)
         ratio = log_uniform(asked) - log_uniform(self.mean)
-        mean = np.where(np.log(rng.uniform(size=size)) < ratio, asked, self.mean)
+        taken = (asked <= self.highest) & (np.log(rng.uniform(size=size)) < ratio)
+        mean = np.where(taken, asked, self.mean)
         rate = FREEDOM / self.variance + 1 / SPREAD**2
         mixing = rate / rng.gamma((FREEDOM + 1) / 2, size=size)
         squares = ((scaled - mean) ** 2).sum(axis=0)
         shape = (FREEDOM + people) / 2
         variance = (FREEDOM / mixing + squares / 2) / rng.gamma(shape, size=size)
-        return Group(mean, variance)
+        return Group(mean, variance, self.highest)
 
     def log_own_prior(self) -> float:
         """Return the log prior density of means and standard deviations, up to a constant."""
+        if (self.mean > self.highest).any():
+            return -np.inf
         tails = (FREEDOM + 1) / 2 * np.log1p(self.variance / (FREEDOM * SPREAD**2))
         return float((log_uniform(self.mean) - tails).sum())
 

@@ -1,9 +1,10 @@
-"""Chains that follow a surrogate: their ends are proposals for the exact likelihood (Liu 2001).
+"""Proposals that follow a surrogate of the likelihood.
 
-The moves of such a chain are reversible, and so is any number of them, chosen at random: a chain
-from x ends in y with ``p*(x) q(x, y) = p*(y) q(y, x)``, where p* is the posterior under the
-surrogate. A proposal y is therefore accepted with the exact likelihood L and that of the surrogate
-L* by ``L(y) L*(x) / (L(x) L*(y))``.
+The exact likelihood accepts or rejects the end of a chain under the surrogate (surrogate transition
+method, Liu 2001). The moves of such a chain are reversible, and so is any number of them, chosen at
+random: a chain from x ends in y with ``p*(x) q(x, y) = p*(y) q(y, x)``, where p* is the posterior
+under the surrogate. A proposal y is therefore accepted with the exact likelihood L and that of the
+surrogate L* by ``L(y) L*(x) / (L(x) L*(y))``.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ from bgmodel.fitting.hierarchy.surrogate import Surrogate, value, values
 from bgmodel.support.arrays import Array
 from bgmodel.support.compiling import compiled
 
-ALONE, TOGETHER = 20, 500
-"""Number of moves of people given their group, and of people and group."""
+MOVES_OF_PEOPLE, MOVES_OF_ALL = 20, 500
+"""Number of moves of people given their group, and of people and group: after as many, the end of a
+chain hardly depends on its beginning."""
+PEOPLE, GROUP = 0.3, 0.3
+"""Shares of moves of people, and of the group given its people; the others move both."""
 SINGLE = 0.25
 """Share of moves of a person that draw one parameter from the distribution of the group."""
-PEOPLE, GROUP = 0.3, 0.6
-"""Share of moves that are of people; of people, or of the group given its people."""
-SHORTEST = 0.03
-"""Steps of a random walk are up to 2.4 standard deviations of draws, over the root of the number of
-parameters (Roberts, Gelman & Gilks 1997), and this share of it at least."""
-LONGEST = 2.4
+LONGEST, SHORTEST = 2.4, 0.03
+"""Largest standard deviation of a step of a random walk, in standard deviations of the draws and
+divided by the root of the number of parameters that move (Roberts, Gelman & Gilks 1997), and the
+smallest as a share of it. Steps are log-uniform between them."""
 
 
 @dataclass(frozen=True)
@@ -37,89 +39,99 @@ class Guide:
     ----------
     surrogate : Surrogate
         Everyone's approximate log likelihood.
-    root : array (people, parameters, parameters)
-        Lower Cholesky factors of the covariances of people's draws.
     step : array (2, parameters)
         Standard deviations of draws of the group's means and of its standard deviations.
-    vague : array (parameters,)
-        How often each parameter is moved alone, sums to 1.
     """
 
     surrogate: Surrogate
-    root: Array
     step: Array
-    vague: Array
 
     def people_moved(
-        self, group: Group, scaled: Array, rng: np.random.Generator
+        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
     ) -> tuple[Array, Array]:
-        """Return people's parameters after moves given the group.
+        """Move people given the group.
 
-        And by how much everyone's log likelihood rose under the surrogate, (people,).
+        Parameters
+        ----------
+        group : Group
+            Distribution of the group.
+        scaled : array (people, parameters)
+            People's parameters on the scale.
+        vague : array (parameters,)
+            Probability with which each parameter is chosen by moves of a single one; sums to 1.
+        rng : Generator
+            Random numbers.
+
+        Returns
+        -------
+        tuple of array (people, parameters) and array (people,)
+            People's parameters, and the rise of everyone's log likelihood under the surrogate.
         """
-        _, _, now, rise = self._moved(group, scaled, rng, ALONE, 1.0)
+        _, _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
         return now, rise
 
     def all_moved(
-        self, group: Group, scaled: Array, rng: np.random.Generator
+        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
     ) -> tuple[Group, Array, Array]:
-        """Return group and people after moves of both, and the rise as for ``people_moved``."""
-        mean, sd, now, rise = self._moved(group, scaled, rng, TOGETHER, PEOPLE)
-        return Group(mean, sd**2), now, rise
+        """Move people and group; return the group, and people and rise as ``people_moved``."""
+        mean, sd, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_ALL, PEOPLE)
+        return Group(mean, sd**2, group.highest), now, rise
 
     def _moved(
-        self, group: Group, scaled: Array, rng: np.random.Generator, moves: int, people: float
-    ) -> tuple[Array, Array, Array, Array]:
+        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator, moves: int,
+        share: float,
+    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
         mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
-        own = (self.root, self.step, np.cumsum(self.vague)[:-1], self.surrogate.arrays)
-        rise = _wander(mean, sd, now, moves, people, *own, rng)
+        highest = np.broadcast_to(group.highest, mean.shape).astype(float)
+        given = (self.step, np.cumsum(vague)[:-1], highest, self.surrogate.arrays, rng)
+        rise = _wander(mean, sd, now, moves, share, *given)
         return mean, sd, now, rise
 
 
 @compiled
 def _wander(
-    mean: Array, sd: Array, scaled: Array, moves: int, people: float, root: Array, step: Array,
-    below: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+    mean: Array, sd: Array, scaled: Array, moves: int, share: float, step: Array,
+    cumulative: Array, highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """Move a group (parameters,) and its people (people, parameters) in place.
 
-    ``below`` has the probabilities that an earlier parameter than each but the first moves alone.
-    Returns the rise of everyone's log likelihood.
+    ``share`` of the moves are of people; ``cumulative`` holds the cumulative probabilities of all
+    parameters but the last to be moved alone. Returns the rise of everyone's log likelihood.
     """
     logs = values(scaled, surrogate)
     before = logs.copy()
     for _ in range(moves):
         kind = rng.random()
-        if kind < people:
-            _move_people(mean, sd, scaled, logs, root, below, surrogate, rng)
-        elif kind < GROUP:
-            _move_group(mean, sd, scaled, rng)
+        if kind < share:
+            _move_people(mean, sd, scaled, logs, cumulative, surrogate, rng)
+        elif kind < share + GROUP:
+            _move_group(mean, sd, scaled, highest, rng)
         else:
-            _move_together(mean, sd, scaled, logs, step, below, surrogate, rng)
+            _move_together(mean, sd, scaled, logs, step, cumulative, highest, surrogate, rng)
     return logs - before
 
 
 @compiled
 def _move_people(
-    mean: Array, sd: Array, scaled: Array, logs: Array, root: Array, below: Array,
+    mean: Array, sd: Array, scaled: Array, logs: Array, cumulative: Array,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move each person given the group: one parameter to a draw from the group, or all by a step.
 
     The group's density of a parameter drawn from it cancels that of the prior.
     """
-    size = len(mean)
+    size, root = len(mean), surrogate[1]
     for person in range(len(scaled)):
         now = scaled[person]
         asked = now.copy()
         gain = 0.0
         if rng.random() < SINGLE:
-            alone = np.searchsorted(below, rng.random())
+            alone = np.searchsorted(cumulative, rng.random())
             asked[alone] = mean[alone] + sd[alone] * rng.normal()
         else:
-            far = LONGEST / np.sqrt(size) * SHORTEST ** rng.random()
+            reach = LONGEST / np.sqrt(size) * SHORTEST ** rng.random()
             for i in range(size):
-                asked += far * rng.normal() * root[person, :, i]
+                asked += reach * rng.normal() * root[person, :, i]
             for k in range(size):
                 gain += ((now[k] - mean[k]) ** 2 - (asked[k] - mean[k]) ** 2) / (2 * sd[k] ** 2)
         log = value(asked, person, surrogate)
@@ -129,7 +141,9 @@ def _move_people(
 
 
 @compiled
-def _move_group(mean: Array, sd: Array, scaled: Array, rng: np.random.Generator) -> None:
+def _move_group(
+    mean: Array, sd: Array, scaled: Array, highest: Array, rng: np.random.Generator
+) -> None:
     """Draw the mean or the standard deviation of each parameter given people; see ``Group.drawn``.
 
     One of the two, since a draw of one after the other would not be reversible.
@@ -138,7 +152,8 @@ def _move_group(mean: Array, sd: Array, scaled: Array, rng: np.random.Generator)
     for k in range(size):
         if rng.random() < 0.5:
             asked = scaled[:, k].mean() + sd[k] / np.sqrt(people) * rng.normal()
-            if np.log(rng.random()) < np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked):
+            gain = np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked)
+            if asked <= highest[k] and np.log(rng.random()) < gain:
                 mean[k] = asked
         else:
             rate = FREEDOM / sd[k] ** 2 + 1 / SPREAD**2
@@ -150,15 +165,17 @@ def _move_group(mean: Array, sd: Array, scaled: Array, rng: np.random.Generator)
 
 @compiled
 def _move_together(
-    mean: Array, sd: Array, scaled: Array, logs: Array, step: Array, below: Array,
-    surrogate: tuple[Array, ...], rng: np.random.Generator,
+    mean: Array, sd: Array, scaled: Array, logs: Array, step: Array, cumulative: Array,
+    highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move mean and standard deviation of one parameter, and everyone at fixed standard scores."""
-    k = np.searchsorted(below, rng.random())
-    far = LONGEST * SHORTEST ** rng.random()
-    middle = mean[k] + far * step[0, k] * rng.normal()
+    k = np.searchsorted(cumulative, rng.random())
+    reach = LONGEST * SHORTEST ** rng.random()
+    middle = mean[k] + reach * step[0, k] * rng.normal()
     # A negative standard deviation is a positive one with scores of the other sign.
-    spread = sd[k] + far * step[1, k] * rng.normal()
+    spread = sd[k] + reach * step[1, k] * rng.normal()
+    if middle > highest[k]:
+        return
     asked = scaled.copy()
     asked[:, k] = middle + spread * (scaled[:, k] - mean[k]) / sd[k]
     new = values(asked, surrogate)
@@ -171,7 +188,6 @@ def _move_together(
         logs[:] = new
 
 
-def guide_of(surrogate: Surrogate, means: Array, sds: Array, vague: Array) -> Guide:
+def guide_of(surrogate: Surrogate, means: Array, sds: Array) -> Guide:
     """Return the guide from draws of the group's means and standard deviations (draws, ...)."""
-    step = np.stack([means.std(axis=0), sds.std(axis=0)])
-    return Guide(surrogate, np.asarray(np.linalg.inv(surrogate.inverse)), step, vague)
+    return Guide(surrogate, np.stack([means.std(axis=0), sds.std(axis=0)]))

@@ -1,4 +1,7 @@
-"""Draws from the joint posterior of a group and its people, by Metropolis within Gibbs."""
+"""Draws from the joint posterior of a group and its people, by Metropolis within Gibbs.
+
+After a warm-up, proposals follow a surrogate of the likelihood (``guide``).
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,13 @@ import numpy as np
 
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group
-from bgmodel.fitting.hierarchy.guide import Guide, guide_of
+from bgmodel.fitting.hierarchy.guide import SINGLE, Guide, guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of
 from bgmodel.support.arrays import Array
 
-SINGLE = 0.25
-"""Share of proposals that change one parameter of a person."""
 UNGUIDED = 0.2
-"""Share of the sweeps with a guide that move people without it."""
+"""Share of the sweeps with a guide that do without it, so that chains leave points where the
+surrogate is far too low."""
 ALONE = 0.5
 """Share of the draws with standard scores fixed that are of one parameter."""
 
@@ -89,7 +91,7 @@ class Sampler:
     expansion : Expansion
         Its approximation.
     guide : Guide, optional
-        Moves under a surrogate, made from draws without it.
+        Moves under a surrogate, made from draws of the warm-up.
 
     Notes
     -----
@@ -103,9 +105,9 @@ class Sampler:
     slowly without it. Most of these draws are of the mean and the standard deviation of one
     parameter, which are accepted far more often than those of all at once.
 
-    With a guide, the first step is mostly, and the last one always, a chain of many such moves
-    under the surrogate, whose end the exact likelihood accepts or rejects. It costs as many exact
-    likelihoods as one proposal, and its end depends little on its beginning.
+    With a guide, most sweeps replace the first and the last step by a chain of many moves under the
+    surrogate, whose end the exact likelihood accepts or rejects. This costs as many exact
+    likelihoods as a single proposal, but the end of the chain depends little on its beginning.
     """
 
     people: list[Person]
@@ -122,26 +124,26 @@ class Sampler:
     def first(self, group: Group, rng: np.random.Generator) -> State:
         """Return a first state, drawn from the approximation."""
         scaled = self.expansion.times(group).draw(rng)
-        return State(group, scaled, self._logs(scaled), rng)
+        return State(group, scaled, self.logs(scaled), rng)
 
     def run(self, state: State, sweeps: int) -> tuple[State, Draws]:
         """Return the state after some sweeps, and those after each of them."""
         kept = []
         for _ in range(sweeps):
             guide = self.guide
-            if guide is None or state.rng.random() < UNGUIDED:
-                state = self._individual(state)
-            else:
-                state = self._guided(guide, state)
+            if guide is not None and state.rng.random() < UNGUIDED:
+                guide = None
+            state = self._individual(state) if guide is None else self._guided(guide, state)
             state = replace(state, group=state.group.drawn(state.scaled, state.rng))
             state = self._together(state) if guide is None else self._guided_together(guide, state)
             sd = np.sqrt(state.group.variance)
             # The square of the kept root, so that a chain continues from it with the same bytes.
-            state = replace(state, group=Group(state.group.mean, sd**2))
+            state = replace(state, group=replace(state.group, variance=sd**2))
             kept.append((state.group.mean, sd, state.scaled, state.log))
         return state, Draws(*(np.array(each) for each in zip(*kept, strict=True)))
 
-    def _logs(self, scaled: Array) -> Array:
+    def logs(self, scaled: Array) -> Array:
+        """Return everyone's log likelihood at parameters (people, parameters), (people,), nats."""
         return np.array([p(x) for p, x in zip(self.people, scaled, strict=True)])
 
     def _individual(self, state: State) -> State:
@@ -151,7 +153,7 @@ class Sampler:
         asked = proposal.draw(rng)
         single = rng.random(len(now)) < SINGLE
         asked = np.where(single[:, None], self._single(state), asked)
-        log = self._logs(asked)
+        log = self.logs(asked)
         gain = log - state.log
         # A parameter drawn from the group: its density cancels that of the prior.
         apart = proposal.log_density(asked) - proposal.log_density(now)
@@ -178,9 +180,9 @@ class Sampler:
         asked = now.copy()
         asked[which] = proposal.draw(rng)
         # A negative standard deviation is a positive one with scores of the other sign.
-        group = Group(asked[:size], asked[size:] ** 2)
+        group = replace(state.group, mean=asked[:size], variance=asked[size:] ** 2)
         scaled = group.mean + asked[size:] * scores
-        log = self._logs(scaled)
+        log = self.logs(scaled)
         gain = log.sum() + group.log_own_prior() - proposal.log_density(asked[which])
         gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now[which])
         taken = np.log(rng.uniform()) < gain
@@ -188,21 +190,21 @@ class Sampler:
 
     def _guided(self, guide: Guide, state: State) -> State:
         """Move each person along the surrogate given the group."""
-        asked, rise = guide.people_moved(state.group, state.scaled, state.rng)
-        log = self._logs(asked)
+        asked, rise = guide.people_moved(state.group, state.scaled, self.vague, state.rng)
+        log = self.logs(asked)
         return _taken(state, asked, log, log - state.log - rise)
 
     def _guided_together(self, guide: Guide, state: State) -> State:
         """Move the group and its people along the surrogate."""
-        group, asked, rise = guide.all_moved(state.group, state.scaled, state.rng)
-        log = self._logs(asked)
+        group, asked, rise = guide.all_moved(state.group, state.scaled, self.vague, state.rng)
+        log = self.logs(asked)
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
         return State(group, asked, log, state.rng) if taken else state
 
-    def guided(self, draws: Draws, rng: np.random.Generator) -> Sampler:
-        """Return the sampler with a guide made from draws."""
+    def guide_from(self, draws: Draws, rng: np.random.Generator) -> Guide:
+        """Return a guide made from draws."""
         surrogate = surrogate_of(self.people, draws.scaled, draws.log_likelihood, rng)
-        return replace(self, guide=guide_of(surrogate, draws.mean, draws.sd, self.vague))
+        return guide_of(surrogate, draws.mean, draws.sd)
 
 
 def _taken(state: State, asked: Array, log: Array, gain: Array) -> State:

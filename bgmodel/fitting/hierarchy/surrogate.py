@@ -1,4 +1,4 @@
-"""Surrogates of people's log likelihoods, a hundred times as fast: Gaussian processes."""
+"""Gaussian-process surrogates of people's log likelihoods, a hundred times as fast to evaluate."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
 
 POINTS, MOST_POINTS = 80, 1000
-"""Number of points per parameter at which the exact log likelihood is known, and largest number."""
+"""Number of points per parameter at which the exact log likelihood is evaluated, and largest number
+of points: fitting them takes less time than evaluating the likelihood there."""
 WIDER = 2.0
-"""Points other than draws are from a Gaussian so many times as wide as these."""
+"""Factor by which the Gaussian of points that are not draws is wider than the draws, so that the
+surrogate is right where a chain has not been yet."""
 LENGTHS, AMPLITUDES = (3.0, 6.0, 12.0, 24.0), (0.3, 3.0, 30.0, 300.0)
-"""Lengths of the kernel, in standard deviations of draws, and its amplitudes, nats. The ones with
-the largest evidence are used."""
+"""Lengths of the kernel, in standard deviations of draws, and its amplitudes, nats. The pair with
+the largest marginal likelihood is used."""
 ERROR, GROWTH = 0.01, 0.02
-"""Standard deviation of the error at a point, nats, and its growth per nat below the highest log
-likelihood: where chains rarely are, the surrogate need not be exact."""
+"""Assumed standard deviation of the error at a point, nats, and its growth per nat below the
+highest log likelihood: where chains rarely are, the surrogate need not be exact."""
 FARTHEST = 60.0
-"""Nats below the highest log likelihood at which points are left out."""
+"""Nats below the highest log likelihood at which points are left out: chains never get there, and
+such differences would need large weights."""
 COEFFICIENT = 100.0
 """Standard deviation of coefficients of the quadratic part under their prior, nats."""
-HIGHER = 1.0
-"""Nats above the highest log likelihood at which an extrapolation is cut."""
-RIDGE = 1e-6
-"""Added to the variances of draws, so that none is 0."""
+MARGIN = 1.0
+"""Nats above the highest known log likelihood at which an extrapolation is capped."""
+RIDGE = 0.01
+"""Added to the variances of draws on the scale, for people whose draws hardly moved."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,11 @@ class Surrogate:
 
     Parameters
     ----------
-    centre, inverse : array (people, parameters), (people, parameters, parameters)
-        Mean c of a person's draws, and inverse of the lower Cholesky factor of their covariance.
-        The position of parameters x is ``u = inverse (x - c)``.
+    centre, root : array (people, parameters), (people, parameters, parameters)
+        Mean c of a person's draws, and lower Cholesky factor R of their covariance. The position of
+        parameters x is ``u = R^-1 (x - c)``.
+    inverse : array (people, parameters, parameters)
+        ``R^-1``.
     quadratic : array (people, parameters + 1, parameters + 1)
         Lower triangle Q of the quadratic part ``(1, u)' Q (1, u)``.
     points, weights : array (people, parameters, points), (people, points)
@@ -47,26 +52,23 @@ class Surrogate:
         ``w / (l^2 + distance^2)^2``, a rational quadratic (Rasmussen & Williams 2006).
     length : array (people,)
         l.
-    highest : array (people,), nats
-        Largest value.
+    ceiling : array (people,), nats
+        Upper limit of the surrogate.
     """
 
     centre: Array
+    root: Array
     inverse: Array
     quadratic: Array
     points: Array
     weights: Array
     length: Array
-    highest: Array
+    ceiling: Array
 
     @property
     def arrays(self) -> tuple[Array, ...]:
         """All arrays, as compiled functions take them."""
         return tuple(getattr(self, each.name) for each in fields(self))
-
-    def __call__(self, scaled: Array) -> Array:
-        """Return the log likelihood at everyone's parameters (people, parameters), nats."""
-        return values(np.ascontiguousarray(scaled), self.arrays)
 
 
 def surrogate_of(
@@ -81,7 +83,7 @@ def surrogate_of(
     draws, log_likelihood : array (draws, people, parameters), (draws, people)
         Earlier draws on the scale, and their log likelihoods, nats.
     rng : Generator
-        Random numbers of the choice of points.
+        Random numbers of the points that are not draws.
     """
     size = draws.shape[2]
     number = min(POINTS * size, MOST_POINTS)
@@ -91,61 +93,69 @@ def surrogate_of(
         centre = draws[:, k].mean(axis=0)
         root = np.linalg.cholesky(np.cov(draws[:, k].T).reshape(size, size) + RIDGE * np.eye(size))
         inverse = np.linalg.inv(root)
-        chosen = _apart((own - centre) @ inverse.T, number // 2)
+        chosen = _farthest((own - centre) @ inverse.T, number // 2)
         around = centre + WIDER * rng.normal(size=(number - len(chosen), size)) @ root.T
-        logs = [*log_likelihood[kept[chosen], k], *(person(x) for x in around)]
+        logs = np.array([*log_likelihood[kept[chosen], k], *(person(x) for x in around)])
         positions = (np.concatenate([own[chosen], around]) - centre) @ inverse.T
-        parts.append((centre, inverse, *_fitted(positions, np.array(logs))))
+        fitted = _fitted(positions, np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf))
+        parts.append((centre, root, inverse, *fitted))
     return Surrogate(*(np.array(each) for each in zip(*parts, strict=True)))
 
 
-def _apart(points: Array, number: int) -> Integers:
-    """Return which points to use: each is the farthest from all that are used already.
+def _farthest(points: Array, number: int) -> Integers:
+    """Return indices of points, each the farthest from those before it.
 
-    So that the few draws of a remote mode are among them.
+    So that the few draws of a remote mode are included.
     """
     chosen = [int((points**2).sum(axis=1).argmin())]
-    far = np.full(len(points), np.inf)
+    squares = np.full(len(points), np.inf)
     while len(chosen) < min(number, len(points)):
-        far = np.minimum(far, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(far.argmax()))
+        squares = np.minimum(squares, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(squares.argmax()))
     return np.array(chosen)
 
 
 def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, float]:
-    """Return all but the first two fields of a surrogate of one person, from points (n, size)."""
+    """Fit one person's surrogate to log likelihoods at points (points, parameters).
+
+    Returns quadratic, points, weights, length and ceiling.
+    """
+    from scipy.linalg import cholesky, solve_triangular
+    from scipy.spatial.distance import cdist
+
     (number, size), highest = points.shape, logs.max()
-    below = logs - highest
-    near = below > -FARTHEST
-    below, some = below[near], points[near]
+    depth = highest - logs
+    near = depth < FARTHEST
+    depth, some = depth[near], points[near]
     with_one = np.column_stack([np.ones(len(some)), some])
     rows, columns = np.tril_indices(size + 1)
     basis = with_one[:, rows] * with_one[:, columns]
-    rest = COEFFICIENT**2 * basis @ basis.T + np.diag((ERROR - GROWTH * below) ** 2)
-    squares = ((some[:, None] - some) ** 2).sum(axis=2)
+    rest = COEFFICIENT**2 * basis @ basis.T + np.diag((ERROR + GROWTH * depth) ** 2)
+    squares = cdist(some, some, "sqeuclidean")
     best = -np.inf
     for length in LENGTHS:
         kernel = length**4 / (length**2 + squares) ** 2
         for amplitude in AMPLITUDES:
-            factor = np.linalg.cholesky(amplitude**2 * kernel + rest)
-            half = np.linalg.solve(factor, below)
+            factor = cholesky(amplitude**2 * kernel + rest, lower=True)
+            half = solve_triangular(factor, -depth, lower=True)
             evidence = -half @ half / 2 - np.log(np.diagonal(factor)).sum()
             if evidence > best:
-                best, chosen = evidence, (length, amplitude, np.linalg.solve(factor.T, half))
-    length, amplitude, own = chosen
+                best, chosen = evidence, (length, amplitude, factor, half)
+    length, amplitude, factor, half = chosen
+    own = solve_triangular(factor, half, lower=True, trans=1)
     quadratic = np.zeros((size + 1, size + 1))
     quadratic[rows, columns] = COEFFICIENT**2 * basis.T @ own
     quadratic[0, 0] += highest
-    # Everyone has as many points: those that were left out have no weight.
+    # Everyone needs the same number of points: those that are left out have a weight of 0.
     weights = np.zeros(number)
     weights[near] = amplitude**2 * length**4 * own
-    return quadratic, np.ascontiguousarray(points.T), weights, length, highest + HIGHER
+    return quadratic, np.ascontiguousarray(points.T), weights, length, highest + MARGIN
 
 
 @compiled
 def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
     """Return the log likelihood of one person at parameters (parameters,), nats."""
-    centre, inverse, quadratic, points, weights, length, highest = surrogate
+    centre, _, inverse, quadratic, points, weights, length, ceiling = surrogate
     size, number = points.shape[1:]
     squares = np.full(number, length[person] ** 2)
     at = np.ones(size + 1)
@@ -160,7 +170,7 @@ def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
     for i in range(size + 1):
         for j in range(i + 1):
             found += quadratic[person, i, j] * at[i] * at[j]
-    return float(min(found + _kernels(weights[person], squares), highest[person]))
+    return float(min(found + _kernels(weights[person], squares), ceiling[person]))
 
 
 def _kernels_of(weights: Array, squares: Array) -> float:

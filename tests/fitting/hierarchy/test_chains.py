@@ -1,5 +1,7 @@
 """Chains: their diagnostics, and how they continue from a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,3 +83,14 @@ def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
     found = sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
     assert len(found) == CHAINS
     assert not list(tmp_path.glob(".*partial*"))
+
+
+def test_chains_of_other_data_are_not_continued(short, tmp_path):
+    path = tmp_path / "chains.npz"
+    sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
+    others = [Gaussian(each + 0.01) for each in MIDDLES]
+    told = []
+    sampled(
+        replace(SAMPLER, people=others), START, seed=SEED, most=FEW, path=path, tell=told.append
+    )
+    assert any("warm-up" in each for each in told)

@@ -1,4 +1,4 @@
-"""Moves under a surrogate leave the posterior under that surrogate as it is, and are reversible."""
+"""Moves are reversible, and leave the posterior under the surrogate invariant."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,12 @@ from scipy.stats import ks_2samp
 from bgmodel.fitting.hierarchy import guide as moves
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import guide_of
-from bgmodel.fitting.hierarchy.surrogate import surrogate_of
+from bgmodel.fitting.hierarchy.surrogate import surrogate_of, values
 from bgmodel.support.seeds import stream
 
 SEED, PEOPLE = 24_317, 5
 MIDDLES = np.linspace(-1, 2, PEOPLE)
+VAGUE = np.array([0.6, 0.4])
 
 
 def person(middle):
@@ -25,7 +26,7 @@ def guide():
     logs = np.array([[p(x) for p, x in zip(people, each, strict=True)] for each in draws])
     surrogate = surrogate_of(people, draws, logs, rng)
     groups = rng.normal(0.5, 0.4, size=(2, 100, 2))
-    return guide_of(surrogate, groups[0], np.abs(groups[1]), np.array([0.6, 0.4]))
+    return guide_of(surrogate, groups[0], np.abs(groups[1]))
 
 
 def pairs(guide, count=6000):
@@ -33,7 +34,7 @@ def pairs(guide, count=6000):
     group, scaled = Group(np.zeros(2), np.ones(2)), np.tile(MIDDLES[:, None], 2).astype(float)
     rng, kept = stream(SEED, "chain"), []
     for _ in range(count):
-        group, scaled, _ = guide.all_moved(group, scaled, rng)
+        group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
         kept.append([*group.mean, *np.log(group.variance), *scaled[0]])
     return np.array(kept[100:])
 
@@ -41,7 +42,7 @@ def pairs(guide, count=6000):
 def test_moves_are_reversible(guide, monkeypatch):
     # Few moves, so that a state depends on the one before; steps up and down are then equally
     # common of any size, which a chain that cycles in one direction would violate.
-    monkeypatch.setattr(moves, "TOGETHER", 6)
+    monkeypatch.setattr(moves, "MOVES_OF_ALL", 6)
     kept = pairs(guide)
     for column in kept.T:
         assert np.corrcoef(column[1:], column[:-1])[0, 1] > 0.1
@@ -58,20 +59,24 @@ def test_the_rise_is_that_of_the_surrogate(guide):
     rng, scaled = stream(SEED, "rise"), np.tile(MIDDLES[:, None], 2).astype(float)
     group = Group(np.zeros(2), np.ones(2))
     before = scaled.copy()
-    for moved in (guide.people_moved(group, scaled, rng), guide.all_moved(group, scaled, rng)[1:]):
+    arrays = guide.surrogate.arrays
+    for moved in (
+        guide.people_moved(group, scaled, VAGUE, rng),
+        guide.all_moved(group, scaled, VAGUE, rng)[1:],
+    ):
         now, rise = moved
-        assert rise == pytest.approx(guide.surrogate(now) - guide.surrogate(before))
+        assert rise == pytest.approx(values(now, arrays) - values(before, arrays))
     assert scaled.tobytes() == before.tobytes()
     assert group.mean.tolist() == [0.0, 0.0]
 
 
 def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeypatch):
-    monkeypatch.setattr(moves, "ALONE", 200)
+    monkeypatch.setattr(moves, "MOVES_OF_PEOPLE", 200)
     group, found = Group(np.array([0.5, 0.0]), np.array([1.0, 0.3])), []
     for first in (-3.0, 3.0):
         rng = stream(SEED, "people", first)
         start = np.full((PEOPLE, 2), first)
-        found.append([guide.people_moved(group, start, rng)[0].ravel() for _ in range(400)])
+        found.append([guide.people_moved(group, start, VAGUE, rng)[0].ravel() for _ in range(400)])
     for one, other in zip(*(np.array(each).T for each in found), strict=True):
         assert ks_2samp(one, other).pvalue > 1e-4
     # And have the product of both Gaussians.
@@ -79,3 +84,12 @@ def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeyp
     exact = (MIDDLES[:, None] / 0.7**2 + group.mean / group.variance) / precision
     mean = np.array(found).reshape(800, PEOPLE, 2).mean(axis=0)
     assert np.abs((mean - exact) * np.sqrt(800 * precision)).max() < 4
+
+
+def test_means_stay_within_their_range(guide):
+    group = Group(np.array([0.2, -0.1]), np.ones(2), highest=np.array([0.3, np.inf]))
+    rng, scaled, seen = stream(SEED, "range"), np.tile(MIDDLES[:, None], 2).astype(float), []
+    for _ in range(100):
+        group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
+        seen.append(group.mean)
+    assert max(mean[0] for mean in seen) <= 0.3 < max(mean[1] for mean in seen)

@@ -56,7 +56,7 @@ def draws(approximation, people, sweeps, parameters=2, guided=False):
     group = Group(np.zeros(parameters), np.ones(parameters))
     state, warm = sampler.run(sampler.first(group, stream(SEED)), 200)
     if guided:
-        sampler = sampler.guided(warm, stream(SEED, "surrogate"))
+        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
     return sampler.run(state, sweeps)[1]
 
 
@@ -123,7 +123,7 @@ def astray(people):
     others = [Gaussian(each.middle + 0.7 * each.error, 1.4 * each.error) for each in people]
     sampler, start = Sampler(others, expansion(others)), Group(np.zeros(2), np.ones(2))
     _, warm = sampler.run(sampler.first(start, stream(SEED)), 300)
-    guide = sampler.guided(warm, stream(SEED, "astray")).guide
+    guide = sampler.guide_from(warm, stream(SEED, "astray"))
     return replace(Sampler(people, expansion(people)), guide=guide)
 
 
