@@ -1,5 +1,7 @@
 """The conditional distribution of a group given its people."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,3 +37,13 @@ def test_start_includes_the_errors_of_estimates():
     wide = group_of(means, np.full((2, 1), 3.0))
     assert alone.mean == wide.mean == 1.0
     assert wide.variance > alone.variance
+
+
+def test_means_stay_within_their_range():
+    rng, seen = stream(SEED, "range"), []
+    group = Group(np.zeros(2), np.ones(2), highest=np.array([0.3, np.inf]))
+    for _ in range(200):
+        group = group.drawn(rng.normal(0.5, 1, size=(6, 2)), rng)
+        seen.append(group.mean)
+    assert max(mean[0] for mean in seen) <= 0.3 < max(mean[1] for mean in seen)
+    assert replace(group, mean=np.array([0.31, 0.0])).log_own_prior() == -np.inf

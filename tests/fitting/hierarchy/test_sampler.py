@@ -8,7 +8,7 @@ from arviz_stats.base import array_stats
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
-from bgmodel.fitting.hierarchy.sampler import Sampler, joined
+from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
 from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
 
@@ -76,17 +76,7 @@ def people():
 )
 def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, guided):
     found = draws(expansion(people, shift, narrower), people, 2000, guided=guided)
-    for k, factor in enumerate((1.0, 3.0)):
-        estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
-        mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
-        for draws_, middle, spread in (
-            (found.mean[:, k], mean, mean_sd),
-            (found.sd[:, k], sd, sd_sd),
-        ):
-            size = array_stats.ess(draws_[None], chain_axis=0, draw_axis=1)
-            assert size > 75
-            assert draws_.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(size))
-            assert draws_.std() == pytest.approx(spread, rel=6 / np.sqrt(size))
+    assert_posterior_is_that_of_a_quadrature(found)
 
 
 def test_people_shrink_towards_the_group_by_their_errors(people):
@@ -127,9 +117,7 @@ def astray(people):
     return replace(Sampler(people, expansion(people)), guide=guide)
 
 
-def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
-    state = astray.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "astray"))
-    _, found = astray.run(state, 4000)
+def assert_posterior_is_that_of_a_quadrature(found):
     for k, factor in enumerate((1.0, 3.0)):
         estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
         mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
@@ -140,6 +128,36 @@ def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
             size = array_stats.ess(draws_[None], chain_axis=0, draw_axis=1)
             assert size > 75
             assert draws_.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(size))
+            assert draws_.std() == pytest.approx(spread, rel=6 / np.sqrt(size))
+
+
+def alone(sampler, step, sweeps):
+    """Return draws by one step of a sweep and nothing else."""
+    state, kept = sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "alone")), []
+    for _ in range(sweeps):
+        state = step(state)
+        kept.append((state.group.mean, np.sqrt(state.group.variance), state.scaled, state.log))
+    return Draws(*(np.array(each) for each in zip(*kept, strict=True)))
+
+
+def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
+    state = astray.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "astray"))
+    assert_posterior_is_that_of_a_quadrature(astray.run(state, 4000)[1])
+    # Also without the steps that do not follow it.
+    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 4000)
+    assert_posterior_is_that_of_a_quadrature(found)
+
+
+def test_moves_under_an_exact_surrogate_have_the_posterior(people):
+    sampler = Sampler(people, expansion(people))
+    _, warm = sampler.run(sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED)), 300)
+    guide = sampler.guide_from(warm, stream(SEED, "exact"))
+
+    def moved(state):
+        group, scaled, _ = guide.all_moved(state.group, state.scaled, sampler.vague, state.rng)
+        return replace(state, group=group, scaled=scaled)
+
+    assert_posterior_is_that_of_a_quadrature(alone(sampler, moved, 4000))
 
 
 @pytest.mark.parametrize("step", ["_individual", "_guided"])
