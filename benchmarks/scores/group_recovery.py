@@ -57,7 +57,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def stored() -> pd.DataFrame:
     """Return the data sets of the stored table, if it is of this seed and these circuits."""
     path = TABLES / f"{SCORE.name}_groups.csv"
-    if is_result(path):
+    if path.is_file() and is_result(path):
         found = read_provenance(path)
         if (found["parameters"], found["seed"]) == (SCORE.behind([SIZE], False), SCORING_SEED):
             return read_table(path)
