@@ -100,7 +100,7 @@ def known(row: Mapping[str, Any], name: str, form: str) -> str:
 
 def percent(share: float, digits: int = 0) -> str:
     """Return a share in percent."""
-    return f"{100 * share:.{digits}f} %"
+    return f"{100 * share:z.{digits}f} %"
 
 
 def columns(results: Path = TABLES) -> dict[tuple[str, str], list[str]]:

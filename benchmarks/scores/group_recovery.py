@@ -3,7 +3,7 @@
 Each data set is a piece, stored before the next begins, so that a run continues where it was
 stopped. Data sets of an earlier run, also on another machine, are taken from the stored table of
 data sets, which must be deleted after a change of the sampler. Summaries use consecutive data sets
-only: those that finish first have chains that mix well. All of them take three hours of CPU;
+only: those that finish first have chains that mix well. All of them take four hours of CPU;
 ``--only`` chooses::
 
     python -m benchmarks.scores.group_recovery --only "test 00"
@@ -30,7 +30,7 @@ from circuits.anatomy import DEFAULT
 SCORING_SEED = 47_801
 """Of groups, their trials and the chains of their fits."""
 SETS, COARSE_SETS = {"test": 100, "circuit": 30}, 1
-SECONDS = {"test": 50, "circuit": 180}
+SECONDS = {"test": 60, "circuit": 240}
 TURN = 4
 """Data sets by the test between two by the circuit."""
 SIZE = PEOPLE * EACH * len(STRENGTHS)

@@ -208,7 +208,7 @@ def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
 
 
 def _is_of(state: State, sampler: Sampler) -> bool:
-    """Whether a kept state is of the same people, with the same likelihood."""
-    if len(state.scaled) != len(sampler.people):
+    """Whether a kept state is of as many people and parameters, with the same likelihood."""
+    if state.scaled.shape != sampler.expansion.point.shape:
         return False
     return bool(np.allclose(sampler.logs(state.scaled), state.log, rtol=0, atol=SAME_NATS))

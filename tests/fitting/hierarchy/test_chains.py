@@ -85,12 +85,32 @@ def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
     assert not list(tmp_path.glob(".*partial*"))
 
 
-def test_chains_of_other_data_are_not_continued(short, tmp_path):
+class Two(Gaussian):
+    """A person with two parameters, who refuses another number of them, as likelihoods do."""
+
+    def __call__(self, scaled):
+        first, second = scaled
+        return super().__call__(np.array([first, second]))
+
+
+OTHERS = {
+    "data": (replace(SAMPLER, people=[Gaussian(each + 0.01) for each in MIDDLES]), START),
+    "parameters": (
+        Sampler(
+            [Two(each) for each in MIDDLES],
+            Expansion(
+                np.tile(MIDDLES[:, None], 2), np.zeros((4, 2)), np.tile(4 * np.eye(2), (4, 1, 1))
+            ),
+        ),
+        Group(np.zeros(2), np.ones(2)),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_chains_of_other_data_or_parameters_are_not_continued(short, tmp_path, what):
     path = tmp_path / "chains.npz"
     sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
-    others = [Gaussian(each + 0.01) for each in MIDDLES]
-    told = []
-    sampled(
-        replace(SAMPLER, people=others), START, seed=SEED, most=FEW, path=path, tell=told.append
-    )
+    (sampler, start), told = OTHERS[what], []
+    sampled(sampler, start, seed=SEED, most=FEW, path=path, tell=told.append)
     assert any("warm-up" in each for each in told)
