@@ -58,22 +58,22 @@ class Settings:
     episodes: int = 40_000
     delta_step: float = 0.1
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
-    circuit_trials: int = 600
+    circuit_trials: int = 300
     varied_trials: int = 100
     # Number of changes of the circuit's numbers: those that move its fixed point most.
     varied: int = 40
     # Of these, the number also made in spikes.
-    varied_in_spikes: int = 5
+    varied_in_spikes: int = 3
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
-    lesioned_trials: int = 14
+    lesioned_trials: int = 8
     # Step between lesions of figure C5 that are also run in spikes.
     spiking_every: int = 3
     # And between levels of figure D2.
     spiking_levels: int = 5
     # Of a reading in figures C3 and C4 a; an easier task takes less time.
-    d_prime: float = 0.5
-    dopamine_trials: int = 40
+    d_prime: float = 0.6
+    dopamine_trials: int = 25
 
     @property
     def deltas(self) -> np.ndarray:
@@ -103,11 +103,11 @@ FAST = Settings(
     varied=8,
     varied_in_spikes=2,
     most_cells=1.0,
-    lesioned_trials=3,
+    lesioned_trials=2,
     spiking_every=12,
     spiking_levels=9,
-    d_prime=1.2,
-    dopamine_trials=6,
+    d_prime=1.6,
+    dopamine_trials=4,
 )
 
 

@@ -32,7 +32,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             table,
             period,
             xi=settings.xi,
-            start_delta=start,
+            starts=STARTS,
             repeats=settings.repeats,
             t_max=settings.t_max,
             seed=settings.seed,
@@ -40,7 +40,6 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             keep=KEPT,
         )
         for period in COLOUR
-        for start in STARTS
     ]
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings, learner=learner)
 

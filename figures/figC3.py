@@ -39,7 +39,7 @@ COLOURS = {"N = 2": "C0", "N = 4": "C1", "N = 8": "C2", TACTILE: "C3"}
 def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Evidence]]:
     """Yield the evidence of each condition, readings every 50 ms."""
     most = settings.circuit_trials
-    for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
+    for count, share in ((2, 1.0), (4, 0.5), (8, 1 / 3)):
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), FEWEST_TRIALS)
         given: dict[str, Any] = {"d_prime": settings.d_prime, "channels": count, "t_max": 120}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -93,7 +95,7 @@ def learn_sources(
     sources: list[Source],
     *,
     xi: float,
-    start_delta: float,
+    starts: Sequence[float],
     repeats: int,
     t_max: int,
     seed: int,
@@ -101,20 +103,22 @@ def learn_sources(
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn the gap on several sets of readings: repeats of the first set, of the next, ...
+    """Learn the gap on several sets of readings from several initial gaps.
 
-    Each run has its own random-number streams, so that it is independent of the others.
+    Runs are ordered by set of readings, then by initial gap, then by repeat. Each has its own
+    random-number streams, so that it is independent of the others.
     """
-    check_start(start_delta)
-    runs = [(i, k) for i in range(len(sources)) for k in range(repeats)]
+    for start in starts:
+        check_start(start)
+    runs = list(product(range(len(sources)), starts, range(repeats)))
     draws = []
-    for i, k in runs:
-        rng = stream(seed, "trials", name, i, k, start_delta)
+    for i, start, k in runs:
+        rng = stream(seed, "trials", name, i, k, start)
         draws.append(partial(sources[i].draw, steps=t_max, rng=rng))
     return learn(
         trials_of(draws, xi),
-        start_delta,
-        rngs=[stream(seed, "explore", name, i, k, start_delta) for i, k in runs],
+        [start for _, start, _ in runs],
+        rngs=[stream(seed, "explore", name, i, k, start) for i, start, k in runs],
         policy=policy,
         learner=learner,
     )
@@ -141,7 +145,7 @@ def learn_folds(
     period_mm: float,
     *,
     xi: float,
-    start_delta: float,
+    starts: Sequence[float],
     repeats: int,
     t_max: int,
     seed: int,
@@ -150,7 +154,10 @@ def learn_folds(
     keep: int = 250,
     window: int = 100,
 ) -> pd.DataFrame:
-    """Learn the gap on every fold, several repeats each, and score the learned values.
+    """Learn the gap on every fold from each start, and score the learned values.
+
+    Each start has several repeats. All runs advance together, which is faster than one after the
+    other.
 
     Returns
     -------
@@ -163,7 +170,7 @@ def learn_folds(
     options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": period_mm}
     learned = learn_sources(
         sources,
-        start_delta=start_delta,
+        starts=starts,
         repeats=repeats,
         policy=policy,
         learner=learner,
@@ -173,12 +180,13 @@ def learn_folds(
     curves = smoothed(learned.mean_played, window)[:, episodes]
     rows = []
     for fold, readings in enumerate(sources):
-        own = slice(fold * repeats, (fold + 1) * repeats)
-        scores = _scored(learned.learned[own], readings, start_delta, **options)
-        runs = scores.assign(fold=fold, repeat=np.arange(repeats))[RUN_COLUMNS]
+        count = len(starts) * repeats
+        own = slice(fold * count, (fold + 1) * count)
+        scores = _scored(learned.learned[own], readings, np.repeat(starts, repeats), **options)
+        runs = scores.assign(fold=fold, repeat=np.tile(np.arange(repeats), len(starts)))
         rows.append(
-            runs.loc[runs.index.repeat(keep)].assign(
-                episode=np.tile(episodes, repeats), smoothed_delta=curves[own].ravel()
+            runs.loc[runs.index.repeat(keep), RUN_COLUMNS].assign(
+                episode=np.tile(episodes, count), smoothed_delta=curves[own].ravel()
             )
         )
     return pd.concat(rows, ignore_index=True)
@@ -187,24 +195,24 @@ def learn_folds(
 def _scored(
     learned: Array,
     readings: Source,
-    start_delta: float,
+    starts: Array,
     *,
     xi: float,
     t_max: int,
     seed: int,
     name: float,
 ) -> pd.DataFrame:
-    """Return learned gaps of one fold with its optimum and the start, one row per run."""
+    """Return learned gaps of one fold with its optimum and their starts, one row per run."""
     pair = increments(readings)
     optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
     regret = regret_on_fresh_trials(
         learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
-    start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
+    start_cost = -reward_curve(*pair, starts, xi, t_max=t_max)
     return pd.DataFrame(
         {
             "period_mm": name,
-            "start_delta": start_delta,
+            "start_delta": starts,
             "learned_delta": learned,
             "regret": regret,
             "optimal_delta": optimum.delta,
@@ -247,7 +255,7 @@ def learn_gap(
     learned = learn_sources(
         [readings],
         xi=xi,
-        start_delta=start_delta,
+        starts=[start_delta],
         repeats=runs,
         t_max=t_max,
         seed=seed,

@@ -23,8 +23,8 @@ class Policy(Protocol):
         """Factor on the learner's step size that suits the parameters."""
         ...
 
-    def start(self, runs: int, mean: float) -> Array:
-        """Return parameters (runs, p) with this mean action."""
+    def start(self, mean: Array) -> Array:
+        """Return parameters (runs, p) with these mean actions (runs,)."""
         ...
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
@@ -79,9 +79,9 @@ class GaussianPolicy:
         share = self.last_share + wide / (1 + episode / self.half_episodes)
         return share * (self.bounds[1] - self.bounds[0])
 
-    def start(self, runs: int, mean: float) -> Array:
+    def start(self, mean: Array) -> Array:
         """Return mu (runs, 1)."""
-        return np.full((runs, 1), float(mean))
+        return mean[:, None].copy()
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
         """Return actions (runs,) and d log p / d mu (runs, 1)."""
@@ -124,10 +124,10 @@ class BernoulliPolicy:
         powers = 0.5 ** np.arange(1, self.units + 1)
         return np.asarray(DELTA_RANGE[1] * powers / powers.sum(), dtype=np.float64)
 
-    def start(self, runs: int, mean: float) -> Array:
-        """Return w (runs, units), all equal, with this mean gap."""
+    def start(self, mean: Array) -> Array:
+        """Return w (runs, units), all equal within a run, with these mean gaps (runs,)."""
         p = np.clip(mean / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
-        return self.bounded(np.full((runs, self.units), np.log(p / (1 - p))))
+        return self.bounded(np.tile(np.log(p / (1 - p))[:, None], self.units))
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
         """Return gaps (runs,) and ``y_j - p_j`` (runs, units)."""

@@ -152,7 +152,7 @@ def learn(
     environment : callable
         ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, with gaps as
         actions, and ``LevelOutcomes`` for a circuit, with levels as actions.
-    start : float
+    start : float or array (runs,)
         Initial mean of the policy: a gap (nats) or a level of dopamine.
     rngs : list of numpy.random.Generator
         One per run, for its exploration, so that runs are independent of each other.
@@ -167,7 +167,7 @@ def learn(
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
     noise = np.stack([rng.standard_normal((episodes, policy.noise)) for rng in rngs], axis=1)
-    parameters = policy.start(runs, float(np.asarray(start)))
+    parameters = policy.start(np.broadcast_to(np.asarray(start, float), runs))
     played, mean, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
     baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):

@@ -21,7 +21,7 @@ from circuits.errors import require
 
 
 def trials_of(
-    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 500
+    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 1000
 ) -> Environment:
     """Return an environment whose run i decides the trials of ``draws[i]``.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -11,6 +11,9 @@ from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import Any
 
+Each = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], list[Any]]
+"""Maps a function over tuples of arguments, to which it adds what every call shares as the first;
+returns the results in their order."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -44,6 +47,40 @@ def processes(
             raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def here(held: Any) -> Each:
+    """Return the map of ``mapped`` that computes in this process."""
+    return lambda function, jobs: [function(held, *job) for job in jobs]
+
+
+@contextmanager
+def mapped(workers: int, held: Any) -> Iterator[Each]:
+    """Yield a map that computes in this process, or in a pool of several.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes.
+    held : object
+        First argument of every call. A pool receives it once.
+    """
+    if workers == 1:
+        yield here(held)
+        return
+    with processes(workers, _hold, (held,)) as pool:
+        yield lambda function, jobs: list(pool.map(partial(_with_held, function), jobs))
+
+
+_held: list[Any] = []
+
+
+def _hold(held: Any) -> None:
+    _held[:] = [held]
+
+
+def _with_held(function: Callable[..., Any], job: tuple[Any, ...]) -> Any:
+    return function(_held[0], *job)
 
 
 def _begin(receive: Callable[..., object] | None, held: tuple[Any, ...]) -> None:

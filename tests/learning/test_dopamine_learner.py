@@ -117,7 +117,8 @@ def test_the_gradient_of_the_level_agrees_with_the_finite_difference(mean):
     runs = 40_000
     sd = policy.sd(0)
     rng = stream(SEED, "gradient", mean)
-    played, gradient = policy.sample(policy.start(runs, mean), rng.standard_normal((runs, 1)), 0)
+    start = policy.start(np.full(runs, mean))
+    played, gradient = policy.sample(start, rng.standard_normal((runs, 1)), 0)
     r = made.environment(XI, [rng] * runs)(0, played)
     estimate = (r - r.mean()) * gradient[:, 0]
     x = np.linspace(mean - 6 * sd, mean + 6 * sd, 4001)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from bgmodel.learning import gap
 from bgmodel.learning.gap import (
@@ -49,10 +50,12 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     monkeypatch.setattr(gap, "FRESH_TRIALS", 2000)
     monkeypatch.setattr(gap, "FOLDS", 2)
     learner = Learner(episodes=300, last=50)
-    table = learn_folds(
-        TAPS, 2.0, xi=50.0, start_delta=1.5, repeats=2, t_max=10, seed=3, learner=learner,
-        keep=4, window=50,
-    )  # fmt: skip
+    given = {"xi": 50.0, "t_max": 10, "seed": 3, "learner": learner, "keep": 4, "window": 50}
+    table = learn_folds(TAPS, 2.0, starts=[1.5, 3.0], repeats=2, **given)
+    # A start does not change the runs of another.
+    alone = learn_folds(TAPS, 2.0, starts=[1.5], repeats=2, **given)
+    table = table[table["start_delta"] == 1.5]
+    assert_frame_equal(table.reset_index(drop=True), alone)
     runs = table.groupby(["fold", "repeat"])
     assert list(runs.groups) == [(fold, repeat) for fold in range(2) for repeat in range(2)]
     assert all(run["episode"].tolist() == [0, 100, 199, 299] for _, run in runs)

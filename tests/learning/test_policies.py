@@ -27,7 +27,8 @@ def test_policy_gradient_agrees_with_the_finite_difference(mean):
     policy = GaussianPolicy(first_share=0.7 / 8)
     runs = 100_000
     rng = stream(3, "gradient", mean)
-    gaps, gradient = policy.sample(policy.start(runs, mean), rng.standard_normal((runs, 1)), 0)
+    start = policy.start(np.full(runs, mean))
+    gaps, gradient = policy.sample(start, rng.standard_normal((runs, 1)), 0)
     evidence = draw(rng)(runs)
     decision = crossing_of_each(Sprt().run(evidence), sprt_threshold_from_gap(gaps))
     r = reward(decision, evidence.truth, XI)
@@ -89,4 +90,4 @@ def test_binary_units_halve_and_none_stops_exploring():
     assert policy.sizes[:-1] / policy.sizes[1:] == pytest.approx(2)
     seldom = 1 / (1 + np.exp(4))
     for mean, share in ((8.0, 1 - seldom), (0.0, seldom), (2.0, 0.25)):
-        assert policy.mean(policy.start(2, mean)) == pytest.approx(8 * share)
+        assert policy.mean(policy.start(np.full(2, mean))) == pytest.approx(8 * share)

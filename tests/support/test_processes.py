@@ -7,7 +7,7 @@ import time
 import psutil
 import pytest
 
-from bgmodel.support.processes import processes
+from bgmodel.support.processes import mapped, processes
 
 LONG = """
 import os, sys, time
@@ -35,6 +35,16 @@ def what_is_held(_):
 def test_each_process_receives_what_is_held_once():
     with processes(1, hold, (1, "two")) as pool:
         assert list(pool.map(what_is_held, range(3))) == [[1, "two"]] * 3
+
+
+def plus(held, first, second):
+    return held, first + second
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_map_gives_results_in_order_whatever_the_number_of_processes(workers):
+    with mapped(workers, "held") as each:
+        assert each(plus, [(k, 1) for k in range(5)]) == [("held", k + 1) for k in range(5)]
 
 
 def test_no_process_outlives_a_command_that_was_killed(tmp_path):

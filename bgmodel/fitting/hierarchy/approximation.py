@@ -12,6 +12,7 @@ from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, starts_of
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.processes import Each, mapped
 
 ROUNDS = 2
 """Number of rounds of the EM algorithm that finds the start."""
@@ -164,31 +165,40 @@ def proposal_of(precision: Array, pull: Array) -> Proposal:
     return Proposal(np.asarray(mean, float), np.asarray(np.linalg.cholesky(precision), float))
 
 
-def estimates(likelihoods: Sequence[Likelihood]) -> Array:
+def estimates(likelihoods: Sequence[Likelihood], workers: int = 1) -> Array:
     """Return each person's parameters under a wide prior, (people, parameters), in their units."""
     scale = Scale.of(likelihoods[0].freedom)
     start = scale.to(np.array([starts_of(each)[-1] for each in likelihoods]))
     wide = Group(start.mean(axis=0), np.full(start.shape[1], (2 * SPREAD) ** 2))
-    peaks = [Person(each, scale).peak(wide, x) for each, x in zip(likelihoods, start, strict=True)]
-    return scale.back(np.array(peaks))
+    with mapped(workers, [Person(each, scale) for each in likelihoods]) as each:
+        return scale.back(np.array(each(_peak, [(k, wide, x) for k, x in enumerate(start)])))
 
 
-def started(people: list[Person], start: Array) -> tuple[Group, Expansion]:
+def started(each: Each, start: Array) -> tuple[Group, Expansion]:
     """Return the distribution of the group and the expansion around everyone's peak, by EM.
 
     Parameters
     ----------
-    people : list of Person
-        The people.
+    each : Each
+        Map of functions of the list of people.
     start : array (people, parameters)
         First estimates on the scale.
     """
     points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
-        points = np.array([p.peak(group, x) for p, x in zip(people, points, strict=True)])
-        slopes, precisions = zip(
-            *(p.expanded(x) for p, x in zip(people, points, strict=True)), strict=True
-        )
-        expansion = Expansion(points, np.array(slopes), np.array(precisions))
+        found = each(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
+        points, slopes, precisions = (np.array(part) for part in zip(*found, strict=True))
+        expansion = Expansion(points, slopes, precisions)
         group = group_of(points, expansion.times(group).variances)
     return group, expansion
+
+
+def _peak(people: Sequence[Person], k: int, group: Group, start: Array) -> Array:
+    return people[k].peak(group, start)
+
+
+def _expanded_at_peak(
+    people: Sequence[Person], k: int, group: Group, start: Array
+) -> tuple[Array, Array, Array]:
+    point = people[k].peak(group, start)
+    return point, *people[k].expanded(point)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,14 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import Guide
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
-from bgmodel.support.processes import processes
+from bgmodel.support.processes import Each, here
 from bgmodel.support.seeds import stream
 
 CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
@@ -26,15 +26,11 @@ CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
+RENEWED = 400, 600
+"""Numbers of sweeps after which the guide is made anew if chains do not agree, once at each."""
 SAME_NATS = 1e-6
 """Largest difference of the log likelihood at a kept draw from that which was kept with it."""
 DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Surrogate))
-
-Run = Callable[[list[State], int], list[tuple[State, Draws]]]
-# Guide of the warm-up, and state and draws of each chain.
-Kept = tuple[Guide, list[State], list[Draws]]
-
-_here: list[Sampler] = []
 
 
 @dataclass(frozen=True)
@@ -77,7 +73,7 @@ def sampled(
     group: Group,
     *,
     seed: int,
-    workers: int = 1,
+    each: Each | None = None,
     most: int = MOST,
     path: Path | None = None,
     tell: Callable[[str], None] = lambda _: None,
@@ -92,96 +88,125 @@ def sampled(
         Where chains start.
     seed : int
         Seed of the chains; each has its own stream.
-    workers : int
-        Number of processes; the draws do not depend on it.
+    each : Each, optional
+        Map of functions of the sampler's people, by default in this process. The draws do not
+        depend on it.
     most : int
         Largest number of sweeps of each chain.
     path : path, optional
         File (.npz) that keeps the chains after each block; those that it holds are continued.
     tell : function
         Called with a text on the progress.
+
+    Notes
+    -----
+    Where a surrogate is far too low, because no chain was there while it was made, chains stay for
+    long. If they have not agreed after ``RENEWED`` sweeps, the guide is therefore made anew from
+    all their draws, which are left out, as those of a warm-up are.
     """
-    kept = _kept(path, sampler, group)
-    if kept is None:
-        kept = _warmed(sampler, group, seed, workers, tell)
-    guide, states, draws = kept
-    with _runner(replace(sampler, guide=guide), workers) as run:
-        while not draws or not _ended(draws, most, tell):
-            states, draws = _longer(states, draws, run)
-            _keep(path, guide, states, draws)
-    return draws
+    work = _Work(sampler, seed, each or here(sampler.people), tell)
+    kept = _kept(path, sampler, group) or work.warmed(group)
+    while not kept.draws or not work.ended(kept.draws, most):
+        kept = work.longer(work.renewed(kept))
+        _keep(path, kept)
+    return kept.draws
 
 
-def _warmed(
-    sampler: Sampler, group: Group, seed: int, workers: int, tell: Callable[[str], None]
-) -> Kept:
-    """Return the guide of a warm-up, and the states at its end.
+@dataclass(frozen=True)
+class _Kept:
+    """Chains between two blocks: guide, states and draws, and how often the guide was made."""
 
-    In each round the guide is made from the draws of the round before, of all chains, so that every
-    chain reaches what any of them has found. The first quarter of a round is left out.
-    """
-    states = [sampler.first(group, stream(seed, "hierarchy", n)) for n in range(CHAINS)]
-    for number in range(ROUNDS):
-        tell(f"warm-up {number + 1} of {ROUNDS}")
-        with _runner(sampler, workers) as run:
-            found = run(states, WARM_UP)
-        states = [state for state, _ in found]
-        late = joined([draws.part(len(draws) // 4) for _, draws in found])
-        guide = sampler.guide_from(late, stream(seed, "surrogate", number))
-        sampler = replace(sampler, guide=guide)
-    return guide, states, []
+    guide: Guide
+    states: list[State]
+    draws: list[Draws]
+    made: int
 
 
-def _longer(states: list[State], draws: list[Draws], run: Run) -> tuple[list[State], list[Draws]]:
-    """Return chains after another block of sweeps."""
-    found = run(states, BLOCK)
-    new = [each for _, each in found]
-    whole = [joined(both) for both in zip(draws, new, strict=True)] if draws else new
-    return [state for state, _ in found], whole
+@dataclass(frozen=True)
+class _Work:
+    """Work on chains of a sampler."""
+
+    sampler: Sampler
+    seed: int
+    each: Each
+    tell: Callable[[str], None]
+
+    def run(
+        self, guide: Guide | None, states: list[State], sweeps: int
+    ) -> tuple[list[State], list[Draws]]:
+        """Return states after some sweeps of each chain, and the draws."""
+        jobs = [(self.sampler.expansion, guide, state, sweeps) for state in states]
+        found = self.each(_run, jobs)
+        return [state for state, _ in found], [draws for _, draws in found]
+
+    def guide(self, draws: list[Draws], number: int) -> Guide:
+        """Return the guide from the draws of all chains, so that each knows what any has found."""
+        rng = stream(self.seed, "surrogate", number)
+        return self.sampler.guide_from(joined(draws), rng, self.each)
+
+    def warmed(self, group: Group) -> _Kept:
+        """Return the guide of a warm-up, and the states at its end.
+
+        In each round the guide is made from the draws of the round before, whose first quarter is
+        left out.
+        """
+        guide = None
+        states = [
+            self.sampler.first(group, stream(self.seed, "hierarchy", n)) for n in range(CHAINS)
+        ]
+        for number in range(ROUNDS):
+            self.tell(f"warm-up {number + 1} of {ROUNDS}")
+            states, draws = self.run(guide, states, WARM_UP)
+            guide = self.guide([one.part(len(one) // 4) for one in draws], number)
+        assert guide is not None
+        return _Kept(guide, states, [], ROUNDS)
+
+    def renewed(self, kept: _Kept) -> _Kept:
+        """Return chains with a new guide and no draws, if they have not agreed for long."""
+        number = kept.made - ROUNDS
+        if number == len(RENEWED) or not kept.draws or len(kept.draws[0]) < RENEWED[number]:
+            return kept
+        self.tell("chains do not agree yet: they begin anew, with what they have found")
+        return _Kept(self.guide(kept.draws, kept.made), kept.states, [], kept.made + 1)
+
+    def longer(self, kept: _Kept) -> _Kept:
+        """Return chains after another block of sweeps."""
+        states, new = self.run(kept.guide, kept.states, BLOCK)
+        before = kept.draws
+        whole = [joined(both) for both in zip(before, new, strict=True)] if before else new
+        return replace(kept, states=states, draws=whole)
+
+    def ended(self, draws: list[Draws], most: int) -> bool:
+        """Return whether chains agree or are as long as allowed."""
+        there = agreement(draws)
+        self.tell(
+            f"{len(draws[0])} draws in each of {CHAINS} chains, effective sample size "
+            f"{there.effective.min():.0f}, R-hat {there.rhat.max():.3f}"
+        )
+        return there.reached or len(draws[0]) >= most
 
 
-def _ended(draws: list[Draws], most: int, tell: Callable[[str], None]) -> bool:
-    """Return whether chains agree or are as long as allowed."""
-    there = agreement(draws)
-    tell(
-        f"{len(draws[0])} draws in each of {CHAINS} chains, effective sample size "
-        f"{there.effective.min():.0f}, R-hat {there.rhat.max():.3f}"
-    )
-    return there.reached or len(draws[0]) >= most
+def _run(
+    people: list[Person], expansion: Expansion, guide: Guide | None, state: State, sweeps: int
+) -> tuple[State, Draws]:
+    return Sampler(people, expansion, guide).run(state, sweeps)
 
 
-@contextmanager
-def _runner(sampler: Sampler, workers: int) -> Iterator[Run]:
-    """Yield the function that runs some chains, in this process or in others."""
-    if workers == 1:
-        yield lambda states, sweeps: [sampler.run(state, sweeps) for state in states]
-        return
-    with processes(workers, _receive, (sampler,)) as pool:
-        yield lambda states, sweeps: list(pool.map(_run, states, [sweeps] * len(states)))
-
-
-def _receive(sampler: Sampler) -> None:
-    _here[:] = [sampler]
-
-
-def _run(state: State, sweeps: int) -> tuple[State, Draws]:
-    return _here[0].run(state, sweeps)
-
-
-def _keep(path: Path | None, guide: Guide, states: list[State], draws: list[Draws]) -> None:
+def _keep(path: Path | None, kept: _Kept) -> None:
     """Write the guide, the draws of all chains and their random numbers atomically."""
     if path is None:
         return
-    numbers = json.dumps([each.rng.bit_generator.state for each in states])
+    numbers = json.dumps([each.rng.bit_generator.state for each in kept.states])
     arrays: dict[str, Any] = {
-        name: np.stack([getattr(each, name) for each in draws]) for name in DRAWS
+        name: np.stack([getattr(each, name) for each in kept.draws]) for name in DRAWS
     }
-    arrays |= {name: getattr(guide.surrogate, name) for name in SURROGATE}
+    arrays |= {name: getattr(kept.guide.surrogate, name) for name in SURROGATE}
+    arrays |= {"rng": np.array(numbers), "step": kept.guide.step, "made": np.array(kept.made)}
     with files.replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, rng=np.array(numbers), step=guide.step, **arrays)
+        np.savez(file, **arrays)
 
 
-def _kept(path: Path | None, sampler: Sampler, group: Group) -> Kept | None:
+def _kept(path: Path | None, sampler: Sampler, group: Group) -> _Kept | None:
     """Return kept chains; None without a complete file, or if it is of other data."""
     if path is None:
         return None
@@ -190,13 +215,14 @@ def _kept(path: Path | None, sampler: Sampler, group: Group) -> Kept | None:
             parts = [file[name] for name in DRAWS]
             numbers = json.loads(str(file["rng"]))
             guide = Guide(Surrogate(*(file[name] for name in SURROGATE)), file["step"])
+            made = int(file["made"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
     states = [_restored(*each, group) for each in zip(draws, numbers, strict=True)]
     if not all(_is_of(each, sampler) for each in states):
         return None
-    return guide, states, draws
+    return _Kept(guide, states, draws, made)
 
 
 def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:

@@ -27,6 +27,7 @@ from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.support.arrays import Array
+from bgmodel.support.processes import mapped
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning, InputError
 
@@ -343,16 +344,17 @@ def fit_group(
     check_people(likelihoods)
     every = list(likelihoods.values())
     tell(f"start of {len(every)} people")
-    first = estimates(every)
+    first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
-    group, expansion = started(people, scale.to(first))
-    highest = scale.to(scale.high)
-    group = replace(group, mean=np.minimum(group.mean, highest), highest=highest)
-    chains = sampled(
-        Sampler(people, expansion), group,
-        seed=seed, workers=min(workers, CHAINS), most=most_draws, path=path, tell=tell,
-    )  # fmt: skip
+    with mapped(min(workers, max(len(people), CHAINS)), people) as each:
+        group, expansion = started(each, scale.to(first))
+        highest = scale.to(scale.high)
+        group = replace(group, mean=np.minimum(group.mean, highest), highest=highest)
+        chains = sampled(
+            Sampler(people, expansion), group,
+            seed=seed, each=each, most=most_draws, path=path, tell=tell,
+        )  # fmt: skip
     found = GroupFit(dict(likelihoods), scale, chains)
     for caution in found.cautions():
         FitWarning.warn(caution)

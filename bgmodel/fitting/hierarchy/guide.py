@@ -120,7 +120,7 @@ def _move_people(
 
     The group's density of a parameter drawn from it cancels that of the prior.
     """
-    size, root = len(mean), surrogate[1]
+    size, root = len(mean), surrogate[0]
     for person in range(len(scaled)):
         now = scaled[person]
         asked = now.copy()

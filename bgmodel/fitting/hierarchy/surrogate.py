@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from bgmodel.fitting.hierarchy.approximation import Person
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
+from bgmodel.support.processes import Each
 
 POINTS, MOST_POINTS = 80, 1000
 """Number of points per parameter at which the exact log likelihood is evaluated, and largest number
@@ -40,11 +42,13 @@ class Surrogate:
 
     Parameters
     ----------
-    centre, root : array (people, parameters), (people, parameters, parameters)
-        Mean c of a person's draws, and lower Cholesky factor R of their covariance. The position of
-        parameters x is ``u = R^-1 (x - c)``.
-    inverse : array (people, parameters, parameters)
-        ``R^-1``.
+    root : array (people, parameters, parameters)
+        Lower Cholesky factor of the covariance of a person's draws, for steps.
+    centre, inverse : array (people, parameters), (people, parameters, parameters)
+        Mean c of draws in the parameters' own units, ``y = log(1 + exp(x))`` for x on the scale,
+        and inverse of the lower Cholesky factor R of their covariance. The position of parameters
+        is ``u = R^-1 (y - c)``. Towards the lower bound of a parameter, which is at x = -inf, the
+        log likelihood is constant in x, which no quadratic function is.
     quadratic : array (people, parameters + 1, parameters + 1)
         Lower triangle Q of the quadratic part ``(1, u)' Q (1, u)``.
     points, weights : array (people, parameters, points), (people, points)
@@ -56,8 +60,8 @@ class Surrogate:
         Upper limit of the surrogate.
     """
 
-    centre: Array
     root: Array
+    centre: Array
     inverse: Array
     quadratic: Array
     points: Array
@@ -72,14 +76,14 @@ class Surrogate:
 
 
 def surrogate_of(
-    people: Sequence[Person], draws: Array, log_likelihood: Array, rng: np.random.Generator
+    each: Each, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> Surrogate:
     """Return the surrogate from draws and from new points around them.
 
     Parameters
     ----------
-    people : sequence of Person
-        Exact log likelihoods.
+    each : Each
+        Map of functions of the list of people, whose log likelihoods are exact.
     draws, log_likelihood : array (draws, people, parameters), (draws, people)
         Earlier draws on the scale, and their log likelihoods, nats.
     rng : Generator
@@ -87,19 +91,50 @@ def surrogate_of(
     """
     size = draws.shape[2]
     number = min(POINTS * size, MOST_POINTS)
-    parts = []
-    for k, person in enumerate(people):
-        own, kept = np.unique(draws[:, k], axis=0, return_index=True)
-        centre = draws[:, k].mean(axis=0)
-        root = np.linalg.cholesky(np.cov(draws[:, k].T).reshape(size, size) + RIDGE * np.eye(size))
-        inverse = np.linalg.inv(root)
-        chosen = _farthest((own - centre) @ inverse.T, number // 2)
-        around = centre + WIDER * rng.normal(size=(number - len(chosen), size)) @ root.T
-        logs = np.array([*log_likelihood[kept[chosen], k], *(person(x) for x in around)])
-        positions = (np.concatenate([own[chosen], around]) - centre) @ inverse.T
-        fitted = _fitted(positions, np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf))
-        parts.append((centre, root, inverse, *fitted))
-    return Surrogate(*(np.array(each) for each in zip(*parts, strict=True)))
+    jobs = []
+    for k in range(draws.shape[1]):
+        kept = np.unique(draws[:, k], axis=0, return_index=True)[1]
+        new = rng.normal(size=(number - min(number // 2, len(kept)), size))
+        jobs.append((k, draws[:, k], log_likelihood[:, k], kept, new))
+    return Surrogate(*(np.array(part) for part in zip(*each(_of_person, jobs), strict=True)))
+
+
+def _of_person(
+    people: Sequence[Person], k: int, draws: Array, log_likelihood: Array, kept: Integers,
+    new: Array,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return one person's part of the arrays of a surrogate.
+
+    Parameters
+    ----------
+    draws, log_likelihood : array (draws, parameters), (draws,)
+        Draws of person k.
+    kept : int array
+        Places of draws that differ from each other.
+    new : array (points, parameters)
+        Standard normal numbers of the points that are not draws.
+    """
+    root, own = _root(draws), _natural(draws)
+    centre, inverse = own.mean(axis=0), np.linalg.inv(_root(own))
+    number = min(POINTS * draws.shape[1], MOST_POINTS) // 2
+    chosen = kept[_farthest((own[kept] - centre) @ inverse.T, number)]
+    around = draws.mean(axis=0) + WIDER * new @ root.T
+    logs = np.array([*log_likelihood[chosen], *(people[k](x) for x in around)])
+    positions = (np.concatenate([own[chosen], _natural(around)]) - centre) @ inverse.T
+    fitted = _fitted(positions, np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf))
+    return (root, centre, inverse, *fitted)
+
+
+def _root(draws: Array) -> Array:
+    """Return the lower Cholesky factor of the covariance of draws (draws, parameters)."""
+    size = draws.shape[1]
+    covariance = np.cov(draws.T).reshape(size, size) + RIDGE * np.eye(size)
+    return np.asarray(np.linalg.cholesky(covariance))
+
+
+def _natural(scaled: Array) -> Array:
+    """Return parameters above their lower bounds, in units of the scale."""
+    return np.asarray(np.logaddexp(0.0, scaled))
 
 
 def _farthest(points: Array, number: int) -> Integers:
@@ -155,15 +190,16 @@ def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, flo
 @compiled
 def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
     """Return the log likelihood of one person at parameters (parameters,), nats."""
-    centre, _, inverse, quadratic, points, weights, length, ceiling = surrogate
+    _, centre, inverse, quadratic, points, weights, length, ceiling = surrogate
     size, number = points.shape[1:]
     squares = np.full(number, length[person] ** 2)
     at = np.ones(size + 1)
     found = 0.0
+    away = np.logaddexp(0.0, scaled) - centre[person]
     for i in range(size):
         place = 0.0
         for j in range(i + 1):
-            place += inverse[person, i, j] * (scaled[j] - centre[person, j])
+            place += inverse[person, i, j] * away[j]
         at[i + 1] = place
         for n in range(number):
             squares[n] += (place - points[person, i, n]) ** 2

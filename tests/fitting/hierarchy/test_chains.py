@@ -75,6 +75,22 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
     assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
 
+def test_chains_that_do_not_agree_begin_anew_with_a_guide_from_their_draws(
+    short, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(chains, "RENEWED", (2 * FEW,))
+    told, path = [], tmp_path / "chains.npz"
+    whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
+    assert sum("anew" in each for each in told) == 1
+    # Draws before are left out.
+    assert sum("draws in each" in each for each in told) == 5
+    assert len(whole[0]) == 3 * FEW
+    # The same, interrupted before the guide is made anew.
+    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, path=path)
+    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path)
+    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
+
+
 @pytest.mark.parametrize("content", [b"", b"PK damaged", None], ids=["empty", "damaged", "absent"])
 def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
     path = tmp_path / "chains.npz"

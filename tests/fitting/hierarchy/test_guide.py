@@ -8,10 +8,12 @@ from bgmodel.fitting.hierarchy import guide as moves
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of, values
+from bgmodel.support.processes import here
 from bgmodel.support.seeds import stream
 
 SEED, PEOPLE = 24_317, 5
-MIDDLES = np.linspace(-1, 2, PEOPLE)
+# Far above the lower end of their range, where a Gaussian is as likely as anything else.
+MIDDLES = np.linspace(4, 7, PEOPLE)
 VAGUE = np.array([0.6, 0.4])
 
 
@@ -24,14 +26,14 @@ def guide():
     people, rng = [person(each) for each in MIDDLES], stream(SEED)
     draws = MIDDLES[:, None] + 0.7 * rng.normal(size=(300, PEOPLE, 2))
     logs = np.array([[p(x) for p, x in zip(people, each, strict=True)] for each in draws])
-    surrogate = surrogate_of(people, draws, logs, rng)
+    surrogate = surrogate_of(here(people), draws, logs, rng)
     groups = rng.normal(0.5, 0.4, size=(2, 100, 2))
-    return guide_of(surrogate, groups[0], np.abs(groups[1]))
+    return guide_of(surrogate, 5 + groups[0], np.abs(groups[1]))
 
 
 def pairs(guide, count=6000):
     """Return consecutive states of a chain of guided moves: mean, sd and first person."""
-    group, scaled = Group(np.zeros(2), np.ones(2)), np.tile(MIDDLES[:, None], 2).astype(float)
+    group, scaled = Group(np.full(2, 5.0), np.ones(2)), np.tile(MIDDLES[:, None], 2).astype(float)
     rng, kept = stream(SEED, "chain"), []
     for _ in range(count):
         group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
@@ -57,7 +59,7 @@ def test_moves_are_reversible(guide, monkeypatch):
 
 def test_the_rise_is_that_of_the_surrogate(guide):
     rng, scaled = stream(SEED, "rise"), np.tile(MIDDLES[:, None], 2).astype(float)
-    group = Group(np.zeros(2), np.ones(2))
+    group = Group(np.full(2, 5.0), np.ones(2))
     before = scaled.copy()
     arrays = guide.surrogate.arrays
     for moved in (
@@ -67,13 +69,13 @@ def test_the_rise_is_that_of_the_surrogate(guide):
         now, rise = moved
         assert rise == pytest.approx(values(now, arrays) - values(before, arrays))
     assert scaled.tobytes() == before.tobytes()
-    assert group.mean.tolist() == [0.0, 0.0]
+    assert group.mean.tolist() == [5.0, 5.0]
 
 
 def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeypatch):
     monkeypatch.setattr(moves, "MOVES_OF_PEOPLE", 200)
-    group, found = Group(np.array([0.5, 0.0]), np.array([1.0, 0.3])), []
-    for first in (-3.0, 3.0):
+    group, found = Group(np.array([5.5, 5.0]), np.array([1.0, 0.3])), []
+    for first in (2.0, 8.0):
         rng = stream(SEED, "people", first)
         start = np.full((PEOPLE, 2), first)
         found.append([guide.people_moved(group, start, VAGUE, rng)[0].ravel() for _ in range(400)])
@@ -87,9 +89,9 @@ def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeyp
 
 
 def test_means_stay_within_their_range(guide):
-    group = Group(np.array([0.2, -0.1]), np.ones(2), highest=np.array([0.3, np.inf]))
+    group = Group(np.array([5.2, 4.9]), np.ones(2), highest=np.array([5.3, np.inf]))
     rng, scaled, seen = stream(SEED, "range"), np.tile(MIDDLES[:, None], 2).astype(float), []
     for _ in range(100):
         group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
         seen.append(group.mean)
-    assert max(mean[0] for mean in seen) <= 0.3 < max(mean[1] for mean in seen)
+    assert max(mean[0] for mean in seen) <= 5.3 < max(mean[1] for mean in seen)

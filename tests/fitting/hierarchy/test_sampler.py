@@ -144,7 +144,7 @@ def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
     state = astray.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "astray"))
     assert_posterior_is_that_of_a_quadrature(astray.run(state, 4000)[1])
     # Also without the steps that do not follow it.
-    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 4000)
+    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 8000)
     assert_posterior_is_that_of_a_quadrature(found)
 
 

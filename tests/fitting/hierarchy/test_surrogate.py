@@ -4,22 +4,29 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.hierarchy.surrogate import MARGIN, surrogate_of, values
+from bgmodel.support.processes import here
 from bgmodel.support.seeds import stream
 
 SEED = 24_316
 
 
+MIDDLE = 5.0
+"""Middle of the prior: far above the lower ends of the parameters' ranges."""
+
+
 def quadratic(x):
-    return float(-3 - x[0] ** 2 - 2 * (x[1] - 0.3 * x[0]) ** 2)
+    first, second = x - MIDDLE
+    return float(-3 - first**2 - 2 * (second - 0.3 * first) ** 2)
 
 
 def bent(x):
-    """Flat for negative values of the second parameter, as the likelihood of few lapses is."""
-    return float(-40 - 2 * x[0] ** 2 - 3 * np.logaddexp(0, 2 * x[1]))
+    """Constant towards the lower end of the second parameter, as the likelihood of no lapses is."""
+    return float(-40 - 2 * (x[0] - MIDDLE) ** 2 - np.logaddexp(0, x[1]))
 
 
 def two_modes(x):
-    return float(np.logaddexp(-(x**2).sum(), -((x - 2.5) ** 2).sum() - 1))
+    away = x - MIDDLE
+    return float(np.logaddexp(-(away**2).sum(), -((away - 2.5) ** 2).sum() - 1))
 
 
 def at(surrogate, scaled):
@@ -27,11 +34,12 @@ def at(surrogate, scaled):
 
 
 def drawn(person, count, spread=1.0):
-    """Return draws from the posterior of a person under a standard normal prior."""
-    rng, x, kept = stream(SEED, person.__name__), np.zeros(2), []
+    """Return draws from the posterior of a person under a Gaussian prior."""
+    rng, x, kept = stream(SEED, person.__name__), np.full(2, MIDDLE), []
     for _ in range(20 * count):
         asked = x + spread * rng.normal(size=2)
-        gain = person(asked) - person(x) - (asked @ asked - x @ x) / 8
+        gain = person(asked) - person(x)
+        gain -= (((asked - MIDDLE) ** 2).sum() - ((x - MIDDLE) ** 2).sum()) / 8
         x = asked if np.log(rng.random()) < gain else x
         kept.append(x)
     draws = np.array(kept[::20])[:, None]
@@ -41,7 +49,7 @@ def drawn(person, count, spread=1.0):
 @pytest.mark.parametrize("person", [quadratic, bent, two_modes])
 def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
     draws, logs = drawn(person, 900)
-    found = surrogate_of([person], draws[:450], logs[:450], stream(SEED))
+    found = surrogate_of(here([person]), draws[:450], logs[:450], stream(SEED))
     error = [at(found, x)[0] - log[0] for x, log in zip(draws[450:], logs[450:], strict=True)]
     assert np.std(logs[450:]) > 0.5
     assert np.median(np.abs(error)) < 0.02
@@ -53,16 +61,25 @@ def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
 def test_each_person_has_a_separate_surrogate():
     parts = [drawn(each, 300) for each in (quadratic, bent)]
     draws, logs = (np.concatenate(both, axis=1) for both in zip(*parts, strict=True))
-    both = surrogate_of([quadratic, bent], draws, logs, stream(SEED))
-    x = np.array([[0.3, 0.2], [-0.4, 0.1]])
+    both = surrogate_of(here([quadratic, bent]), draws, logs, stream(SEED))
+    x = MIDDLE + np.array([[0.3, 0.2], [-0.4, 0.1]])
     assert at(both, x) == pytest.approx([quadratic(x[0]), bent(x[1])], abs=0.1)
 
 
 def test_far_away_it_is_at_most_a_nat_above_the_highest_draw():
     draws, logs = drawn(bent, 300)
-    found = surrogate_of([bent], draws, logs, stream(SEED))
-    far = [at(found, x[None])[0] for x in stream(SEED, "far").normal(0, 50, size=(200, 2))]
+    found = surrogate_of(here([bent]), draws, logs, stream(SEED))
+    far = [at(found, x[None])[0] for x in stream(SEED, "far").normal(MIDDLE, 50, size=(200, 2))]
     assert max(far) <= found.ceiling[0] <= logs.max() + MARGIN + 0.5
+
+
+def test_it_is_constant_towards_the_lower_end_of_a_range_as_the_log_likelihood_is():
+    """A quadratic function of the scale is not, by tens of nats: chains stayed there for long."""
+    draws, logs = drawn(bent, 450)
+    found = surrogate_of(here([bent]), draws, logs, stream(SEED))
+    for low in (-8.0, -20.0):
+        x = np.array([MIDDLE, low])
+        assert at(found, x[None])[0] == pytest.approx(bent(x), abs=0.2)
 
 
 def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
@@ -71,24 +88,25 @@ def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
 
     draws = np.repeat(np.linspace(-1, 1, 5), 30)[:, None, None]
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogate_of([person], draws, logs, stream(SEED))
+    found = surrogate_of(here([person]), draws, logs, stream(SEED))
     assert at(found, np.array([[0.4]]))[0] == pytest.approx(-0.16, abs=0.02)
 
 
 @pytest.mark.parametrize("hole", [np.nan, -np.inf])
 def test_points_without_a_likelihood_are_left_out(hole):
     def person(x):
-        return hole if x[0] > 3 else quadratic(x)
+        return hole if x[0] > MIDDLE + 3 else quadratic(x)
 
     draws, logs = drawn(quadratic, 300)
-    assert draws[..., 0].max() < 3.5
+    assert draws[..., 0].max() < MIDDLE + 3.5
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogate_of([person], draws, logs, stream(SEED))
-    assert at(found, np.array([[0.3, 0.2]]))[0] == pytest.approx(quadratic(np.array([0.3, 0.2])))
+    found = surrogate_of(here([person]), draws, logs, stream(SEED))
+    x = MIDDLE + np.array([0.3, 0.2])
+    assert at(found, x[None])[0] == pytest.approx(quadratic(x), abs=0.01)
 
 
 def test_draws_that_hardly_moved_give_a_surrogate_that_holds_around_them():
     draws, logs = drawn(quadratic, 4)
-    found = surrogate_of([quadratic], draws, logs, stream(SEED))
+    found = surrogate_of(here([quadratic]), draws, logs, stream(SEED))
     x = draws[:1, 0] + 0.3
     assert at(found, x)[0] == pytest.approx(quadratic(x[0]), abs=0.5)
