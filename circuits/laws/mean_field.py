@@ -6,6 +6,8 @@ near silence, which shifts the fixed point.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from circuits.arrays import Array
@@ -13,6 +15,8 @@ from circuits.dynamics.wiring import Wiring
 from circuits.laws.mixture import mean_rate_hz
 
 TOLERANCE = 1e-10
+STEP_NATS = 1e-7
+"""Step of derivatives."""
 
 
 def own_rates(wiring: Wiring, x: Array) -> Array:
@@ -61,12 +65,16 @@ def settled(
     for t in range(len(start)):
 
         def missing(x: Array, t: int = t) -> Array:
-            hz = own_rates(wiring, x[None]) + extra[t]
+            hz = own_rates(wiring, np.atleast_2d(x)) + extra[t]
             units = hz @ wiring.deliver.T + wiring.constant
-            fed = (outside[t : t + 1] + wiring.inputs(units))[0]
-            return np.asarray(fed - x)
+            return np.asarray((outside[t] + wiring.inputs(units)).reshape(x.shape) - x)
 
-        solution = root(missing, start[t], tol=TOLERANCE)
+        def slope(x: Array, missing: Callable[[Array], Array] = missing) -> Array:
+            # All states at once: most of the time is that of calls.
+            near = missing(np.vstack([x, x + STEP_NATS * np.eye(len(x))]))
+            return np.asarray((near[1:] - near[0]).T / STEP_NATS)
+
+        solution = root(missing, start[t], jac=slope, tol=TOLERANCE)
         if not solution.success:
             said = "no fixed point was found with the cells' own f-I curves"
             raise ValueError(f"{wiring.circuit.name}: {said}")
