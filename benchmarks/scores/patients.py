@@ -9,7 +9,7 @@ people. Chains are kept, and continued where they were stopped.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -140,17 +140,27 @@ def agreed(draws: np.ndarray) -> dict[str, float]:
     return {"rhat": float(array_stats.rhat(draws, **axes)), "effective": float(min(sizes))}
 
 
-def compared(by: str, fast: bool, workers: int) -> pd.DataFrame:
-    """Return how well each model predicts trials left out (PSIS-LOO), from the kept chains."""
-    fits = {terms: fitted(by, terms, fast, workers) for terms in TERMS}
+def compared(fits: Mapping[str, GroupFit]) -> pd.DataFrame:
+    """Return how well each model predicts trials left out (PSIS-LOO)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         found = compare_models(fits)
     unreliable = {name: score.unreliable for name, score in found.scores.items()}
-    table = found.to_dataframe().rename(columns={"model": "terms"})
-    return table.assign(unreliable=table["terms"].map(unreliable), by=by).drop(
+    table = found.to_dataframe()
+    return table.assign(unreliable=table["model"].map(unreliable)).drop(
         columns=["log_likelihood", "parameters", "bic"]
     )
+
+
+def compared_terms(by: str, fast: bool, workers: int) -> pd.DataFrame:
+    """Compare what the threshold depends on, from the kept chains."""
+    found = compared({terms: fitted(by, terms, fast, workers) for terms in TERMS})
+    return found.rename(columns={"model": "terms"}).assign(by=by)
+
+
+def compared_models(fast: bool, workers: int) -> pd.DataFrame:
+    """Compare test and circuit, both with an interaction, from the kept chains."""
+    return compared({by: fitted(by, "interaction", fast, workers) for by in MODELS})
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -159,14 +169,15 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         for terms in TERMS:
             make = partial(effects, by, terms, fast, workers)
             yield Piece("effects", f"{by} {terms}", TRIALS_OF_ALL, seconds, make)
-        make = partial(compared, by, fast, workers)
-        yield Piece("compared", by, TRIALS_OF_ALL, 200, make)
+        make = partial(compared_terms, by, fast, workers)
+        yield Piece("terms", by, TRIALS_OF_ALL, 200, make)
+    make = partial(compared_models, fast, workers)
+    yield Piece("models", "interaction", TRIALS_OF_ALL, 200, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the effects, and the comparison of the models."""
-    found = {"effects": ("effects", made["effects"])}
-    return found | ({"compared": ("compared", made["compared"])} if "compared" in made else {})
+    """Return the effects, and the comparisons."""
+    return {kind: (kind, table) for kind, table in made.items()}
 
 
 SCORE = Score("patients", HIERARCHY_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)

@@ -26,8 +26,9 @@ CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
-RENEWED = 400, 600
-"""Numbers of sweeps after which the guide is made anew if chains do not agree, once at each."""
+RENEWED, POOR = (400, 600), 200.0
+"""Numbers of sweeps after which the guide is made anew, once at each, if an effective sample size
+is smaller than ``POOR``."""
 SAME_NATS = 1e-6
 """Largest difference of the log likelihood at a kept draw from that which was kept with it."""
 DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Surrogate))
@@ -101,15 +102,20 @@ def sampled(
     Notes
     -----
     Where a surrogate is far too low, because no chain was there while it was made, chains stay for
-    long. If they have not agreed after ``RENEWED`` sweeps, the guide is therefore made anew from
-    all their draws, which are left out, as those of a warm-up are.
+    long. If effective sample sizes are poor after ``RENEWED`` sweeps, the guide is therefore made
+    anew from all draws, which are left out, as those of a warm-up are.
     """
     work = _Work(sampler, seed, each or here(sampler.people), tell)
     kept = _kept(path, sampler, group) or work.warmed(group)
-    while not kept.draws or not work.ended(kept.draws, most):
-        kept = work.longer(work.renewed(kept))
+    while True:
+        if kept.draws:
+            found = work.agreement(kept.draws)
+            if found.reached or len(kept.draws[0]) >= most:
+                return kept.draws
+            if found.effective.min() < POOR:
+                kept = work.renewed(kept)
+        kept = work.longer(kept)
         _keep(path, kept)
-    return kept.draws
 
 
 @dataclass(frozen=True)
@@ -162,11 +168,11 @@ class _Work:
         return _Kept(guide, states, [], ROUNDS)
 
     def renewed(self, kept: _Kept) -> _Kept:
-        """Return chains with a new guide and no draws, if they have not agreed for long."""
+        """Return chains with a new guide and no draws, if they are long enough for it."""
         number = kept.made - ROUNDS
-        if number == len(RENEWED) or not kept.draws or len(kept.draws[0]) < RENEWED[number]:
+        if number == len(RENEWED) or len(kept.draws[0]) < RENEWED[number]:
             return kept
-        self.tell("chains do not agree yet: they begin anew, with what they have found")
+        self.tell("chains move too slowly: they begin anew, with what they have found")
         return _Kept(self.guide(kept.draws, kept.made), kept.states, [], kept.made + 1)
 
     def longer(self, kept: _Kept) -> _Kept:
@@ -176,14 +182,14 @@ class _Work:
         whole = [joined(both) for both in zip(before, new, strict=True)] if before else new
         return replace(kept, states=states, draws=whole)
 
-    def ended(self, draws: list[Draws], most: int) -> bool:
-        """Return whether chains agree or are as long as allowed."""
-        there = agreement(draws)
+    def agreement(self, draws: list[Draws]) -> Agreement:
+        """Return the diagnostics, and tell them."""
+        found = agreement(draws)
         self.tell(
             f"{len(draws[0])} draws in each of {CHAINS} chains, effective sample size "
-            f"{there.effective.min():.0f}, R-hat {there.rhat.max():.3f}"
+            f"{found.effective.min():.0f}, R-hat {found.rhat.max():.3f}"
         )
-        return there.reached or len(draws[0]) >= most
+        return found
 
 
 def _run(

@@ -75,10 +75,15 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
     assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
 
-def test_chains_that_do_not_agree_begin_anew_with_a_guide_from_their_draws(
+def test_chains_that_move_too_slowly_begin_anew_with_a_guide_from_their_draws(
     short, monkeypatch, tmp_path
 ):
     monkeypatch.setattr(chains, "RENEWED", (2 * FEW,))
+    monkeypatch.setattr(chains, "POOR", 0.0)
+    told: list[str] = []
+    sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
+    assert not any("anew" in each for each in told)
+    monkeypatch.setattr(chains, "POOR", np.inf)
     told, path = [], tmp_path / "chains.npz"
     whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
     assert sum("anew" in each for each in told) == 1
