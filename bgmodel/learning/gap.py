@@ -84,11 +84,11 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
-def check_start(start_delta: float) -> None:
-    """Raise ValueError if learning can't start from this gap."""
+def check_start(start_delta: float, field: str = "start_delta") -> None:
+    """Raise ValueError, naming a field, if learning can't start from this gap."""
     low, high = DELTA_RANGE
     if not low <= start_delta <= high:
-        raise InputError.of("start_delta", f"must be within {low:g}..{high:g} nats", start_delta)
+        raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_delta)
 
 
 def learn_sources(
@@ -109,7 +109,7 @@ def learn_sources(
     random-number streams, so that it is independent of the others.
     """
     for start in starts:
-        check_start(start)
+        check_start(start, "starts")
     runs = list(product(range(len(sources)), starts, range(repeats)))
     draws = []
     for i, start, k in runs:
@@ -156,8 +156,8 @@ def learn_folds(
 ) -> pd.DataFrame:
     """Learn the gap on every fold from each start, and score the learned values.
 
-    Each start has several repeats. All runs advance together, which is faster than one after the
-    other.
+    Each start has several repeats. All runs are simulated together, which is faster than one start
+    at a time.
 
     Returns
     -------
@@ -251,6 +251,7 @@ def learn_gap(
     summary : dict
         learned_delta and regret of each run, optimal_delta, optimal_cost.
     """
+    check_start(start_delta)
     optimum = optimal_delta(*increments(readings), xi, t_max=t_max, bounds=DELTA_RANGE)
     learned = learn_sources(
         [readings],

@@ -11,9 +11,9 @@ from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import Any
 
-Each = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], list[Any]]
-"""Maps a function over tuples of arguments, to which it adds what every call shares as the first;
-returns the results in their order."""
+SharedMap = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], list[Any]]
+"""Calls ``function(shared, *arguments)`` for each tuple of arguments, and returns the results in
+order. ``shared`` is the same for every call, and is sent to each process once."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -49,38 +49,37 @@ def processes(
             pool.shutdown(cancel_futures=True)
 
 
-def here(held: Any) -> Each:
-    """Return the map of ``mapped`` that computes in this process."""
-    return lambda function, jobs: [function(held, *job) for job in jobs]
+def local_map(shared: Any) -> SharedMap:
+    """Return a map that runs in this process."""
+    return lambda function, jobs: [function(shared, *arguments) for arguments in jobs]
 
 
 @contextmanager
-def mapped(workers: int, held: Any) -> Iterator[Each]:
-    """Yield a map that computes in this process, or in a pool of several.
+def shared_map(workers: int, shared: Any) -> Iterator[SharedMap]:
+    """Yield a map over a pool of processes, or in this process if ``workers`` is 1.
 
-    Parameters
-    ----------
-    workers : int
-        Number of processes.
-    held : object
-        First argument of every call. A pool receives it once.
+    Linear algebra uses one thread in either case, since results differ by rounding between numbers
+    of threads.
     """
     if workers == 1:
-        yield here(held)
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1, user_api="blas"):
+            yield local_map(shared)
         return
-    with processes(workers, _hold, (held,)) as pool:
-        yield lambda function, jobs: list(pool.map(partial(_with_held, function), jobs))
+    with processes(workers, _share, (shared,)) as pool:
+        yield lambda function, jobs: list(pool.map(partial(_with_shared, function), jobs))
 
 
-_held: list[Any] = []
+_shared: list[Any] = []
 
 
-def _hold(held: Any) -> None:
-    _held[:] = [held]
+def _share(shared: Any) -> None:
+    _shared[:] = [shared]
 
 
-def _with_held(function: Callable[..., Any], job: tuple[Any, ...]) -> Any:
-    return function(_held[0], *job)
+def _with_shared(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    return function(_shared[0], *arguments)
 
 
 def _begin(receive: Callable[..., object] | None, held: tuple[Any, ...]) -> None:

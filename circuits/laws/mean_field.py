@@ -6,8 +6,6 @@ near silence, which shifts the fixed point.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from circuits.arrays import Array
@@ -16,7 +14,7 @@ from circuits.laws.mixture import mean_rate_hz
 
 TOLERANCE = 1e-10
 STEP_NATS = 1e-7
-"""Step of derivatives."""
+"""Step of the finite differences in the Jacobian."""
 
 
 def own_rates(wiring: Wiring, x: Array) -> Array:
@@ -58,25 +56,27 @@ def settled(
     ValueError
         If no fixed point was found.
     """
+    outside, extra = wiring.drive(drive) + extra_nats, np.broadcast_to(extra_hz, start.shape)
+    given = zip(outside, extra, start, strict=True)
+    return np.array([_settled(wiring, *each) for each in given]).reshape(start.shape)
+
+
+def _settled(wiring: Wiring, outside: Array, extra_hz: Array, start: Array) -> Array:
+    """Return the state (blocks,) of one trial at the fixed point."""
     from scipy.optimize import root
 
-    outside, found = wiring.drive(drive) + extra_nats, np.empty_like(start)
-    extra = np.broadcast_to(extra_hz, start.shape)
-    for t in range(len(start)):
+    def residual(x: Array) -> Array:
+        hz = own_rates(wiring, np.atleast_2d(x)) + extra_hz
+        units = hz @ wiring.deliver.T + wiring.constant
+        return np.asarray((outside + wiring.inputs(units)).reshape(x.shape) - x)
 
-        def missing(x: Array, t: int = t) -> Array:
-            hz = own_rates(wiring, np.atleast_2d(x)) + extra[t]
-            units = hz @ wiring.deliver.T + wiring.constant
-            return np.asarray((outside[t] + wiring.inputs(units)).reshape(x.shape) - x)
+    def jacobian(x: Array) -> Array:
+        # One call for all perturbed states: the overhead of calls dominates.
+        near = residual(np.vstack([x, x + STEP_NATS * np.eye(len(x))]))
+        return np.asarray((near[1:] - near[0]).T / STEP_NATS)
 
-        def slope(x: Array, missing: Callable[[Array], Array] = missing) -> Array:
-            # All states at once: most of the time is that of calls.
-            near = missing(np.vstack([x, x + STEP_NATS * np.eye(len(x))]))
-            return np.asarray((near[1:] - near[0]).T / STEP_NATS)
-
-        solution = root(missing, start[t], jac=slope, tol=TOLERANCE)
-        if not solution.success:
-            said = "no fixed point was found with the cells' own f-I curves"
-            raise ValueError(f"{wiring.circuit.name}: {said}")
-        found[t] = solution.x
-    return found
+    solution = root(residual, start, jac=jacobian, tol=TOLERANCE)
+    if not solution.success:
+        said = "no fixed point was found with the cells' own f-I curves"
+        raise ValueError(f"{wiring.circuit.name}: {said}")
+    return np.asarray(solution.x)

@@ -7,7 +7,7 @@ import time
 import psutil
 import pytest
 
-from bgmodel.support.processes import mapped, processes
+from bgmodel.support.processes import processes, shared_map
 
 LONG = """
 import os, sys, time
@@ -43,7 +43,7 @@ def plus(held, first, second):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_map_gives_results_in_order_whatever_the_number_of_processes(workers):
-    with mapped(workers, "held") as each:
+    with shared_map(workers, "held") as each:
         assert each(plus, [(k, 1) for k in range(5)]) == [("held", k + 1) for k in range(5)]
 
 

@@ -28,6 +28,8 @@ ERRORS = np.array([3.0, 0.06, 0.006])
 class Measured:
     """A person whose parameters are measured with Gaussian errors."""
 
+    scale = SCALE
+
     def __init__(self, values):
         self.values = values
 

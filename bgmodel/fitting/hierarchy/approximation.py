@@ -12,7 +12,7 @@ from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, starts_of
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.processes import Each, mapped
+from bgmodel.support.processes import SharedMap, shared_map
 
 ROUNDS = 2
 """Number of rounds of the EM algorithm that finds the start."""
@@ -170,23 +170,24 @@ def estimates(likelihoods: Sequence[Likelihood], workers: int = 1) -> Array:
     scale = Scale.of(likelihoods[0].freedom)
     start = scale.to(np.array([starts_of(each)[-1] for each in likelihoods]))
     wide = Group(start.mean(axis=0), np.full(start.shape[1], (2 * SPREAD) ** 2))
-    with mapped(workers, [Person(each, scale) for each in likelihoods]) as each:
-        return scale.back(np.array(each(_peak, [(k, wide, x) for k, x in enumerate(start)])))
+    people = [Person(each, scale) for each in likelihoods]
+    with shared_map(workers, people) as over_people:
+        return scale.back(np.array(over_people(_peak, [(k, wide, x) for k, x in enumerate(start)])))
 
 
-def started(each: Each, start: Array) -> tuple[Group, Expansion]:
+def started(over_people: SharedMap, start: Array) -> tuple[Group, Expansion]:
     """Return the distribution of the group and the expansion around everyone's peak, by EM.
 
     Parameters
     ----------
-    each : Each
-        Map of functions of the list of people.
+    over_people : SharedMap
+        Maps functions of the list of people.
     start : array (people, parameters)
         First estimates on the scale.
     """
     points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
-        found = each(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
+        found = over_people(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
         points, slopes, precisions = (np.array(part) for part in zip(*found, strict=True))
         expansion = Expansion(points, slopes, precisions)
         group = group_of(points, expansion.times(group).variances)

@@ -14,11 +14,11 @@ import numpy as np
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import Guide
-from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, joined
+from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, guided, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
-from bgmodel.support.processes import Each, here
+from bgmodel.support.processes import SharedMap, local_map
 from bgmodel.support.seeds import stream
 
 CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
@@ -26,9 +26,9 @@ CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 largest number of sweeps."""
 FEWEST_EFFECTIVE, LARGEST_RHAT = 400.0, 1.01
 """Effective sample size and R-hat at which chains end (Vehtari et al. 2021)."""
-RENEWED, POOR = (400, 600), 200.0
-"""Numbers of sweeps after which the guide is made anew, once at each, if an effective sample size
-is smaller than ``POOR``."""
+REMADE, POOR = (400, 600), 200.0
+"""Lengths of chains at which the surrogate is learned again, at most once each, if an effective
+sample size is below ``POOR``."""
 SAME_NATS = 1e-6
 """Largest difference of the log likelihood at a kept draw from that which was kept with it."""
 DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Surrogate))
@@ -74,7 +74,7 @@ def sampled(
     group: Group,
     *,
     seed: int,
-    each: Each | None = None,
+    over_people: SharedMap | None = None,
     most: int = MOST,
     path: Path | None = None,
     tell: Callable[[str], None] = lambda _: None,
@@ -89,11 +89,11 @@ def sampled(
         Where chains start.
     seed : int
         Seed of the chains; each has its own stream.
-    each : Each, optional
-        Map of functions of the sampler's people, by default in this process. The draws do not
-        depend on it.
+    over_people : SharedMap, optional
+        Maps functions of the sampler's people, by default in this process. The draws do not depend
+        on it.
     most : int
-        Largest number of sweeps of each chain.
+        Largest number of draws kept from each chain.
     path : path, optional
         File (.npz) that keeps the chains after each block; those that it holds are continued.
     tell : function
@@ -101,20 +101,21 @@ def sampled(
 
     Notes
     -----
-    Where a surrogate is far too low, because no chain was there while it was made, chains stay for
-    long. If effective sample sizes are poor after ``RENEWED`` sweeps, the guide is therefore made
-    anew from all draws, which are left out, as those of a warm-up are.
+    Where the surrogate is far too low, because no chain had been there when it was learned, chains
+    get stuck. If effective sample sizes are small after ``REMADE`` sweeps, it is learned again from
+    all draws so far, which are then discarded like a warm-up.
     """
-    work = _Work(sampler, seed, each or here(sampler.people), tell)
+    work = _Chains(sampler, seed, over_people or local_map(sampler.people), tell)
     kept = _kept(path, sampler, group) or work.warmed(group)
     while True:
         if kept.draws:
-            found = work.agreement(kept.draws)
-            if found.reached or len(kept.draws[0]) >= most:
+            diagnostics = work.reported(kept)
+            if diagnostics.reached or len(kept.draws[0]) >= most:
                 return kept.draws
-            if found.effective.min() < POOR:
-                kept = work.renewed(kept)
-        kept = work.longer(kept)
+            if kept.stuck(diagnostics):
+                tell("chains mix too slowly: learning the surrogate again, without their draws")
+                kept = work.remade(kept)
+        kept = work.longer(kept, BLOCK)
         _keep(path, kept)
 
 
@@ -122,33 +123,26 @@ def sampled(
 class _Kept:
     """Chains between two blocks: guide, states and draws, and how often the guide was made."""
 
-    guide: Guide
+    guide: Guide | None
     states: list[State]
     draws: list[Draws]
     made: int
 
+    def stuck(self, diagnostics: Agreement) -> bool:
+        """Whether the surrogate must be learned again, which is asked only at ``REMADE``."""
+        ahead = REMADE[self.made - ROUNDS :]
+        at = bool(ahead) and len(self.draws[0]) == ahead[0]
+        return at and bool(diagnostics.effective.min() < POOR)
+
 
 @dataclass(frozen=True)
-class _Work:
-    """Work on chains of a sampler."""
+class _Chains:
+    """Advances chains, and makes their guide."""
 
     sampler: Sampler
     seed: int
-    each: Each
+    over_people: SharedMap
     tell: Callable[[str], None]
-
-    def run(
-        self, guide: Guide | None, states: list[State], sweeps: int
-    ) -> tuple[list[State], list[Draws]]:
-        """Return states after some sweeps of each chain, and the draws."""
-        jobs = [(self.sampler.expansion, guide, state, sweeps) for state in states]
-        found = self.each(_run, jobs)
-        return [state for state, _ in found], [draws for _, draws in found]
-
-    def guide(self, draws: list[Draws], number: int) -> Guide:
-        """Return the guide from the draws of all chains, so that each knows what any has found."""
-        rng = stream(self.seed, "surrogate", number)
-        return self.sampler.guide_from(joined(draws), rng, self.each)
 
     def warmed(self, group: Group) -> _Kept:
         """Return the guide of a warm-up, and the states at its end.
@@ -156,37 +150,36 @@ class _Work:
         In each round the guide is made from the draws of the round before, whose first quarter is
         left out.
         """
-        guide = None
-        states = [
-            self.sampler.first(group, stream(self.seed, "hierarchy", n)) for n in range(CHAINS)
-        ]
+        rngs = [stream(self.seed, "hierarchy", number) for number in range(CHAINS)]
+        kept = _Kept(None, [self.sampler.first(group, rng) for rng in rngs], [], 0)
         for number in range(ROUNDS):
             self.tell(f"warm-up {number + 1} of {ROUNDS}")
-            states, draws = self.run(guide, states, WARM_UP)
-            guide = self.guide([one.part(len(one) // 4) for one in draws], number)
-        assert guide is not None
-        return _Kept(guide, states, [], ROUNDS)
+            kept = self.remade(self.longer(kept, WARM_UP), WARM_UP // 4)
+        return kept
 
-    def renewed(self, kept: _Kept) -> _Kept:
-        """Return chains with a new guide and no draws, if they are long enough for it."""
-        number = kept.made - ROUNDS
-        if number == len(RENEWED) or len(kept.draws[0]) < RENEWED[number]:
-            return kept
-        self.tell("chains move too slowly: they begin anew, with what they have found")
-        return _Kept(self.guide(kept.draws, kept.made), kept.states, [], kept.made + 1)
+    def longer(self, kept: _Kept, sweeps: int) -> _Kept:
+        """Return chains after more sweeps."""
+        jobs = [(self.sampler.expansion, kept.guide, state, sweeps) for state in kept.states]
+        found = self.over_people(_run, jobs)
+        draws = [new for _, new in found]
+        if kept.draws:
+            draws = [joined(both) for both in zip(kept.draws, draws, strict=True)]
+        return replace(kept, states=[state for state, _ in found], draws=draws)
 
-    def longer(self, kept: _Kept) -> _Kept:
-        """Return chains after another block of sweeps."""
-        states, new = self.run(kept.guide, kept.states, BLOCK)
-        before = kept.draws
-        whole = [joined(both) for both in zip(before, new, strict=True)] if before else new
-        return replace(kept, states=states, draws=whole)
+    def remade(self, kept: _Kept, skipped: int = 0) -> _Kept:
+        """Return chains with a guide from their draws, which are discarded.
 
-    def agreement(self, draws: list[Draws]) -> Agreement:
+        Those of all chains are used, so that every chain knows what any of them has found.
+        """
+        every = joined([draws.part(skipped) for draws in kept.draws])
+        guide = guided(self.over_people, every, stream(self.seed, "surrogate", kept.made))
+        return _Kept(guide, kept.states, [], kept.made + 1)
+
+    def reported(self, kept: _Kept) -> Agreement:
         """Return the diagnostics, and tell them."""
-        found = agreement(draws)
+        found = agreement(kept.draws)
         self.tell(
-            f"{len(draws[0])} draws in each of {CHAINS} chains, effective sample size "
+            f"{len(kept.draws[0])} draws in each of {CHAINS} chains, effective sample size "
             f"{found.effective.min():.0f}, R-hat {found.rhat.max():.3f}"
         )
         return found
@@ -200,7 +193,7 @@ def _run(
 
 def _keep(path: Path | None, kept: _Kept) -> None:
     """Write the guide, the draws of all chains and their random numbers atomically."""
-    if path is None:
+    if path is None or kept.guide is None:
         return
     numbers = json.dumps([each.rng.bit_generator.state for each in kept.states])
     arrays: dict[str, Any] = {

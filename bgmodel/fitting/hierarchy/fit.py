@@ -27,7 +27,7 @@ from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.support.arrays import Array
-from bgmodel.support.processes import mapped
+from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
 from circuits.errors import FitWarning, InputError
 
@@ -320,7 +320,8 @@ def fit_group(
         Number of processes; the result does not depend on it. With more than one, a script needs
         the guard ``if __name__ == "__main__":``.
     most_draws : int
-        Largest number of draws of each of four chains.
+        Largest number of draws kept from each of four chains; a warm-up, and draws that are left
+        out where chains get stuck (``chains.sampled``), come on top.
     scale : Scale, optional
         The scale on which people are Gaussian, with the unit of the priors. By default its unit is
         set by the median of separate estimates.
@@ -347,13 +348,13 @@ def fit_group(
     first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
-    with mapped(min(workers, max(len(people), CHAINS)), people) as each:
-        group, expansion = started(each, scale.to(first))
+    with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
+        group, expansion = started(over_people, scale.to(first))
         highest = scale.to(scale.high)
         group = replace(group, mean=np.minimum(group.mean, highest), highest=highest)
         chains = sampled(
             Sampler(people, expansion), group,
-            seed=seed, each=each, most=most_draws, path=path, tell=tell,
+            seed=seed, over_people=over_people, most=most_draws, path=path, tell=tell,
         )  # fmt: skip
     found = GroupFit(dict(likelihoods), scale, chains)
     for caution in found.cautions():

@@ -16,7 +16,7 @@ from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import SINGLE, Guide, guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of
 from bgmodel.support.arrays import Array
-from bgmodel.support.processes import Each, here
+from bgmodel.support.processes import SharedMap, local_map
 
 UNGUIDED = 0.2
 """Share of the sweeps with a guide that do without it, so that chains leave points where the
@@ -202,11 +202,15 @@ class Sampler:
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
         return State(group, asked, log, state.rng) if taken else state
 
-    def guide_from(self, draws: Draws, rng: np.random.Generator, each: Each | None = None) -> Guide:
-        """Return a guide made from draws; ``each`` maps functions of the people."""
-        each = each or here(self.people)
-        surrogate = surrogate_of(each, draws.scaled, draws.log_likelihood, rng)
-        return guide_of(surrogate, draws.mean, draws.sd)
+    def guide_from(self, draws: Draws, rng: np.random.Generator) -> Guide:
+        """Return a guide made from draws."""
+        return guided(local_map(self.people), draws, rng)
+
+
+def guided(over_people: SharedMap, draws: Draws, rng: np.random.Generator) -> Guide:
+    """Return a guide made from draws; ``over_people`` maps functions of the list of people."""
+    surrogate = surrogate_of(over_people, draws.scaled, draws.log_likelihood, rng)
+    return guide_of(surrogate, draws.mean, draws.sd)
 
 
 def _taken(state: State, asked: Array, log: Array, gain: Array) -> State:

@@ -65,6 +65,11 @@ class Scale:
                 above[k] = heights[each.parameter.name] / np.abs(each.weights).max()
         return cls(space.low, space.high, np.where(shares, width, above) / PARTS)
 
+    @property
+    def heights(self) -> Array:
+        """Ranges of the parameters, in units of the scale, (parameters,)."""
+        return np.asarray((self.high - self.low) / self.unit)
+
     def to(self, natural: Array) -> Array:
         """Return parameters (..., parameters) on the scale."""
         height = (np.asarray(natural, float) - self.low) / self.unit

@@ -11,7 +11,7 @@ import numpy as np
 from bgmodel.fitting.hierarchy.approximation import Person
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
-from bgmodel.support.processes import Each
+from bgmodel.support.processes import SharedMap
 
 POINTS, MOST_POINTS = 80, 1000
 """Number of points per parameter at which the exact log likelihood is evaluated, and largest number
@@ -32,8 +32,9 @@ COEFFICIENT = 100.0
 """Standard deviation of coefficients of the quadratic part under their prior, nats."""
 MARGIN = 1.0
 """Nats above the highest known log likelihood at which an extrapolation is capped."""
-RIDGE = 0.01
-"""Added to the variances of draws on the scale, for people whose draws hardly moved."""
+RIDGE, SMALLEST = 0.01, 1e-4
+"""Share of the variances of draws, and variance, that are added to these variances, for people
+whose draws hardly moved."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,13 @@ class Surrogate:
     root : array (people, parameters, parameters)
         Lower Cholesky factor of the covariance of a person's draws, for steps.
     centre, inverse : array (people, parameters), (people, parameters, parameters)
-        Mean c of draws in the parameters' own units, ``y = log(1 + exp(x))`` for x on the scale,
-        and inverse of the lower Cholesky factor R of their covariance. The position of parameters
-        is ``u = R^-1 (y - c)``. Towards the lower bound of a parameter, which is at x = -inf, the
-        log likelihood is constant in x, which no quadratic function is.
+        Mean c of the draws' heights, and inverse of the lower Cholesky factor R of their
+        covariance. The height of a parameter is its distance from the lower end of its range, in
+        units of the scale: ``y = log(1 + exp(x))`` for x on the scale, up to that of the upper end.
+        The position of parameters is ``u = R^-1 (y - c)``. The log likelihood is constant in x
+        towards both ends of a range, which no quadratic function of x is.
+    highest : array (people, parameters)
+        Height of the upper end of each range.
     quadratic : array (people, parameters + 1, parameters + 1)
         Lower triangle Q of the quadratic part ``(1, u)' Q (1, u)``.
     points, weights : array (people, parameters, points), (people, points)
@@ -63,6 +67,7 @@ class Surrogate:
     root: Array
     centre: Array
     inverse: Array
+    highest: Array
     quadratic: Array
     points: Array
     weights: Array
@@ -76,65 +81,62 @@ class Surrogate:
 
 
 def surrogate_of(
-    each: Each, draws: Array, log_likelihood: Array, rng: np.random.Generator
+    over_people: SharedMap, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> Surrogate:
     """Return the surrogate from draws and from new points around them.
 
     Parameters
     ----------
-    each : Each
-        Map of functions of the list of people, whose log likelihoods are exact.
+    over_people : SharedMap
+        Maps functions of the list of people, whose log likelihoods are exact.
     draws, log_likelihood : array (draws, people, parameters), (draws, people)
         Earlier draws on the scale, and their log likelihoods, nats.
     rng : Generator
         Random numbers of the points that are not draws.
     """
-    size = draws.shape[2]
-    number = min(POINTS * size, MOST_POINTS)
-    jobs = []
-    for k in range(draws.shape[1]):
-        kept = np.unique(draws[:, k], axis=0, return_index=True)[1]
-        new = rng.normal(size=(number - min(number // 2, len(kept)), size))
-        jobs.append((k, draws[:, k], log_likelihood[:, k], kept, new))
-    return Surrogate(*(np.array(part) for part in zip(*each(_of_person, jobs), strict=True)))
+    jobs = [
+        (k, draws[:, k], log_likelihood[:, k], of_person)
+        for k, of_person in enumerate(rng.spawn(draws.shape[1]))
+    ]
+    parts = zip(*over_people(_of_person, jobs), strict=True)
+    return Surrogate(*(np.array(part) for part in parts))
 
 
 def _of_person(
-    people: Sequence[Person], k: int, draws: Array, log_likelihood: Array, kept: Integers,
-    new: Array,
-) -> tuple[Any, ...]:  # fmt: skip
-    """Return one person's part of the arrays of a surrogate.
+    people: Sequence[Person], k: int, draws: Array, log_likelihood: Array, rng: np.random.Generator
+) -> tuple[Any, ...]:
+    """Return one person's part of each array of a surrogate.
 
     Parameters
     ----------
     draws, log_likelihood : array (draws, parameters), (draws,)
         Draws of person k.
-    kept : int array
-        Places of draws that differ from each other.
-    new : array (points, parameters)
-        Standard normal numbers of the points that are not draws.
     """
-    root, own = _root(draws), _natural(draws)
-    centre, inverse = own.mean(axis=0), np.linalg.inv(_root(own))
-    number = min(POINTS * draws.shape[1], MOST_POINTS) // 2
-    chosen = kept[_farthest((own[kept] - centre) @ inverse.T, number)]
-    around = draws.mean(axis=0) + WIDER * new @ root.T
-    logs = np.array([*log_likelihood[chosen], *(people[k](x) for x in around)])
-    positions = (np.concatenate([own[chosen], _natural(around)]) - centre) @ inverse.T
-    fitted = _fitted(positions, np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf))
-    return (root, centre, inverse, *fitted)
+    person, size = people[k], draws.shape[1]
+    number = min(POINTS * size, MOST_POINTS)
+    highest = person.scale.heights
+    heights = _heights(draws, highest)
+    root, centre, inverse = _root(draws), heights.mean(axis=0), np.linalg.inv(_root(heights))
+    distinct = np.unique(draws, axis=0, return_index=True)[1]
+    chosen = distinct[_farthest((heights[distinct] - centre) @ inverse.T, number // 2)]
+    around = draws.mean(axis=0) + WIDER * rng.normal(size=(number - len(chosen), size)) @ root.T
+    logs = np.array([*log_likelihood[chosen], *(person(x) for x in around)])
+    positions = np.concatenate([heights[chosen], _heights(around, highest)]) - centre
+    fitted = _fitted(positions @ inverse.T, np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf))
+    return (root, centre, inverse, highest, *fitted)
 
 
 def _root(draws: Array) -> Array:
     """Return the lower Cholesky factor of the covariance of draws (draws, parameters)."""
     size = draws.shape[1]
-    covariance = np.cov(draws.T).reshape(size, size) + RIDGE * np.eye(size)
-    return np.asarray(np.linalg.cholesky(covariance))
+    covariance = np.cov(draws.T).reshape(size, size)
+    more = RIDGE * np.diagonal(covariance) + SMALLEST
+    return np.asarray(np.linalg.cholesky(covariance + np.diag(more)))
 
 
-def _natural(scaled: Array) -> Array:
-    """Return parameters above their lower bounds, in units of the scale."""
-    return np.asarray(np.logaddexp(0.0, scaled))
+def _heights(scaled: Array, highest: Array) -> Array:
+    """Return distances of parameters from the lower ends of their ranges, in units of the scale."""
+    return np.asarray(np.minimum(np.logaddexp(0.0, scaled), highest))
 
 
 def _farthest(points: Array, number: int) -> Integers:
@@ -190,12 +192,12 @@ def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, flo
 @compiled
 def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
     """Return the log likelihood of one person at parameters (parameters,), nats."""
-    _, centre, inverse, quadratic, points, weights, length, ceiling = surrogate
+    _, centre, inverse, highest, quadratic, points, weights, length, ceiling = surrogate
     size, number = points.shape[1:]
     squares = np.full(number, length[person] ** 2)
     at = np.ones(size + 1)
     found = 0.0
-    away = np.logaddexp(0.0, scaled) - centre[person]
+    away = np.minimum(np.logaddexp(0.0, scaled), highest[person]) - centre[person]
     for i in range(size):
         place = 0.0
         for j in range(i + 1):

@@ -11,6 +11,7 @@ from bgmodel.fitting.hierarchy.chains import CHAINS, agreement, sampled
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.support.seeds import stream
+from tests.fitting.hierarchy.known import wide
 
 SEED = 24_314
 
@@ -20,6 +21,7 @@ class Gaussian(Person):
 
     def __init__(self, middle):
         object.__setattr__(self, "middle", middle)
+        object.__setattr__(self, "scale", wide(1))
 
     def __call__(self, scaled):
         return float(-2 * ((scaled - self.middle) ** 2).sum())
@@ -75,25 +77,35 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
     assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
 
-def test_chains_that_move_too_slowly_begin_anew_with_a_guide_from_their_draws(
+def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_again(
     short, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(chains, "RENEWED", (2 * FEW,))
+    monkeypatch.setattr(chains, "REMADE", (2 * FEW,))
     monkeypatch.setattr(chains, "POOR", 0.0)
     told: list[str] = []
     sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
-    assert not any("anew" in each for each in told)
+    assert not any("again" in each for each in told)
     monkeypatch.setattr(chains, "POOR", np.inf)
     told, path = [], tmp_path / "chains.npz"
     whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
-    assert sum("anew" in each for each in told) == 1
+    assert sum("again" in each for each in told) == 1
     # Draws before are left out.
     assert sum("draws in each" in each for each in told) == 5
     assert len(whole[0]) == 3 * FEW
-    # The same, interrupted before the guide is made anew.
-    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, path=path)
-    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path)
-    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
+    # The same, interrupted before the surrogate is learned again, and after.
+    for blocks in (2, 4):
+        told = []
+
+        def stop(said, told=told, blocks=blocks):
+            told.append(said)
+            if sum("draws in each" in each for each in told) == blocks:
+                raise KeyboardInterrupt
+
+        path.unlink(missing_ok=True)
+        with pytest.raises(KeyboardInterrupt):
+            sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path, tell=stop)
+        rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path)
+        assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
 
 @pytest.mark.parametrize("content", [b"", b"PK damaged", None], ids=["empty", "damaged", "absent"])
@@ -108,6 +120,10 @@ def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
 
 class Two(Gaussian):
     """A person with two parameters, who refuses another number of them, as likelihoods do."""
+
+    def __init__(self, middle):
+        super().__init__(middle)
+        object.__setattr__(self, "scale", wide(2))
 
     def __call__(self, scaled):
         first, second = scaled

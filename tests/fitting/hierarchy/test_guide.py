@@ -8,17 +8,19 @@ from bgmodel.fitting.hierarchy import guide as moves
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of, values
-from bgmodel.support.processes import here
+from bgmodel.support.processes import local_map
 from bgmodel.support.seeds import stream
+from tests.fitting.hierarchy.known import Known, wide
 
 SEED, PEOPLE = 24_317, 5
-# Far above the lower end of their range, where a Gaussian is as likely as anything else.
+# Far above the lower bound, where the scale is linear, so that the surrogate can represent a
+# Gaussian exactly.
 MIDDLES = np.linspace(4, 7, PEOPLE)
 VAGUE = np.array([0.6, 0.4])
 
 
 def person(middle):
-    return lambda x: float(-(((x - middle) / 0.7) ** 2).sum() / 2)
+    return Known(lambda x: float(-(((x - middle) / 0.7) ** 2).sum() / 2), wide())
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def guide():
     people, rng = [person(each) for each in MIDDLES], stream(SEED)
     draws = MIDDLES[:, None] + 0.7 * rng.normal(size=(300, PEOPLE, 2))
     logs = np.array([[p(x) for p, x in zip(people, each, strict=True)] for each in draws])
-    surrogate = surrogate_of(here(people), draws, logs, rng)
+    surrogate = surrogate_of(local_map(people), draws, logs, rng)
     groups = rng.normal(0.5, 0.4, size=(2, 100, 2))
     return guide_of(surrogate, 5 + groups[0], np.abs(groups[1]))
 

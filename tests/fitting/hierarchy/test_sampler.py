@@ -11,14 +11,20 @@ from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
 from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
+from tests.fitting.hierarchy.known import wide
 
 SEED = 24_311
-ESTIMATES = np.array([-0.4, 0.1, 0.3, 0.9, 1.6, -1.1])
+# Far above the lower bound, where the scale is linear: a surrogate can represent Gaussians there.
+MIDDLE = np.array([6.0, 12.0])
+ESTIMATES = MIDDLE[0] + np.array([-0.4, 0.1, 0.3, 0.9, 1.6, -1.1])
+SECOND = MIDDLE[1] + 0.5 * (ESTIMATES - MIDDLE[0])
 ERRORS = np.array([0.2, 0.5, 0.3, 0.4, 0.8, 0.3])
 
 
 class Gaussian:
     """A person whose log likelihood is Gaussian, with independent parameters."""
+
+    scale = wide()
 
     def __init__(self, middle, error):
         self.middle, self.error = middle, error
@@ -29,7 +35,8 @@ class Gaussian:
 
 def quadrature(estimates, errors):
     """Return mean and sd of the group's mean and of its standard deviation."""
-    mean, sd = np.linspace(-5, 6, 441)[:, None], np.exp(np.linspace(-6, 2.5, 400))
+    mean = np.mean(estimates) + np.linspace(-5.5, 5.5, 441)[:, None]
+    sd = np.exp(np.linspace(-6, 2.5, 400))
     log = log_uniform(mean) - (FREEDOM + 1) / 2 * np.log1p(sd**2 / (FREEDOM * SPREAD**2))
     log = log + np.log(sd)  # the grid is even in its logarithm
     for estimate, error in zip(estimates, errors, strict=True):
@@ -51,9 +58,9 @@ def expansion(people, shift=0.0, narrower=1.0):
     return Expansion(points, np.zeros(points.shape), precisions)
 
 
-def draws(approximation, people, sweeps, parameters=2, guided=False):
+def draws(approximation, people, sweeps, guided=False):
     sampler = Sampler(people, approximation)
-    group = Group(np.zeros(parameters), np.ones(parameters))
+    group = Group(MIDDLE, np.ones(2))
     state, warm = sampler.run(sampler.first(group, stream(SEED)), 200)
     if guided:
         sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
@@ -64,8 +71,8 @@ def draws(approximation, people, sweeps, parameters=2, guided=False):
 def people():
     # The second parameter is hardly determined by one person's trials.
     return [
-        Gaussian(np.array([x, 0.5 * x]), np.array([e, 3 * e]))
-        for x, e in zip(ESTIMATES, ERRORS, strict=True)
+        Gaussian(np.array([x, y]), np.array([e, 3 * e]))
+        for x, y, e in zip(ESTIMATES, SECOND, ERRORS, strict=True)
     ]
 
 
@@ -98,7 +105,7 @@ def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
     sampler = Sampler(people, expansion(people))
 
     def first():
-        return sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED))
+        return sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED))
 
     _, whole = sampler.run(first(), 30)
     state, begun = sampler.run(first(), 13)
@@ -111,7 +118,7 @@ def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
 def astray(people):
     """Return a sampler whose surrogate is of people with other and less certain estimates."""
     others = [Gaussian(each.middle + 0.7 * each.error, 1.4 * each.error) for each in people]
-    sampler, start = Sampler(others, expansion(others)), Group(np.zeros(2), np.ones(2))
+    sampler, start = Sampler(others, expansion(others)), Group(MIDDLE, np.ones(2))
     _, warm = sampler.run(sampler.first(start, stream(SEED)), 300)
     guide = sampler.guide_from(warm, stream(SEED, "astray"))
     return replace(Sampler(people, expansion(people)), guide=guide)
@@ -119,7 +126,7 @@ def astray(people):
 
 def assert_posterior_is_that_of_a_quadrature(found):
     for k, factor in enumerate((1.0, 3.0)):
-        estimates = ESTIMATES if k == 0 else 0.5 * ESTIMATES
+        estimates = ESTIMATES if k == 0 else SECOND
         mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
         for draws_, middle, spread in (
             (found.mean[:, k], mean, mean_sd),
@@ -133,7 +140,7 @@ def assert_posterior_is_that_of_a_quadrature(found):
 
 def alone(sampler, step, sweeps):
     """Return draws by one step of a sweep and nothing else."""
-    state, kept = sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "alone")), []
+    state, kept = sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED, "alone")), []
     for _ in range(sweeps):
         state = step(state)
         kept.append((state.group.mean, np.sqrt(state.group.variance), state.scaled, state.log))
@@ -141,16 +148,16 @@ def alone(sampler, step, sweeps):
 
 
 def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
-    state = astray.first(Group(np.zeros(2), np.ones(2)), stream(SEED, "astray"))
+    state = astray.first(Group(MIDDLE, np.ones(2)), stream(SEED, "astray"))
     assert_posterior_is_that_of_a_quadrature(astray.run(state, 4000)[1])
     # Also without the steps that do not follow it.
-    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 8000)
+    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 4000)
     assert_posterior_is_that_of_a_quadrature(found)
 
 
 def test_moves_under_an_exact_surrogate_have_the_posterior(people):
     sampler = Sampler(people, expansion(people))
-    _, warm = sampler.run(sampler.first(Group(np.zeros(2), np.ones(2)), stream(SEED)), 300)
+    _, warm = sampler.run(sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED)), 300)
     guide = sampler.guide_from(warm, stream(SEED, "exact"))
 
     def moved(state):
@@ -162,7 +169,7 @@ def test_moves_under_an_exact_surrogate_have_the_posterior(people):
 
 @pytest.mark.parametrize("step", ["_individual", "_guided"])
 def test_people_given_the_group_have_their_exact_posterior(people, astray, step):
-    group, rng = Group(np.zeros(2), np.ones(2)), stream(SEED, "people")
+    group, rng = Group(MIDDLE, np.ones(2)), stream(SEED, "people")
     state, kept = astray.first(group, rng), []
     for _ in range(3000):
         given = (state,) if step == "_individual" else (astray.guide, state)
@@ -170,7 +177,7 @@ def test_people_given_the_group_have_their_exact_posterior(people, astray, step)
         kept.append(state.scaled)
     draws_ = np.array(kept)
     precision = 1 / np.array([each.error for each in people]) ** 2
-    exact = precision * np.array([each.middle for each in people]) / (1 + precision)
+    exact = (precision * np.array([each.middle for each in people]) + MIDDLE) / (1 + precision)
     sd = 1 / np.sqrt(1 + precision)
     size = array_stats.ess(np.moveaxis(draws_, 0, 2)[:, :, None], chain_axis=2, draw_axis=3)
     assert size.min() > 300

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.hierarchy.surrogate import MARGIN, surrogate_of, values
-from bgmodel.support.processes import here
+from bgmodel.support.processes import local_map, shared_map
 from bgmodel.support.seeds import stream
+from tests.fitting.hierarchy.known import Known, wide
 
 SEED = 24_316
 
@@ -29,6 +30,17 @@ def two_modes(x):
     return float(np.logaddexp(-(away**2).sum(), -((away - 2.5) ** 2).sum() - 1))
 
 
+def few_lapses(x):
+    """Two outliers in 300 trials."""
+    lapse = 0.05 * np.logaddexp(0, x[1])
+    return float(-2 * (x[0] - MIDDLE) ** 2 + 2 * np.log(lapse + 1e-4) + 298 * np.log1p(-lapse))
+
+
+def surrogates(people, draws, logs, parameters=2, **range_):
+    every = [Known(each, wide(parameters, **range_)) for each in people]
+    return surrogate_of(local_map(every), draws, logs, stream(SEED))
+
+
 def at(surrogate, scaled):
     return values(np.ascontiguousarray(scaled), surrogate.arrays)
 
@@ -46,10 +58,10 @@ def drawn(person, count, spread=1.0):
     return draws, np.array([[person(each)] for each in draws[:, 0]])
 
 
-@pytest.mark.parametrize("person", [quadratic, bent, two_modes])
+@pytest.mark.parametrize("person", [quadratic, bent, few_lapses, two_modes])
 def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
     draws, logs = drawn(person, 900)
-    found = surrogate_of(here([person]), draws[:450], logs[:450], stream(SEED))
+    found = surrogates([person], draws[:450], logs[:450])
     error = [at(found, x)[0] - log[0] for x, log in zip(draws[450:], logs[450:], strict=True)]
     assert np.std(logs[450:]) > 0.5
     assert np.median(np.abs(error)) < 0.02
@@ -61,14 +73,14 @@ def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
 def test_each_person_has_a_separate_surrogate():
     parts = [drawn(each, 300) for each in (quadratic, bent)]
     draws, logs = (np.concatenate(both, axis=1) for both in zip(*parts, strict=True))
-    both = surrogate_of(here([quadratic, bent]), draws, logs, stream(SEED))
+    both = surrogates([quadratic, bent], draws, logs)
     x = MIDDLE + np.array([[0.3, 0.2], [-0.4, 0.1]])
     assert at(both, x) == pytest.approx([quadratic(x[0]), bent(x[1])], abs=0.1)
 
 
 def test_far_away_it_is_at_most_a_nat_above_the_highest_draw():
     draws, logs = drawn(bent, 300)
-    found = surrogate_of(here([bent]), draws, logs, stream(SEED))
+    found = surrogates([bent], draws, logs)
     far = [at(found, x[None])[0] for x in stream(SEED, "far").normal(MIDDLE, 50, size=(200, 2))]
     assert max(far) <= found.ceiling[0] <= logs.max() + MARGIN + 0.5
 
@@ -76,7 +88,7 @@ def test_far_away_it_is_at_most_a_nat_above_the_highest_draw():
 def test_it_is_constant_towards_the_lower_end_of_a_range_as_the_log_likelihood_is():
     """A quadratic function of the scale is not, by tens of nats: chains stayed there for long."""
     draws, logs = drawn(bent, 450)
-    found = surrogate_of(here([bent]), draws, logs, stream(SEED))
+    found = surrogates([bent], draws, logs)
     for low in (-8.0, -20.0):
         x = np.array([MIDDLE, low])
         assert at(found, x[None])[0] == pytest.approx(bent(x), abs=0.2)
@@ -88,7 +100,7 @@ def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
 
     draws = np.repeat(np.linspace(-1, 1, 5), 30)[:, None, None]
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogate_of(here([person]), draws, logs, stream(SEED))
+    found = surrogates([person], draws, logs)
     assert at(found, np.array([[0.4]]))[0] == pytest.approx(-0.16, abs=0.02)
 
 
@@ -100,13 +112,35 @@ def test_points_without_a_likelihood_are_left_out(hole):
     draws, logs = drawn(quadratic, 300)
     assert draws[..., 0].max() < MIDDLE + 3.5
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogate_of(here([person]), draws, logs, stream(SEED))
+    found = surrogates([person], draws, logs)
     x = MIDDLE + np.array([0.3, 0.2])
     assert at(found, x[None])[0] == pytest.approx(quadratic(x), abs=0.01)
 
 
 def test_draws_that_hardly_moved_give_a_surrogate_that_holds_around_them():
     draws, logs = drawn(quadratic, 4)
-    found = surrogate_of(here([quadratic]), draws, logs, stream(SEED))
+    found = surrogates([quadratic], draws, logs)
     x = draws[:1, 0] + 0.3
     assert at(found, x)[0] == pytest.approx(quadratic(x[0]), abs=0.5)
+
+
+def test_it_is_constant_beyond_the_upper_end_of_a_range_as_the_log_likelihood_is():
+    top = MIDDLE + 1
+
+    def clipped(x):
+        return quadratic(np.minimum(x, top))
+
+    draws, logs = drawn(clipped, 450)
+    found = surrogates([clipped], draws, logs, highest=float(np.logaddexp(0, top)))
+    x = np.array([MIDDLE, top + 20])
+    assert at(found, x[None])[0] == pytest.approx(clipped(x), abs=0.2)
+
+
+def test_it_does_not_depend_on_the_number_of_processes():
+    draws, logs = drawn(bent, 300)
+    people, found = [Known(bent, wide())], []
+    for workers in (1, 2):
+        with shared_map(workers, people) as over_people:
+            found.append(surrogate_of(over_people, draws, logs, stream(SEED)))
+    one, other = ([each.tobytes() for each in made.arrays] for made in found)
+    assert one == other
