@@ -151,8 +151,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         first.set_ylabel(name, rotation=0, ha="right", va="center", fontweight="bold")
         _axes(row, last=k == len(NUCLEI) - 1)
         lettered += row if k == 0 else []
-        if name == "D1":
-            averaged[0].legend(loc="upper left", handlelength=1)
+        if name == "GPe":
+            # Below the lines.
+            tightly = {"borderaxespad": 0, "borderpad": 0.1, "labelspacing": 0.1}
+            averaged[0].legend(loc="lower right", handlelength=1, **tightly)
         _marks(row[:2], panels["decision"])
     _marks([evidence, out], panels["decision"])
     counts = panels["trials"].set_index("name")["value"].astype(int)

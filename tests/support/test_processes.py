@@ -6,6 +6,7 @@ import time
 
 import psutil
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from bgmodel.support.processes import processes, shared_map
 
@@ -45,6 +46,18 @@ def plus(held, first, second):
 def test_a_map_gives_results_in_order_whatever_the_number_of_processes(workers):
     with shared_map(workers, "held") as each:
         assert each(plus, [(k, 1) for k in range(5)]) == [("held", k + 1) for k in range(5)]
+
+
+def blas_threads(_):
+    return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_linear_algebra_uses_one_thread_whatever_the_number_of_processes(workers):
+    with threadpool_limits(2, user_api="blas"):
+        assert max(blas_threads(None)) == 2
+        with shared_map(workers, None) as over:
+            assert set(over(blas_threads, [()])[0]) == {1}
 
 
 def test_no_process_outlives_a_command_that_was_killed(tmp_path):
