@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
+from bgmodel.support.exponential import exponential
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""
@@ -177,39 +178,46 @@ def falling_at_rest(
     width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
     away = np.stack([bound + z[:, None], bound - z[:, None]], axis=1)
     first = (slope - away / times) * np.exp(-(away**2) / (2 * times)) / np.sqrt(2 * np.pi * times)
-    found = _solved(first.transpose(2, 1, 0).copy(), bound, slope, times, width)
-    found = np.maximum(found.transpose(2, 1, 0), 0.0)
+    found = np.maximum(_solved(first, bound, slope, times, width), 0.0)
     return np.asarray(found if np.ndim(start) else found[0])
 
 
-@compiled
-def _solved(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
+def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
     """Solve the integral equations by forward substitution.
 
     Parameters
     ----------
-    first : array (times, 2, starts)
+    first : array (starts, 2, times)
         Twice the flux at each bound from the starts, negative where the bound is approached.
     bound, slope, times, width : array (times,)
         As for ``falling_at_rest``.
 
     Returns
     -------
-    array (times, 2, starts), 1/s
+    array (starts, 2, times), 1/s
     """
     found = -first
+    weight = width / np.sqrt(2 * np.pi)
+    from_same, from_other = np.empty(len(times)), np.empty(len(times))
     for i in range(len(times)):
+        # Two plain loops, which the compiler vectorises: the kernels, then the sums.
         for j in range(i):
-            since = times[i] - times[j]
-            scale = width[j] / np.sqrt(2 * np.pi * since)
+            rate = 1 / (times[i] - times[j])
+            scale = weight[j] * np.sqrt(rate)
             same, other = bound[i] - bound[j], bound[i] + bound[j]
-            from_same = scale * (slope[i] - same / since) * np.exp(-(same**2) / (2 * since))
-            from_other = scale * (slope[i] - other / since) * np.exp(-(other**2) / (2 * since))
-            for k in range(first.shape[2]):
-                zero, one = found[j, 0, k], found[j, 1, k]
-                found[i, 0, k] += from_same * zero + from_other * one
-                found[i, 1, k] += from_same * one + from_other * zero
+            from_same[j] = scale * (slope[i] - same * rate) * exponential(-(same**2) * rate / 2)
+            from_other[j] = scale * (slope[i] - other * rate) * exponential(-(other**2) * rate / 2)
+        for k in range(len(first)):
+            zero, one = 0.0, 0.0
+            for j in range(i):
+                zero += from_same[j] * found[k, 0, j] + from_other[j] * found[k, 1, j]
+                one += from_same[j] * found[k, 1, j] + from_other[j] * found[k, 0, j]
+            found[k, 0, i] += zero
+            found[k, 1, i] += one
     return found
+
+
+_solved = compiled(_solved_of, fastmath={"reassoc", "contract"}, error_model="numpy")
 
 
 def with_drift(
