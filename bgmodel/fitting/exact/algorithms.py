@@ -57,9 +57,9 @@ DRIFT_SD = Parameter(
 STARTS = 12
 """Number of starts, in Gauss-Legendre quadrature, over which densities are averaged."""
 
-EARLY, PARTS, FIRST = 20, 8, 32
+EARLY, PARTS, FIRST, LATE = 20, 8, 32, 200
 """Number of early bins, in which densities may change fast, and of the parts of each; number of
-parts of the first bin."""
+parts of the first bin; first of the late bins, which have one part each. Bins between have two."""
 
 
 class Model(Protocol):
@@ -191,7 +191,7 @@ def _starts(mean: float, half: float) -> tuple[Array, Array]:
 @lru_cache(maxsize=64)
 def _parts(bins: int) -> tuple[Array, Array, Integers]:
     """Return middles and widths of the parts of all bins, s, and the bin of each part."""
-    parts = np.where(np.arange(bins) < EARLY, PARTS, 2)
+    parts = np.select([np.arange(bins) < EARLY, np.arange(bins) < LATE], [PARTS, 2], 1)
     parts[0] = FIRST
     width_s = np.repeat(BIN_S / parts, parts)
     # Narrow at first: from a start near a bound, densities have their peak within a millisecond.

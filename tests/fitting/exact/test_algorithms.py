@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact import passage
+from bgmodel.fitting.exact import algorithms, passage
 from bgmodel.fitting.exact.algorithms import BOUND, DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL, FALL, FLOOR
+from bgmodel.fitting.exact.gaps import EXPONENTIAL, FALL, FLOOR, STEEPNESS, WEIBULL
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.parameters import RESPONSE
 
@@ -91,3 +91,23 @@ def test_a_model_names_its_parameters_and_its_threshold():
     assert FALLING.parameters[1:] == (BOUND, FALL, FLOOR, START, SPREAD, DRIFT_SD, *RESPONSE)
     assert {model.threshold_name for model in (CONSTANT, FALLING)} == {BOUND.name}
     assert CONSTANT.identity() != FALLING.identity()
+
+
+@pytest.mark.parametrize(
+    ("gap", "shape"),
+    [(EXPONENTIAL, {FALL.name: 4.0}), (EXPONENTIAL, {FALL.name: 0.3}),
+     (WEIBULL, {FALL.name: 1.0, STEEPNESS.name: 6.0})],
+    ids=["early", "slow", "late and steep"],
+)  # fmt: skip
+def test_bins_have_enough_parts(gap, shape, monkeypatch):
+    model, strength = GapModel(gap), np.array([0.0, 1.0])
+    values = {"sensitivity": 2.0, BOUND.name: 2.0, FLOOR.name: 0.1, **shape}
+    every = {name: np.full(2, value) for name, value in values.items()}
+    found = model.decided(every, strength, Grid(400))
+    width_s = np.full(8 * 400, BIN_S / 8)
+    finer = (width_s.cumsum() - width_s / 2, width_s, np.repeat(np.arange(400), 8))
+    monkeypatch.setattr(algorithms, "_parts", lambda _: finer)
+    exact = model.decided(every, strength, Grid(400))
+    seen = exact > 1e-5
+    # nats that a thousand trials at each strength are wrong by, if no errors cancel
+    assert 1000 * (exact[seen] * np.abs(np.log(exact[seen] / found[seen]))).sum() < 0.3
