@@ -168,7 +168,7 @@ class FitRun(FitSettings, Shows):
         if self.compare and self._alone():
             ((name, model),) = models.items()
             for effect in self.effects:
-                found[f"{plain(name)}, constant {effect}"] = self.constant(effect), model
+                found[f"{plain(name)}, same {effect}"] = self.constant(effect), model
         return found
 
     def _check_needs_evidence(self) -> None:

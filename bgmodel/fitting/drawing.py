@@ -38,7 +38,7 @@ LABELS = (
 
 
 @styled
-def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
+def draw_fits(fits: Mapping[str, pd.DataFrame], title: str, bars: str = "of the data") -> Figure:
     """Draw data and models: choices, mean times, spread and quantiles, and errors.
 
     Parameters
@@ -47,6 +47,8 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
         Cells of each model, as from ``fit.cells_of``; the data are the same in all.
     title : str
         Title, such as the name of the participant.
+    bars : str
+        Of what the title says that the intervals are.
 
     Returns
     -------
@@ -75,7 +77,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
                 "ls": line if several else "",
                 "marker": "" if several and rows.sum() > 1 else "_",
             }
-            _model(axes, cells[rows], place[rows], look, name if number == 0 else "_")
+            _model(axes, cells[rows], place[rows], look, f"{name}, {which}" if which else name)
     for ax, text, unit in zip(axes, TITLES, LABELS, strict=True):
         ax.set(title=text, ylabel=unit)
     for ax in axes[:4]:
@@ -87,7 +89,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     few, most, total = (int(f(first["trials"])) for f in (np.min, np.max, np.sum))
     many = f"{most}" if few == most else f"{few} to {most}"
     figure.suptitle(
-        f"{title}: {total} trials, {many} per point; bars: 95 % intervals of the data",
+        f"{title}: {total} trials, {many} per point; bars: 95 % intervals {bars}",
         x=0.01,
         ha="left",
     )

@@ -147,13 +147,10 @@ def too_few(cells: pd.DataFrame) -> str:
     Parameters
     ----------
     cells : DataFrame
-        Cells of one fit, as from ``fit.cells_of``.
+        Cells of one fit, as from ``fit.cells_of``, or their average over people.
     """
-    rows = cells.to_dict("records")
-    few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
-    if not few:
-        return ""
-    return f"{len(few)} of {len(rows)} cells: fewer than {FEWEST} errors, without quantiles"
+    few = int(cells[f"wrong_q{PERCENT[0.5]}_s"].isna().sum())
+    return f"{few} of {len(cells)} cells: too few errors for quantiles" if few else ""
 
 
 def phrase(row: Row) -> str:

@@ -478,12 +478,12 @@ def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
     vary = ["--vary", "bound=block"]
     assert run("fit", "mine.csv", "out", *asked, *vary, "--compare") == 0
     table = pd.read_csv("out/comparison.csv").set_index("model")
-    assert set(table.index) == {"constant_gap", "constant_gap, constant bound"}
+    assert set(table.index) == {"constant_gap", "constant_gap, same bound"}
     assert table["log_likelihood"].idxmax() == "constant_gap"
     numbers = pd.read_csv("out/parameters.csv").set_index(["model", "parameter"])["value"]
     assert run("fit", "mine.csv", "full", *asked, *vary) == 0
     assert run("fit", "mine.csv", "null", *asked) == 0
-    for folder, label in (("full", "constant_gap"), ("null", "constant_gap, constant bound")):
+    for folder, label in (("full", "constant_gap"), ("null", "constant_gap, same bound")):
         alone = pd.read_csv(f"{folder}/parameters.csv").set_index("parameter")["value"]
         both = numbers[label]
         assert both[alone.index].to_numpy() == pytest.approx(alone.to_numpy(), rel=1e-9), folder

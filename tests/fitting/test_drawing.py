@@ -74,7 +74,8 @@ def test_strengths_are_on_the_axis_and_conditions_in_the_key(drawn):
     assert labels == ["0.1", "0.4"]
     (legend,) = drawn.legends
     said = {text.get_text() for text in legend.get_texts()}
-    assert said == {"one", "other", "Data, off", "Data, on"}
+    models = {f"{name}, {dbs}" for name in ("one", "other") for dbs in ("off", "on")}
+    assert said == {*models, "Data, off", "Data, on"}
     assert (
         drawn.get_suptitle() == "somebody: 27 trials, 9 per point; bars: 95 % intervals of the data"
     )

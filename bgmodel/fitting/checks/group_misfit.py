@@ -125,8 +125,9 @@ def averaged(cells: pd.DataFrame) -> pd.DataFrame | None:
     DataFrame or None
         One row per cell: trials and answered are sums, and standard errors those of an average over
         these people. A person in whom a number of the data is not known, such as times of errors
-        without an error, counts neither for the data nor for the model. None if people do not have
-        the same strengths and conditions.
+        with few errors, counts neither for the data nor for the model. A number that is known in
+        fewer than half of the people is NaN. None if people do not have the same strengths and
+        conditions.
     """
     by = ["strength", *conditions_of(cells)]
     groups = cells.groupby(by, sort=False, dropna=False)
@@ -137,9 +138,10 @@ def averaged(cells: pd.DataFrame) -> pd.DataFrame | None:
         known[name] = known[name].where(known[name.removeprefix("model_")].notna())
     keys = [cells[name] for name in by]
     found = known.groupby(keys, sort=False, dropna=False).mean()
+    share = known.notna().groupby(keys, sort=False, dropna=False).mean()
     errors = [name for name in known.columns if name.endswith("_se")]
     squares = (known[errors] ** 2).groupby(keys, sort=False, dropna=False)
     found[errors] = np.sqrt(squares.sum(min_count=1)) / squares.count()
     sums = ["trials", "answered"]
     found[sums] = known[sums].groupby(keys, sort=False, dropna=False).sum()
-    return found.reset_index()
+    return found.where(share >= 0.5).reset_index()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 """Panels in a row."""
+WIDTH = 32
+"""Characters in a line of a panel's title."""
 LABELS = {"sensitivity": "sensitivity (1/√s)", "bound": "bound (√s)"}
 """Names of parameters with units; other names contain theirs."""
 
@@ -55,8 +58,10 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
         ax.axvline(shared["median"], color=PALETTE[0], ls="--")
         ax.hlines(place, own["low"], own["high"], color=GREY, lw=1)
         ax.plot(own["median"], place, "ko", ms=3)
-        ax.set(title=condition, yticks=place, ylim=(-0.8, count - 0.2))
-        ax.set_xlabel(LABELS.get(parameter, parameter))
+        ax.set(title=fill(condition, WIDTH), yticks=place, ylim=(-0.8, count - 0.2))
+        label = LABELS.get(parameter, parameter)
+        plain = "=" in condition or condition in ("", "Intercept")
+        ax.set_xlabel(label if plain else f"{label}: coefficient")
         ax.set_yticklabels(own.index, fontsize=5.5)
     for row in grid:
         row[0].set_ylabel("Participant")

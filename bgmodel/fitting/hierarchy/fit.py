@@ -241,6 +241,9 @@ class GroupFit(Facts):
     def plot_cells(self) -> Figure:
         """Draw data and model over strength, averaged over people; panels as in ``Fit.plot``.
 
+        Bars are errors from the number of trials for these people; other people would differ more.
+        Quantiles that are known in fewer than half of the people are left out.
+
         Raises
         ------
         ValueError
@@ -252,7 +255,8 @@ class GroupFit(Facts):
         if table is None:
             said = "people have different strengths or conditions: cells() has each person's"
             raise InputError(said, "strength")
-        return draw_fits({"Model": table}, f"Average of {len(self.people)} people")
+        title = f"Average of {len(self.people)} people"
+        return draw_fits({"Model": table}, title, bars="for these people")
 
 
 MIDDLE = ("median", "low", "high")
