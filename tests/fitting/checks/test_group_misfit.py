@@ -153,3 +153,11 @@ def test_a_person_without_errors_does_not_count_for_the_times_of_errors():
 def test_people_with_other_strengths_have_no_average():
     other = cells("b", 0.9, 0.5).assign(strength=[0.1, 0.3])
     assert averaged(pd.concat([cells("a", 0.9, 0.5), other])) is None
+
+
+def test_a_number_known_in_fewer_than_half_of_the_people_has_no_average():
+    every = [cells("a", 0.9, [0.4, 0.4]), cells("b", 0.9, [0.6, np.nan]), cells("c", 0.9, np.nan)]
+    found = averaged(pd.concat(every))
+    assert found["wrong_s"].tolist() == pytest.approx([0.5, np.nan], nan_ok=True)
+    assert found["model_wrong_s"].isna().tolist() == [False, True]
+    assert found["accuracy"].tolist() == pytest.approx([0.9, 0.9])
