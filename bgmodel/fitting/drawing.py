@@ -38,7 +38,7 @@ LABELS = (
 
 
 @styled
-def draw_fits(fits: Mapping[str, pd.DataFrame], title: str, bars: str = "of the data") -> Figure:
+def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     """Draw data and models: choices, mean times, spread and quantiles, and errors.
 
     Parameters
@@ -47,8 +47,6 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str, bars: str = "of the 
         Cells of each model, as from ``fit.cells_of``; the data are the same in all.
     title : str
         Title, such as the name of the participant.
-    bars : str
-        Of what the title says that the intervals are.
 
     Returns
     -------
@@ -89,7 +87,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str, bars: str = "of the 
     few, most, total = (int(f(first["trials"])) for f in (np.min, np.max, np.sum))
     many = f"{most}" if few == most else f"{few} to {most}"
     figure.suptitle(
-        f"{title}: {total} trials, {many} per point; bars: 95 % intervals {bars}",
+        f"{title}: {total} trials, {many} per point; bars: 95 % intervals of the data",
         x=0.01,
         ha="left",
     )

@@ -147,7 +147,7 @@ def too_few(cells: pd.DataFrame) -> str:
     Parameters
     ----------
     cells : DataFrame
-        Cells of one fit, as from ``fit.cells_of``, or their average over people.
+        Cells of one fit, as from ``fit.cells_of``.
     """
     few = int(cells[f"wrong_q{PERCENT[0.5]}_s"].isna().sum())
     return f"{few} of {len(cells)} cells: too few errors for quantiles" if few else ""

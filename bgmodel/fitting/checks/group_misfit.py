@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import add
 
-import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.checks.misfit import (
@@ -29,7 +28,6 @@ from bgmodel.fitting.checks.misfit import (
     p_values,
 )
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.quantiles import conditions_of
 
 TOGETHER = "all people together"
 """Name of the sums over people in warnings, in place of a person's."""
@@ -110,38 +108,3 @@ def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
         parts = [(replace(each.likelihood, model=part), each.vector) for part in left]
         found[who] = misfit(each, parts)
     return GroupMisfit(found, cells)
-
-
-def averaged(cells: pd.DataFrame) -> pd.DataFrame | None:
-    """Return the average over people of the cells of data and model, or None.
-
-    Parameters
-    ----------
-    cells : DataFrame
-        Cells of each participant, as from ``fit.cells_of``.
-
-    Returns
-    -------
-    DataFrame or None
-        One row per cell: trials and answered are sums, and standard errors those of an average over
-        these people. A person in whom a number of the data is not known, such as times of errors
-        with few errors, counts neither for the data nor for the model. A number that is known in
-        fewer than half of the people is NaN. None if people do not have the same strengths and
-        conditions.
-    """
-    by = ["strength", *conditions_of(cells)]
-    groups = cells.groupby(by, sort=False, dropna=False)
-    if groups["participant"].nunique().min() < cells["participant"].nunique():
-        return None
-    known = cells.select_dtypes("number").drop(columns=by, errors="ignore").copy()
-    for name in known.columns.intersection([f"model_{each}" for each in known.columns]):
-        known[name] = known[name].where(known[name.removeprefix("model_")].notna())
-    keys = [cells[name] for name in by]
-    found = known.groupby(keys, sort=False, dropna=False).mean()
-    share = known.notna().groupby(keys, sort=False, dropna=False).mean()
-    errors = [name for name in known.columns if name.endswith("_se")]
-    squares = (known[errors] ** 2).groupby(keys, sort=False, dropna=False)
-    found[errors] = np.sqrt(squares.sum(min_count=1)) / squares.count()
-    sums = ["trials", "answered"]
-    found[sums] = known[sums].groupby(keys, sort=False, dropna=False).sum()
-    return found.where(share >= 0.5).reset_index()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.group_misfit import GroupMisfit, averaged, group_misfit
+from bgmodel.fitting.checks.group_misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
@@ -23,6 +23,7 @@ from bgmodel.fitting.hierarchy.chains import (
     agreement,
     sampled,
 )
+from bgmodel.fitting.hierarchy.pooled import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.optimum import Likelihood, Optimum
@@ -239,10 +240,10 @@ class GroupFit(Facts):
         return draw_group(self.to_dataframe(), self.summary(), trials)
 
     def plot_cells(self) -> Figure:
-        """Draw data and model over strength, averaged over people; panels as in ``Fit.plot``.
+        """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot`` does.
 
-        Bars are errors from the number of trials for these people; other people would differ more.
-        Quantiles that are known in fewer than half of the people are left out.
+        The model is the mixture of everyone's predictions (``pooled.pooled``). Bars are as if all
+        trials were of one person; averages of other people would differ more.
 
         Raises
         ------
@@ -251,12 +252,11 @@ class GroupFit(Facts):
         """
         from bgmodel.fitting.drawing import draw_fits
 
-        table = averaged(self.cells())
+        table = pooled(self.typical.values())
         if table is None:
             said = "people have different strengths or conditions: cells() has each person's"
             raise InputError(said, "strength")
-        title = f"Average of {len(self.people)} people"
-        return draw_fits({"Model": table}, title, bars="for these people")
+        return draw_fits({"Model": table}, f"{len(self.people)} people, trials pooled")
 
 
 MIDDLE = ("median", "low", "high")

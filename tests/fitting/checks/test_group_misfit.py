@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import binom
 
-from bgmodel.fitting.checks.group_misfit import TOGETHER, averaged, group_misfit
+from bgmodel.fitting.checks.group_misfit import TOGETHER, group_misfit
 from bgmodel.fitting.checks.misfit import Excess
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.optimum import Optimum, likelihood_of
@@ -119,45 +118,3 @@ def test_the_error_of_shared_simulated_trials_adds_up():
     assert jackknifed(both.parts) ** 2 == pytest.approx(4 * jackknifed(one.parts) ** 2)
     assert both.p(5) < one.p(5)
     assert replace(both, parts=np.zeros((0, 3))).p(5) < both.p(5)
-
-
-def cells(who, accuracy, wrong_s):
-    """Return a table of two cells."""
-    return pd.DataFrame(
-        {
-            "participant": who, "strength": [0.1, 0.2], "side": "left", "trials": 10, "answered": 9,
-            "accuracy": accuracy, "accuracy_se": 0.3, "wrong_s": wrong_s,
-            "model_accuracy": 0.7, "model_wrong_s": [0.5, 0.6],
-        }
-    )  # fmt: skip
-
-
-def test_cells_are_averaged_over_people():
-    found = averaged(
-        pd.concat([cells("a", [0.6, 0.9], [0.4, np.nan]), cells("b", [0.8, 1.0], 0.6)])
-    )
-    assert found["strength"].tolist() == [0.1, 0.2]
-    assert found["side"].tolist() == ["left", "left"]
-    assert found["accuracy"].tolist() == pytest.approx([0.7, 0.95])
-    assert found["accuracy_se"].tolist() == pytest.approx([np.hypot(0.3, 0.3) / 2] * 2)
-    assert found["wrong_s"].tolist() == pytest.approx([0.5, 0.6])
-    assert found["answered"].tolist() == [18, 18]
-
-
-def test_a_person_without_errors_does_not_count_for_the_times_of_errors():
-    one, two = cells("a", 0.9, np.nan), cells("b", 0.9, 0.6)
-    one["model_wrong_s"] = 5.0
-    assert averaged(pd.concat([one, two]))["model_wrong_s"].tolist() == [0.5, 0.6]
-
-
-def test_people_with_other_strengths_have_no_average():
-    other = cells("b", 0.9, 0.5).assign(strength=[0.1, 0.3])
-    assert averaged(pd.concat([cells("a", 0.9, 0.5), other])) is None
-
-
-def test_a_number_known_in_fewer_than_half_of_the_people_has_no_average():
-    every = [cells("a", 0.9, [0.4, 0.4]), cells("b", 0.9, [0.6, np.nan]), cells("c", 0.9, np.nan)]
-    found = averaged(pd.concat(every))
-    assert found["wrong_s"].tolist() == pytest.approx([0.5, np.nan], nan_ok=True)
-    assert found["model_wrong_s"].isna().tolist() == [False, True]
-    assert found["accuracy"].tolist() == pytest.approx([0.9, 0.9])

@@ -1,0 +1,64 @@
+"""Pooled cells hold everyone's trials and the mixture of everyone's predictions."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.hierarchy.pooled import pooled
+from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.trials.design import design_of
+from tests.drawn import drawn
+
+STRENGTHS, SEED = [0.05, 0.2], 24_393
+WIDE = (0.0, np.inf)
+
+
+def person(sensitivity, seed, each=60, strengths=STRENGTHS, seconds=3.0):
+    """Return a person's trials with the parameters that made them."""
+    truth = {"sensitivity": sensitivity, "bound": 0.6}
+    some = drawn(GapModel(), strengths, each, seed, seconds=seconds, **truth)
+    likelihood = likelihood_of(GapModel(), design_of(some, rt_window=WIDE))
+    values = {**dict(zip(likelihood.freedom.names, likelihood.freedom.start, strict=True)), **truth}
+    at = np.array([values[name] for name in likelihood.freedom.names])
+    return Optimum(likelihood, at, 0.0, 0)
+
+
+def own(one):
+    return cells_of(one.likelihood.design, one.density)
+
+
+def test_one_person_pooled_is_that_person():
+    one = person(8.0, SEED)
+    pd.testing.assert_frame_equal(pooled([one]), own(one))
+
+
+def test_everyones_trials_are_there_and_models_have_their_share_of_them():
+    people = [person(4.0, SEED, each=40), person(16.0, SEED + 1, each=120, seconds=2.0)]
+    found, (one, other) = pooled(people), map(own, people)
+    assert found["trials"].tolist() == [160, 160]
+    for name in ("accuracy", "mean_s", "model_accuracy", "model_mean_s"):
+        assert found[name].to_numpy() == pytest.approx((one[name] + 3 * other[name]).to_numpy() / 4)
+    # Of the variances of a mixture: that within people and that between them.
+    for made in ("", "model_"):
+        within = one[f"{made}sd_s"] ** 2 / 4 + 3 * other[f"{made}sd_s"] ** 2 / 4
+        between = 3 / 16 * (one[f"{made}mean_s"] - other[f"{made}mean_s"]) ** 2
+        variance = found[f"{made}sd_s"].to_numpy() ** 2
+        assert variance == pytest.approx((within + between).to_numpy())
+    ends = np.array([one["model_q90_s"], other["model_q90_s"]])
+    assert found["model_q90_s"].between(*np.sort(ends, axis=0)).all()
+
+
+def test_errors_that_are_few_in_each_person_are_enough_together():
+    people = [person(10.0, SEED + k, each=30, strengths=[0.05, 0.15]) for k in range(8)]
+    assert all(own(each)["wrong_q50_s"].isna().any() for each in people)
+    found = pooled(people)
+    assert found[["wrong_q50_s", "model_wrong_q50_s"]].notna().all(axis=None)
+    off = (found["wrong_q50_s"] - found["model_wrong_q50_s"]) / found["wrong_q50_se"]
+    assert (off.abs() < 4).all()
+
+
+@pytest.mark.parametrize("strengths", [[0.05, 0.3], [0.05]])
+def test_people_with_other_strengths_are_not_pooled(strengths):
+    assert pooled([person(8.0, SEED), person(8.0, SEED, strengths=strengths)]) is None
