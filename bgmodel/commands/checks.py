@@ -30,7 +30,8 @@ OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options that do not affect results, and the seed, which is recorded separately."""
-MINUTE_S = 60.0
+FIRST_S, MINUTE_S = 10.0, 60.0
+"""When the stage of a long computation is first printed to a log, and how often after that."""
 RECORDS = ("setup", "condition")
 """Fields of commands whose own fields are options."""
 
@@ -197,7 +198,8 @@ def say(text: str) -> None:
 def stages(what: str) -> Iterator[Callable[[str], None]]:
     """Yield a function that shows the stage of a long computation: in one line at a terminal.
 
-    Elsewhere, such as in the log of a cluster, it prints a line at most once a minute.
+    Elsewhere, such as in the log of a cluster, it prints a line after ``FIRST_S``, and then at most
+    once a minute.
     """
     if sys.stderr.isatty():
         from tqdm import tqdm
@@ -205,14 +207,17 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
         with tqdm(desc=what, bar_format="{desc} {elapsed}{postfix}") as bar:
             yield bar.set_postfix_str
         return
-    begun = said = time.monotonic()
+    begun = time.monotonic()
+    due = begun + FIRST_S
 
     def tell(stage: str) -> None:
-        nonlocal said
+        nonlocal due
         now = time.monotonic()
-        if now - said >= MINUTE_S:
-            said = now
-            say(f"{what}, after {(now - begun) / MINUTE_S:.0f} min: {stage}")
+        if now >= due:
+            due = now + MINUTE_S
+            after = now - begun
+            spent = f"{after:.0f} s" if after < MINUTE_S else f"{after / MINUTE_S:.0f} min"
+            say(f"{what}, after {spent}: {stage}")
 
     yield tell
 

@@ -174,14 +174,15 @@ def test_a_command_says_before_it_starts_what_runs(
     assert told.index(said) < told.index("started")
 
 
-def test_stages_are_told_in_a_log_but_not_more_than_once_a_minute(monkeypatch, capsys):
-    times = iter([0.0, 30.0, 61.0, 70.0, 121.5])
+def test_stages_are_told_in_a_log_soon_and_then_not_more_than_once_a_minute(monkeypatch, capsys):
+    times = iter([0.0, 9.0, 30.0, 61.0, 95.0, 100.0, 160.0])
     monkeypatch.setattr(checks.time, "monotonic", lambda: next(times))
     with stages("fit") as tell:
-        for stage in "abcd":
+        for stage in "abcdef":
             tell(stage)
     told = capsys.readouterr().err.splitlines()
-    assert [line[-1] for line in told] == ["b", "d"]
+    assert [line[-1] for line in told] == ["b", "d", "f"]
+    assert [line.split("after ")[1][:-3] for line in told] == ["30 s", "2 min", "3 min"]
     assert all("fit" in line for line in told)
 
 
