@@ -149,8 +149,11 @@ def too_few(cells: pd.DataFrame) -> str:
     cells : DataFrame
         Cells of one fit, as from ``fit.cells_of``.
     """
-    few = int(cells[f"wrong_q{PERCENT[0.5]}_s"].isna().sum())
-    return f"{few} of {len(cells)} cells: too few errors for quantiles" if few else ""
+    rows = cells.to_dict("records")
+    few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
+    if not few:
+        return ""
+    return f"{len(few)} of {len(rows)} cells: fewer than {FEWEST} errors, without quantiles"
 
 
 def phrase(row: Row) -> str:
