@@ -1,5 +1,7 @@
 """Pooled cells hold everyone's trials and the mixture of everyone's predictions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +14,7 @@ from bgmodel.fitting.trials.design import design_of
 from tests.drawn import drawn
 
 STRENGTHS, SEED = [0.05, 0.2], 24_393
+DEADLINE_S = 0.8
 WIDE = (0.0, np.inf)
 
 
@@ -31,6 +34,20 @@ def own(one):
 
 def test_one_person_pooled_is_that_person():
     one = person(8.0, SEED)
+    pd.testing.assert_frame_equal(pooled([one]), own(one))
+
+
+def test_missed_deadlines_count_as_trials_and_change_no_other_number():
+    one = person(2.0, SEED, each=60)
+    seen = one.likelihood.design.observed
+    late = seen.rt_s > DEADLINE_S
+    missed = replace(
+        seen, deadline_s=DEADLINE_S, rt_s=np.where(late, np.nan, seen.rt_s),
+        response=np.where(late, -1, seen.response),
+    )  # fmt: skip
+    design = replace(one.likelihood.design, observed=missed)
+    one = replace(one, likelihood=replace(one.likelihood, design=design))
+    assert 5 < late.sum() < 100
     pd.testing.assert_frame_equal(pooled([one]), own(one))
 
 
