@@ -157,3 +157,12 @@ def test_too_few_known_resamples_are_no_answer():
     values[:50] = 1.0
     with pytest.raises(Unanswered):
         Answer.of(values, 10)
+
+
+def test_times_are_those_of_go_trials_whatever_happened_on_stop_trials():
+    go = pd.DataFrame({"task": "reference", "rt_ms": [500.0] * 300, "ssd_ms": None})
+    stop = pd.DataFrame({"task": "reference", "rt_ms": [300.0] * 100, "ssd_ms": 150.0})
+    base = pd.concat([go, stop.assign(rt_ms=None)])
+    other = pd.concat([go.assign(rt_ms=540.0), stop]).assign(task="stimulation")
+    found = MEASURES["time_change"](asked(pd.concat([base, other])), "stimulation", "reference")
+    assert found.value == pytest.approx(40)

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
@@ -163,3 +163,12 @@ def test_a_session_without_a_step_counts_time_as_evidence_does(test, stop):
     drawn = evidence_of(5, step_ms=bg.Evidence.step_ms)
     found, _ = decided(test.session(**stop), drawn)
     np.testing.assert_array_equal(found[1], test.decide(drawn, **stop).time_ms)
+
+
+@pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")
+@given(at_ms=st.floats(100.0, 2000.0))
+def test_a_late_reading_takes_the_nearest_step(at_ms):
+    assume(abs(at_ms / 100.0 % 1 - 0.5) > 1e-6)
+    session = bg.Msprt().session(2, posterior=0.95, step_ms=100.0)
+    session.add([0.1, 0.0], at_ms=at_ms)
+    assert len(session.readings) == round(at_ms / 100.0)

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.deciding.decision import first_crossing
@@ -188,3 +190,13 @@ def test_a_delay_without_a_reading_left_is_refused():
     go = bg.gaussian_evidence(2, d_prime=0.5, t_max=10, step_ms=10, seed=1)
     with refused("delays_ms before the end"):
         gaussian_stop_evidence(go, [np.nan, 50.0], d_prime=0.6, share=0.3, delays_ms=[100.0], rng=1)
+
+
+@given(
+    ssd_ms=st.floats(0.0, 500.0) | st.integers(0, 50).map(lambda k: 10.0 * k),
+    step_ms=st.sampled_from([1.0, 5.0, 10.0, 12.5]),
+)
+def test_the_first_reading_with_the_signal_is_the_earliest_one_after_the_delay(ssd_ms, step_ms):
+    times = step_ms * np.arange(1, 1000)
+    assume((np.abs(times - ssd_ms) > 1e-6).all() or (times == ssd_ms).any())
+    assert first_reading(np.array(ssd_ms), step_ms) == 1 + np.argmax(times > ssd_ms)

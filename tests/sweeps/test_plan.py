@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
 from bgmodel.stimuli import Stimuli
+from bgmodel.stopping.task import StopTask
 from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
@@ -274,6 +275,45 @@ def test_a_tactile_task_depends_on_its_taps():
     (found,) = Plan(grid={"task.task": ("same-different",)}).all_points()
     (shard,) = found.shards()
     assert len(shard.key["task"]["taps"]) == 64
+
+
+SETTINGS = {
+    "circuit": "spiking_msprt", "edits": Edits(["lesion STN 10%"]), "engine": "rate", "gain": 0.3,
+    "seed": 1, "posterior": 0.7, "threshold": 0.3, "foreperiod_ms": 200.0, "stop": StopTask(),
+}  # fmt: skip
+TASKS = {
+    "channels": 3, "d_prime": 0.6, "conflict": 0.5, "t_max": 41, "step_ms": 25.0, "trials": 90,
+    "expectancy_nats": 0.2, "expectancy_ms": 200.0,
+}  # fmt: skip
+TACTILE = {"period_mm": 1.5, "fold": 1, "t_max": 41, "step_ms": 40.0, "trials": 90}
+STOP = {
+    "share": 0.5, "delays_ms": (150.0, 250.0), "staircases": 1, "delay_sd_ms": 10.0,
+    "failures": 0.1, "nucleus": "SNr", "amount_nats": 1.5, "delay_ms": 40.0, "duration_ms": 50.0,
+    "cancel_ms": 20.0,
+}  # fmt: skip
+
+
+def names_of(point):
+    return {shard.name for shard in point.shards()}
+
+
+@pytest.mark.filterwarnings("ignore::circuits.errors.EditWarning")
+def test_the_name_of_a_shard_follows_every_setting_of_its_point():
+    """A shard of other settings would be taken for this one."""
+    assert SETTINGS.keys() | {"task"} == {f.name for f in fields(Point)}
+    expectant = Stimuli(expectancy_nats=0.1, expectancy_ms=100.0)
+    tactile = Stimuli(task="same-different")
+    assert {f.name for f in fields(Stimuli)} == TASKS.keys() | TACTILE.keys() | {
+        "evidence", "task", "taps", "step_deg"
+    }  # fmt: skip
+    every = [names_of(Point())]
+    every += [names_of(Point(**{name: value})) for name, value in SETTINGS.items()]
+    every += [names_of(Point(task=expectant)), names_of(Point(task=tactile))]
+    every += [names_of(Point(task=replace(expectant, **{k: v}))) for k, v in TASKS.items()]
+    every += [names_of(Point(task=replace(tactile, **{k: v}))) for k, v in TACTILE.items()]
+    assert STOP.keys() == {f.name for f in fields(StopTask)}
+    every += [names_of(Point(stop=StopTask(**{k: v}))) for k, v in STOP.items()]
+    assert len(set().union(*every)) == sum(map(len, every))
 
 
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():

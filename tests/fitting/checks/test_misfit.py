@@ -5,8 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.stats import chi2
 
-from bgmodel.fitting.checks.misfit import misfit
+from bgmodel.fitting.checks.misfit import FIXED, Excess, misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.fit import fit_likelihood
@@ -150,3 +154,26 @@ def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
     assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
     assert all(with_error.p[name] >= p for name, p in alone.p.items())
+
+
+@given(
+    off=hnp.arrays(float, 6, elements=st.floats(-5, 5)),
+    fixed=st.integers(0, 2),
+    small=st.integers(0, 3),
+)
+def test_p_is_that_of_a_chi_square_with_a_degree_of_freedom_per_free_sum(off, fixed, small):
+    """Sums of few trials count as one, those that data and model share as none (Pearson 1900)."""
+    variance, size = np.linspace(0.5, 2, 6), np.where(np.arange(6) < small, 2.0, 50.0)
+    few = size < 20
+    chi_square = (off**2 / variance)[~few].sum()
+    if small:
+        chi_square += off[few].sum() ** 2 / variance[few].sum()
+    p = Excess(off, variance, np.zeros((0, 6)), size).p(20, fixed)
+    assert p == pytest.approx(chi2.sf(chi_square, 6 - max(small - 1, 0) - fixed), rel=1e-9)
+
+
+def test_data_and_model_share_the_number_of_trials_and_nothing_else():
+    """As many sums are fixed as add up to zero, however far the data are off."""
+    excess = at_truth(guessing()).excess
+    fixed = {name: int(abs(each.off.sum()) < 1e-6) for name, each in excess.items()}
+    assert fixed == FIXED
