@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
+from circuits.declaration.table import CircuitTable
 from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
 from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
@@ -42,7 +42,7 @@ __all__ = [
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     *,
     engine: Engine | str,
@@ -82,7 +82,7 @@ def run(
         If a course begins after the end of the run.
     """
     must = "must be a Circuit, as from circuits.anatomy.load_circuit"
-    require(isinstance(circuit, Circuit), "circuit", must, circuit)
+    require(isinstance(circuit, CircuitTable), "circuit", must, circuit)
     chosen = engine_of(engine, **options)
     found = chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)
     warn_of_late(circuit.courses, np.shape(drive)[1] * step_ms)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_positive
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import extra
@@ -23,7 +23,7 @@ TRIALS_AT_ONCE = 512
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     engine: Algebra,
     *,

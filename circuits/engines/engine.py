@@ -20,7 +20,7 @@ from circuits.errors import InputError, require
 if TYPE_CHECKING:
     from circuits.activity import Activity
     from circuits.arrays import Array
-    from circuits.circuit import Circuit
+    from circuits.declaration.table import CircuitTable
     from circuits.dynamics.wiring import Wiring
     from circuits.engines.stream import Stream
 
@@ -88,7 +88,7 @@ class Engine:
 
     def run(
         self,
-        circuit: Circuit,
+        circuit: CircuitTable,
         drive: npt.ArrayLike,
         *,
         step_ms: float,
@@ -123,7 +123,7 @@ class Engine:
 
     def stream(
         self,
-        circuit: Circuit,
+        circuit: CircuitTable,
         *,
         step_ms: float,
         steps: int,
@@ -207,7 +207,7 @@ class Engine:
         """Return the length of a row of rates for a number of blocks, at least that number."""
         return count
 
-    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+    def memory_bytes(self, circuit: CircuitTable, trials: int, samples: int) -> float:
         """Return an estimate of the memory of a run, bytes.
 
         Parameters
@@ -271,7 +271,7 @@ class SpikingEngine(TimedEngine):
         """Return the engine set to record the spikes of populations."""
         return replace(self, spikes=names)
 
-    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+    def memory_bytes(self, circuit: CircuitTable, trials: int, samples: int) -> float:
         """Include connections, and the cells of all trials or threads that run at the same time."""
         of_cells = self.cell_bytes * cells(circuit) * self.copies(trials)
         return super().memory_bytes(circuit, trials, samples) + connection_bytes(circuit) + of_cells

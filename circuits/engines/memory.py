@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 
 CACHE_LINE = 16
 """Single-precision numbers in a cache line of 64 bytes."""
@@ -21,18 +21,18 @@ def on_cache_lines(shape: tuple[int, ...]) -> Any:
     return raw[start : start + size].reshape(shape)
 
 
-def blocks(circuit: Circuit) -> int:
+def blocks(circuit: CircuitTable) -> int:
     """Return the number of populations, counted in each channel that they have."""
     return sum(circuit.channels_of(row.name) for row in circuit.populations)
 
 
-def cells(circuit: Circuit) -> float:
+def cells(circuit: CircuitTable) -> float:
     """Return the number of spiking cells of a circuit."""
     rows = (row for row in circuit.populations if row.spiking)
     return float(sum(row.neurons * circuit.channels_of(row.name) for row in rows))
 
 
-def connection_bytes(circuit: Circuit) -> float:
+def connection_bytes(circuit: CircuitTable) -> float:
     """Return the memory of sparse connections: an index of 8 bytes each, and a mark per pair."""
     total = 0.0
     for p in circuit.projections:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme, spike_hz, starting_state
@@ -30,7 +30,7 @@ Fired = dict[int, Truths]
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     engine: Plain,
     *,
@@ -75,7 +75,7 @@ def run(
 
 
 def stream(
-    circuit: Circuit, engine: Plain, *, step_ms: float, steps: int, seed: int, trial: int
+    circuit: CircuitTable, engine: Plain, *, step_ms: float, steps: int, seed: int, trial: int
 ) -> Stream:
     """Begin a trial in NumPy; the arguments are those of ``Engine.stream``."""
     clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)

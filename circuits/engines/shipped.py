@@ -17,7 +17,7 @@ from circuits.engines.registry import register
 from circuits.errors import require
 
 if TYPE_CHECKING:
-    from circuits.circuit import Circuit
+    from circuits.declaration.table import CircuitTable
 
 LAWS_AT_REST = ("table", "cells", "finite")
 LAWS_OF_RATES = ("lines", "cells")
@@ -63,7 +63,7 @@ class Algebra(Engine):
         """Return the number of readings: one sample each."""
         return steps
 
-    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+    def memory_bytes(self, circuit: CircuitTable, trials: int, samples: int) -> float:
         """Include the rates of all populations, which are computed in double precision."""
         outputs = 8.0 * trials * samples * circuit.channels
         return outputs + 12.0 * trials * samples * blocks(circuit)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from circuits.activity import checked_drive
 from circuits.arrays import Array
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import Clock
 from circuits.errors import InputError
 
@@ -35,7 +35,7 @@ class Stream:
     """
 
     def __init__(
-        self, circuit: Circuit, clock: Clock, begin: Callable[[Array, Array], Onward]
+        self, circuit: CircuitTable, clock: Clock, begin: Callable[[Array, Array], Onward]
     ) -> None:
         self.circuit, self.clock = circuit, clock
         self.drive = np.full((clock.steps, circuit.columns), np.nan)

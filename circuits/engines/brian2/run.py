@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     engine: Brian2,
     *,

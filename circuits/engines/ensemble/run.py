@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
 from circuits.arrays import Array
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
@@ -36,7 +36,7 @@ FIRST_CAPACITY = 4096
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     engine: Ensemble,
     *,
@@ -74,7 +74,7 @@ def run(
 
 
 def stream(
-    circuit: Circuit, engine: Ensemble, *, step_ms: float, steps: int, seed: int, trial: int
+    circuit: CircuitTable, engine: Ensemble, *, step_ms: float, steps: int, seed: int, trial: int
 ) -> Stream:
     """Begin a trial of spiking cells; the arguments are those of ``Engine.stream``.
 

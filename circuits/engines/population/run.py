@@ -28,7 +28,7 @@ import numpy.typing as npt
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array, Index
 from circuits.checks import check_positive, is_whole
-from circuits.circuit import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
@@ -51,7 +51,7 @@ _ringing = lru_cache(maxsize=64)(ringing)
 
 
 def run(
-    circuit: Circuit,
+    circuit: CircuitTable,
     drive: npt.ArrayLike,
     engine: PopulationsEngine,
     *,
@@ -102,7 +102,7 @@ def run(
 
 
 def stream(
-    circuit: Circuit,
+    circuit: CircuitTable,
     engine: PopulationsEngine,
     *,
     step_ms: float,
@@ -144,7 +144,7 @@ class _Prepared:
     """A circuit with an engine and times, in the kernel's format."""
 
     def __init__(
-        self, circuit: Circuit, engine: PopulationsEngine, steps: int, step_ms: float
+        self, circuit: CircuitTable, engine: PopulationsEngine, steps: int, step_ms: float
     ) -> None:
         times = (step_ms, engine.sample_ms, engine.settle_ms)
         wiring = wired(circuit)
@@ -190,7 +190,7 @@ def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEng
     return min(ended, default=0)
 
 
-def _warn_of_ringing(circuit: Circuit) -> None:
+def _warn_of_ringing(circuit: CircuitTable) -> None:
     """Warn near an oscillation, where cells synchronise and their noise is not independent."""
     amplified, hz = _ringing(circuit.steady)
     if amplified > RINGING:
