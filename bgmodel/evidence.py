@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.readings import warn_of_readings
+from bgmodel.readings import warn_of_confounds, warn_of_readings
 from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.checks import (
     check_inside,
@@ -81,8 +81,9 @@ class Evidence(Facts):
     Warns
     -----
     UserWarning
-        If the values look like probabilities or like running sums, or trials seem to be padded to
-        one length and there are no ``lengths``.
+        If the values look like probabilities or like running sums, trials seem to be padded to
+        one length and there are no ``lengths``, or an input comes in none or in all of the trials
+        with one truth (``ConfoundWarning``).
     """
 
     log_likelihood: Reals
@@ -135,6 +136,8 @@ class Evidence(Facts):
         if self.inputs_nats is not None:
             inputs = _checked_inputs(self.inputs_nats, len(values), values.shape[1] + 1)
             object.__setattr__(self, "inputs_nats", inputs)
+            if self.truth is not None:
+                warn_of_confounds(inputs, self.truth)
         warn_of_readings(values, self.lengths)
 
     def facts(self) -> dict[str, str]:

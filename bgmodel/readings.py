@@ -1,11 +1,11 @@
-"""Plausibility checks of log-likelihoods."""
+"""Plausibility checks of log-likelihoods, and of the inputs of a circuit beside them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from circuits.errors import DataWarning
+from circuits.errors import ConfoundWarning, DataWarning
 
 MOST_TRIALS = 200
 """Number of trials examined: sufficient, and quick."""
@@ -21,6 +21,8 @@ PADDED = 20
 SUMS = 0.4
 """Serial correlation, corrected for the length of trials, from which a session warns: of 100 single
 readings it has a standard deviation of 0.1 about 0."""
+CHANCE = 1e-4
+"""Probability below which an input that comes with some truths only is no coincidence."""
 CORRELATED = 0.5
 """Serial correlation from which a warning is given; running sums over 10 readings have 0.6, over 20
 0.8, and independent readings about 0."""
@@ -95,6 +97,65 @@ def _warn_of_padding(values: Reals) -> None:
             "are padded to one length, give the number of readings of each (lengths; in a table, "
             "leave these rows out). Otherwise undecided trials wait until the end of the longest"
         )
+
+
+def warn_of_confounds(inputs: Array, truth: Integers) -> None:
+    """Warn if a further input comes in none or in all of the trials with one truth.
+
+    Parameters
+    ----------
+    inputs : array (trials, times, inputs), nats
+        The inputs, as in ``Evidence``.
+    truth : array (trials,), int
+        Index of the true hypothesis of each trial.
+
+    Warns
+    -----
+    ConfoundWarning
+        If that is less probable than ``CHANCE`` for an input independent of the truth.
+    """
+    trials, times, columns = inputs.shape
+    names, hypothesis = np.unique(truth, return_inverse=True)
+    for column in range(columns):
+        # Equal courses have equal sums: times count more the later they are.
+        sums = (inputs[:, :, column] * np.arange(1, times + 1)).sum(axis=1)
+        courses, course = np.unique(sums, return_inverse=True)
+        counts = np.zeros((len(courses), len(names)), dtype=np.intp)
+        np.add.at(counts, (course, hypothesis), 1)
+        log_p = _log_chances(counts)
+        one = int(np.argmin(log_p))
+        if log_p[one] + np.log(len(courses)) >= np.log(CHANCE):
+            continue
+        ends = {"all": names[counts[one] == counts.sum(axis=0)], "none": names[counts[one] == 0]}
+        told = [f"{k} with truth {', '.join(map(str, v))}" for k, v in ends.items() if v.size]
+        ConfoundWarning.warn(
+            f"input {column} of inputs_nats depends on the truth: {counts[one].sum()} of {trials} "
+            f"trials have the same course of it, {' and '.join(told)}, so that its effect cannot "
+            "be told from that of the evidence: draw the trials that receive it at random",
+            input=column,
+            truths=tuple(int(name) for name in np.concatenate([*ends.values()])),
+        )
+
+
+def _log_chances(counts: Integers) -> Array:
+    """Return the log probability that as many trials include all or none of these truths.
+
+    L trials are any L of n: those with some truths are all among them (``every`` trials), and none
+    with others, M together, with a probability of ``C(n - M, L - every) / C(n, L)``. Each truth may
+    be among the first, the others, or neither.
+
+    Parameters
+    ----------
+    counts : array (courses, truths)
+        Number of trials with each course of the input and each truth.
+    """
+    same, each, trials = counts.sum(axis=1), counts.sum(axis=0), int(counts.sum())
+    logs = np.append(0.0, np.cumsum(np.log(np.arange(1, trials + 1))))
+    every, none = (counts == each) * each, (counts == 0) * each
+    left, chosen = trials - (every + none).sum(axis=1), same - every.sum(axis=1)
+    ways = logs[left] - logs[chosen] - logs[left - chosen]
+    ways -= logs[trials] - logs[same] - logs[trials - same]
+    return np.asarray(ways + counts.shape[1] * np.log(3))
 
 
 def products(readings: Reals) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Integral, Real
@@ -83,6 +84,12 @@ def check_channel(owner: str, channel: Any, count: int) -> None:
     """Raise ValueError unless ``channel`` is the index of one of a row's channels."""
     if not is_whole(channel) or not 0 <= channel < count:
         raise InputError.of("channel", f"must be within 0..{count - 1}", channel, owner=owner)
+
+
+def place_of(text: str) -> tuple[str, int | None]:
+    """Split "STN[0]" into a name and a channel; without brackets it is None, all channels."""
+    found = re.fullmatch(r"(.+?)(?:\[(\d+)\])?", text)
+    return (found[1], None if found[2] is None else int(found[2])) if found else (text, None)
 
 
 def is_bool(value: Any) -> bool:

@@ -111,9 +111,14 @@ class BgmodelWarning(UserWarning):
     """Base class of this package's warnings: there is a result, but it is doubtful."""
 
     @classmethod
-    def warn(cls, sentence: str) -> None:
-        """Issue a warning of this category that points to the line that called the package."""
-        warnings.warn(sentence, cls, stacklevel=user_level())
+    def warn(cls, sentence: str, **fields: object) -> None:
+        """Issue a warning of this category that points to the line that called the package.
+
+        Further arguments are attributes of the warning.
+        """
+        warning = cls(sentence)
+        vars(warning).update(fields)
+        warnings.warn(warning, stacklevel=user_level())
 
 
 class RangeWarning(BgmodelWarning):
@@ -134,6 +139,18 @@ class CalibrationWarning(BgmodelWarning):
 
 class DataWarning(BgmodelWarning):
     """A table or an array looks wrong: units, duplicates, rounding, or swapped axes."""
+
+
+class ConfoundWarning(DataWarning):
+    """An input comes with some truths only, so that its effect is confounded with the evidence.
+
+    Attributes
+    ----------
+    input : int
+        Column of ``inputs_nats``.
+    truths : tuple of int
+        Truths of which all trials, or none, have the same input.
+    """
 
 
 class FitWarning(BgmodelWarning):

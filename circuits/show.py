@@ -88,11 +88,13 @@ def courses(circuit: CircuitTable) -> pd.DataFrame:
             "to_ms": row.to_ms,
             "rise_ms": row.rise_ms,
             "decay_ms": row.decay_ms,
+            "rate_hz": row.rate_hz,
+            "pulse_ms": row.pulse_ms,
             "source": row.cite or ASSUMED,
         }
         for row in circuit.courses
     ]
-    return pd.DataFrame(rows)
+    return _dropping(pd.DataFrame(rows), rate_hz=0.0, pulse_ms=0.0)
 
 
 def text(circuit: CircuitTable) -> str:

@@ -24,6 +24,11 @@ settings.register_profile(
 settings.load_profile("bgmodel")
 
 
+def pytest_configure(config):
+    """Let no page, experiment or test attach an input to the trials of one truth alone."""
+    config.addinivalue_line("filterwarnings", "error::circuits.errors.ConfoundWarning")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Mark the tests that were measured to be slow, and leave long ones to ``make validate``."""

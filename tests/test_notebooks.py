@@ -57,6 +57,10 @@ def test_warnings_are_those_of_the_package(notebook):
     assert [line for line in said if getattr(errors, line.split(":")[0], None) is None] == []
 
 
+def test_no_input_is_confounded_with_the_truth(notebook):
+    assert errors.ConfoundWarning.__name__ not in json.dumps(notebook)
+
+
 def test_cells_have_readable_ids(notebook):
     ids = [cell["id"] for cell in notebook["cells"]]
     assert len(set(ids)) == len(ids)

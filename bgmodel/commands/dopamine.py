@@ -20,7 +20,7 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.conditions import Condition
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.learning.reinforce import Learner
 from bgmodel.names import EngineName
 from bgmodel.stimuli import Stimuli
@@ -52,9 +52,10 @@ class CircuitLearn(Writes):
     The circuit first decides every trial at every level; each run then samples levels and draws
     the reward from those decisions. The level that is learned is tonic dopamine; the reward
     prediction error is phasic dopamine. The regret of the learned level is measured on as many
-    fresh trials with fresh noise; of an evidence table, every second trial is kept for that. By
-    default the circuit runs as rates without noise, so that levels differ by dopamine alone, and
-    stops at a posterior of 0.74 at a level of 1, from where dopamine can move it both ways.
+    fresh trials with fresh noise; of an evidence table, every second trial of each truth is kept
+    for that. By default the circuit runs as rates without noise, so that levels differ by dopamine
+    alone, and stops at a posterior of 0.74 at a level of 1, from where dopamine can move it both
+    ways.
 
     Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """
@@ -120,7 +121,10 @@ class CircuitLearn(Writes):
             return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
             raise InputError("evidence must hold 2 trials or more: half are scored", "evidence")
-        return trials.evidence[::2], trials.evidence[1::2]
+        # Every second trial of each truth: a table may list its truths in turn.
+        order = np.argsort(needed_truth(trials.evidence), kind="stable")
+        second = np.argsort(order, kind="stable") % 2 == 1
+        return trials.evidence[~second], trials.evidence[second]
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the edited circuit on its engine."""

@@ -116,6 +116,9 @@ class ExperimentRecord(Observed):
         alike &= self.learnings[0] == self.learnings[1]
         if alike and control.edited == manipulation.edited:
             said = "the manipulation changes nothing: control and manipulation are alike"
+            if self.stop is not None:
+                course = f"add {self.stop.nucleus} amount=-2 from_ms=200 to_ms=400"
+                said += f", [stop] included; input of one of them is an edit, such as {course!r}"
             raise InputError(said, "manipulation")
         manipulation.check(control)
 

@@ -14,6 +14,7 @@ EXAMPLES = {
     **{f"{verb}: {kind.about}": kind.example for verb, kind in VERBS.items()},
     "course: dopamine is higher for a part of each trial": "add dopamine amount=0.2 to_ms=300",
     "course: a nucleus has more input from a time on": "add STN amount=0.5 from_ms=100",
+    "course: light on one channel of a nucleus": "add D2[0] amount=-2 from_ms=200 to_ms=400",
     "motif: fast-spiking interneurons of the striatum": "add striatal_FSI",
 }
 """Example lines of edits, by what they do."""

@@ -135,7 +135,8 @@ def with_input(
     evidence : Evidence
         The task.
     onset_ms : float or array (trials,), ms
-        When it begins, from the onset of evidence; NaN for trials without it.
+        When it begins, from the onset of evidence; NaN for trials without it, which should be drawn
+        at random: if they are every second one, all of them may have the same truth.
     amount_nats : float or array (trials,), nats
         The input.
     duration_ms : float or array (trials,), ms
@@ -147,18 +148,36 @@ def with_input(
     Raises
     ------
     ValueError
-        If there is not one number per trial, the resolution is not a whole fraction of the time
-        between readings, or the evidence has inputs of another resolution.
+        If there is not one number per trial, an onset is below 0 or infinite, a duration is not
+        above 0, an amount is not finite, the resolution is not a whole fraction of the time between
+        readings, or the evidence has inputs of another resolution.
+
+    Warns
+    -----
+    EditWarning
+        If no trial receives any of it.
+    ConfoundWarning
+        If it comes in none or in all of the trials with one truth.
     """
     per_step = _per_step(evidence.step_ms, every_ms)
     step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)
     begins = step * np.arange(times)
     values = {"onset_ms": onset_ms, "amount_nats": amount_nats, "duration_ms": duration_ms}
     onset, amount, lasts = (_per_trial(name, evidence, each) for name, each in values.items())
-    onset = np.where(np.isnan(onset), np.inf, onset)
+    given = ~np.isnan(onset)
+    for name, value, allowed, must in (
+        ("onset_ms", onset, ~given | ((onset >= 0) & (onset < np.inf)), "must be >= 0 and finite"),
+        ("amount_nats", amount, np.isfinite(amount), "must be finite"),
+        ("duration_ms", lasts, lasts > 0, "must be > 0"),
+    ):
+        require(allowed.all(), name, must, float(value.ravel()[np.argmin(allowed)]))
+    onset = np.where(given, onset, np.inf)
     on = np.clip((begins + step - onset) / step, 0, 1)
     off = np.clip((begins + step - onset - lasts) / step, 0, 1)
     added = (amount * (on - off))[:, :, None]
+    if (given & (amount != 0)).any() and not added.any():
+        end = f"the longest trial ends at {step * times:g} ms"
+        EditWarning.warn(f"the input has no effect, since {end}")
     if evidence.inputs_nats is not None:
         same = evidence.inputs_nats.shape[1] == times
         must = "must be the resolution of the inputs that the evidence has"

@@ -33,10 +33,10 @@ class Course:
     Parameters
     ----------
     what : str
-        "dopamine", or the name of a population.
+        "dopamine", the name of a population, or one channel of it, "D2[0]".
     amount : float
-        Added to the dopamine level, which is normally 1; or nats added to the input of every
-        channel of the population, before its filter.
+        Added to the dopamine level, which is normally 1; or nats added to the input of that
+        channel, or of every channel of the population, before its filter.
     from_ms, to_ms : float
         Start and end, ms; without an end it lasts until the trial is over.
     rise_ms, decay_ms : float

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from typing import TYPE_CHECKING, Any
 
+from circuits.checks import place_of
 from circuits.errors import InputError, shown
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ VERBS = {
     "add": Verb(
         "add D1->GPe weight=-0.1 delay_ms=4",
         "a pathway, a nucleus (TRN like=STN bias_nats=-1), a motif (striatal_FSI), or a course, "
-        "which is a change within each trial (dopamine amount=0.2 to_ms=300)",
+        "which is a change within each trial (D2[0] amount=-2 from_ms=200 to_ms=400)",
     ),
     "keep": Verb("keep rest", "existing nuclei keep their resting rates when rows are added"),
     "set": Verb(
@@ -192,8 +193,12 @@ class Edit:
             return False
         if "add" in verbs and verbs & {"lesion", "clamp", "cut", "scale"}:
             return False
+        return self.meets(other) and bool(self._changes() & other._changes())
+
+    def meets(self, other: Edit) -> bool:
+        """Whether both are about the same row, and a channel in common."""
         apart = None not in (self.channel, other.channel) and self.channel != other.channel
-        return self.row == other.row and not apart and bool(self._changes() & other._changes())
+        return self.row == other.row and not apart
 
     def _changes(self) -> set[str]:
         """Return the fields of its row that it changes."""
@@ -277,7 +282,7 @@ class Edits(tuple[str, ...]):
         left_out = {parsed(line).place for line in without}
         kept = [edit for edit in map(parsed, self) if edit.place not in left_out]
         for old, edit in product(kept, new.values()):
-            both = old.is_course and edit.is_course and old.row == edit.row
+            both = old.is_course and edit.is_course and old.meets(edit)
             if both and old.place != edit.place:
                 raise overlapping(old, edit)
         replaced = [new.pop(edit.place, edit) for edit in kept]
@@ -330,7 +335,10 @@ def parsed(line: str) -> Edit:
 
 def _new_row(line: str, rest: str) -> Edit | None:
     names = _tidied(rest).split()
-    return Edit(line, "add", names[0], value=rest) if names and "=" not in names[0] else None
+    if not names or "=" in names[0]:
+        return None
+    row, channel = _channel_of(line, names[0])
+    return Edit(line, "add", row, channel=channel, value=rest)
 
 
 def _new_value(line: str, rest: str) -> Edit | None:
@@ -367,13 +375,10 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
 
 def _channel_of(line: str, name: str) -> tuple[str, int | None]:
     """Split "name[channel]"; without brackets, all channels are meant."""
-    row, bracket, rest = name.partition("[")
-    if not bracket:
-        return row, None
-    number = rest.removesuffix("]")
-    if number == rest or not number.isdecimal():
+    row, channel = place_of(name)
+    if "[" in row:
         raise InputError(f"{line!r}: a channel is a number in brackets, such as GPe[0]", "edits")
-    return row, int(number)
+    return row, channel
 
 
 def _tidied(text: str) -> str:

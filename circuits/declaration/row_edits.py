@@ -16,6 +16,7 @@ row given as ``like``; a row with an amount is a course. A value with blanks nee
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
+    D2[0] amount=-2 to_ms=400           or of one of its channels
     striatal_FSI                        all rows of a motif of ``circuits.declaration.motifs``
 """
 
@@ -179,6 +180,7 @@ def naming(*edits: str) -> Iterator[None]:
 def _new(text: str) -> tuple[str, dict[str, str]]:
     """Return the name and the fields of a new row."""
     tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks around -> and =
+    tidied = re.sub(r"^([^\s=\[]+)\s*\[\s*", r"\1[", tidied)
     name, *words = shlex.split(tidied) or [""]
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}

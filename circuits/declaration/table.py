@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self, TypeVar
@@ -11,7 +10,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from circuits.arrays import Array
-from circuits.checks import check_finite, check_positive, check_range
+from circuits.checks import check_channel, check_finite, check_positive, check_range, place_of
 from circuits.declaration.courses import DOPAMINE, Course, extremes
 from circuits.declaration.network import Network, check_rows
 from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
@@ -149,8 +148,7 @@ class CircuitTable(Network):
 
     def input_places(self) -> list[tuple[str, int | None]]:
         """Return the nucleus, and the channel or None for all, of each of ``more_inputs``."""
-        found = [re.fullmatch(r"(.+?)(?:\[(\d+)\])?", text) for text in self.more_inputs]
-        return [(m[1], None if m[2] is None else int(m[2])) for m in found if m]
+        return [place_of(text) for text in self.more_inputs]
 
     def _check_more_inputs(self) -> None:
         """Reject inputs of unknown or repeated nuclei, and of the one that the evidence drives."""
@@ -170,9 +168,13 @@ class CircuitTable(Network):
     def _check_courses(self) -> None:
         """Reject courses of unknown quantities, and those that take dopamine out of its range."""
         for row in self.courses:
-            if row.what not in (DOPAMINE, *self._known):
+            name, channel = place_of(row.what)
+            if row.what != DOPAMINE and name not in self._known:
                 said = f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of"
-                raise InputError(f"{said} {', '.join((DOPAMINE, *self._known))}", "courses")
+                known = ", ".join((DOPAMINE, *self._known))
+                raise InputError(f"{said} {known}, or of one channel, such as STN[0]", "courses")
+            if channel is not None:
+                check_channel(row.name, channel, self.channels_of(name))
         rows = [row for row in self.courses if row.what == DOPAMINE]
         if not rows:
             return

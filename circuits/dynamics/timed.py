@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from circuits.arrays import Array, Index
+from circuits.checks import place_of
 from circuits.declaration.courses import DOPAMINE
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import Wiring
 
@@ -47,21 +49,37 @@ def timed(wiring: Wiring, clock: Clock) -> Timed:
     if not circuit.courses:
         still = np.zeros(wiring.units, dtype=np.intp), np.zeros(wiring.blocks, dtype=np.intp)
         return Timed(np.ones((1, 1)), np.zeros((1, 1)), *still)
-    late = clock.ticks - clock.settle_ticks
-    nats = {row.name: np.zeros(clock.ticks) for row in circuit.populations}
-    level = np.ones(clock.ticks)
-    for course in circuit.courses:
-        values = level if course.what == DOPAMINE else nats[course.what]
-        values[clock.settle_ticks :] += course.in_ticks(late, clock.dt_ms)
+    level, nats = _sums(circuit, clock)
     factors = {p.name: np.ones(clock.ticks) for p in circuit.projections}
     if any(course.what == DOPAMINE for course in circuit.courses):
         for p, change, added in circuit.dopamine_changes(level):
             factors[p.name] = 1 + change
-            nats[p.target] += added
-    of_path, of_population = list(factors.values()), list(nats.values())
-    paths, path_rows = rows(of_path, np.ones(clock.ticks))
-    populations, population_rows = rows(of_population, np.zeros(clock.ticks))
-    return Timed(path_rows, population_rows, paths[wiring.path], populations[wiring.owner])
+            for place in nats:
+                nats[place] += added if place[0] == p.target else 0.0
+    paths, path_rows = rows(list(factors.values()), np.ones(clock.ticks))
+    places, place_rows = rows(list(nats.values()), np.zeros(clock.ticks))
+    known = list(nats)
+    each = [(row.name, int(k)) for row, k in zip(wiring.rows, wiring.channel, strict=True)]
+    of_block = [known.index(one if one in nats else (one[0], None)) for one in each]
+    return Timed(path_rows, place_rows, paths[wiring.path], places[of_block])
+
+
+def _sums(circuit: CircuitTable, clock: Clock) -> tuple[Array, dict[tuple[str, int | None], Array]]:
+    """Return the level of dopamine (ticks,), and the nats (ticks,) added to each place.
+
+    Places are the populations, and the channels of them that have courses of their own.
+    """
+    late = clock.ticks - clock.settle_ticks
+    level = np.ones(clock.ticks)
+    whole = [(row.name, None) for row in circuit.populations]
+    own = [place_of(course.what) for course in circuit.courses if course.what != DOPAMINE]
+    nats = {place: np.zeros(clock.ticks) for place in (*whole, *own)}
+    for course in circuit.courses:
+        name, channel = place_of(course.what)
+        here = [sums for (row, k), sums in nats.items() if row == name and channel in (None, k)]
+        for sums in [level] if course.what == DOPAMINE else here:
+            sums[clock.settle_ticks :] += course.in_ticks(late, clock.dt_ms)
+    return level, nats
 
 
 def rows(values: list[Array], first: Array) -> tuple[Index, Array]:

@@ -1,10 +1,16 @@
 """The command `circuit learn`."""
 
-import numpy as np
+from types import SimpleNamespace
 
-from bgmodel import stream
+import numpy as np
+import pytest
+
+from bgmodel import Evidence, stream
 from bgmodel.cli import main
+from bgmodel.commands.dopamine import CircuitLearn
+from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import read_table
+from bgmodel.tables.trials import Trials
 from tests.helpers import run
 
 
@@ -68,3 +74,16 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
         assert seed != other
         assert learned.trials == scored.trials
         assert not np.array_equal(learned.log_likelihood, scored.log_likelihood)
+
+
+@pytest.mark.parametrize("order", ["in turn", "in blocks", "at random"])
+def test_both_halves_of_a_table_have_the_same_truths(order):
+    truth = np.arange(60) % 2
+    truth = {"in turn": truth, "in blocks": np.sort(truth)}.get(order, stream(2).permutation(truth))
+    values = stream(1).normal(size=(60, 2, 2))
+    task = SimpleNamespace(condition=SimpleNamespace(task=Stimuli(evidence="mine.csv")))
+    given = Trials(Evidence(values, truth), ["a", "b"])
+    halves = CircuitLearn._learned_and_scored(task, given)
+    assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2
+    found = np.concatenate([each.log_likelihood for each in halves])
+    assert {each.tobytes() for each in found} == {each.tobytes() for each in values}

@@ -164,6 +164,11 @@ def test_conditions_that_say_nothing_are_refused(experiment_file, refusal):
     text = experiment_file.read_text()
     experiment_file.write_text(text.replace("STN 20%", "STN 0"))
     assert "the manipulation changes nothing" in refusal("experiment", experiment_file)
+    stop = "[stop]\nnucleus = 'D2[0]'\ndelays_ms = [50.0]\n[manipulation]"
+    experiment_file.write_text(
+        text.replace("STN 20%", "STN 0").replace("[manipulation]", stop).replace("algebra", "rate")
+    )
+    assert "'add D2[0] amount=-2 from_ms" in refusal("experiment", experiment_file)
     experiment_file.write_text(text.replace("t_max = 40", "t_max = 1"))
     assert "the control decides in time in" in refusal("experiment", experiment_file)
 

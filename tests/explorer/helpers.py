@@ -23,10 +23,12 @@ LINES = [
     *("scale STN->GPe 0.5", "scale ctx->D1[0] 1.1", "dopamine 0.9", "compensate"),
     *("set STN->GPe.delay_ms 4", "set STN.bias_nats -2.2", "rebound SNr 0.3"),
     *("add D1->GPe weight=-0.1 delay_ms=4", "add dopamine amount=0.2 to_ms=300", "keep rest"),
+    "add D2[0] amount=-1 from_ms=50 to_ms=90",
     *("neurons 60", "add TRN like=STN bias_nats=-1", "connections 0.5"),
     *("lesion STM 10%", "lesoin STN", "dopamine 3", "lesion STN x", "add D1->GPe", "lesion ctx"),
     *("", " ", "lesion", "set STN.wieght 2", "set STN->GPe.delay_ms fast", "lesion SNr"),
     *("add STN->D1 weight=-1", "lesion STN 150%", "lesion STN[7] 10%", "scale STN->GPe -1"),
+    *("add D2[9] amount=1", "add D2[0] amount=1 to_ms=0"),
     *("set STN.cite <b>$x^$</b>", "lesion STN[0] 10%", "scale ctx->STN 0.3", "connections 2"),
 ]
 """Edits, of which about half are refused."""
@@ -49,7 +51,7 @@ SETTINGS = [
 """Settings, allowed and not."""
 STEPS = st.one_of(
     st.sampled_from(LINES).map(lambda line: ("edit", line)),
-    st.sampled_from(LINES[:18]).map(lambda line: ("edit", line)),
+    st.sampled_from(LINES[:19]).map(lambda line: ("edit", line)),
     st.sampled_from(SETTINGS).map(lambda pair: ("set", *pair)),
     st.sampled_from([("undo",), ("redo",), ("reset",), ("baseline",), ("remove",)]),
 )

@@ -158,6 +158,12 @@ def test_numbers_without_sense_are_refused(fields, says):
     [
         ("TRN amount=1", "course of TRN from 0 to inf ms: spiking_msprt has no nucleus 'TRN': a "),
         ("ctx->D1 amount=1", "has no nucleus 'ctx->D1': a course is of dopamine, ctx, common, D1"),
+        ("TRN[0] amount=1", "has no nucleus 'TRN[0]': a course is of dopamine, ctx, common, D1"),
+        ("dopamine[0] amount=1", "has no nucleus 'dopamine[0]': a course is of dopamine, ctx"),
+        ("STN[2] amount=1", "of STN[2] from 0 to inf ms: channel must be within 0..1, got 2"),
+        ("STN[0] amount=1 from_ms=9 to_ms=4", "from 9 to 4 ms: to_ms must come after from_ms, 9"),
+        ("STN[0] amount=1 from_ms=inf", "from_ms must be finite, got inf"),
+        ("STN[0] amount=1 to_ms=nan", "to_ms must come after from_ms, 0, got nan"),
         ("STN from_ms=3", "a course of STN needs amount"),
         ("dopamine to_ms=3", "a course of dopamine needs amount"),
         ("STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms, to_ms"),
@@ -210,6 +216,25 @@ def test_text_and_python_give_equal_courses():
     assert TABLE.add("TRN like=STN", "TRN amount=1").courses == (Course("TRN", 1.0),)
 
 
+def test_text_and_python_give_equal_courses_of_one_channel(tmp_path):
+    course = Course("STN[1]", -2.0, 200, 400)
+    line = "add STN[1] amount=-2 from_ms=200 to_ms=400"
+    circuit = TABLE.add(course)
+    for text_ in (line, line.replace("[1]", " [ 1]"), line.replace("=", " = ")):
+        assert TABLE.edited(text_) == circuit
+    assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
+    assert list(courses(circuit)["course"]) == ["STN[1]"]
+    hashes = {table_files.digest(TABLE.add(f"STN{k} amount=-2")) for k in ("", "[0]", "[1]")}
+    assert len(hashes) == 3
+    with refused("channel within 0..1, got 2"):
+        TABLE.with_channels(3).add("STN[2] amount=1").with_channels(2)
+
+
+def test_a_nucleus_called_dopamine_takes_courses_as_any_other():
+    named = TABLE.add(Population("dopamine", Rate())).add("dopamine[0] amount=1", DRIVE)
+    assert run(named, np.zeros((1, 1, 2)), engine="rate", step_ms=10.0).output_nats.size
+
+
 def test_courses_go_through_edits_and_are_taken_off():
     edited = TIMED.lesion("STN", 0.2).scale("D1", "SNr", 0.9).dopamine(1.1).with_neurons(20)
     assert edited.courses == TIMED.courses
@@ -256,6 +281,12 @@ def test_what_is_wrong_in_a_file_is_said_with_its_line(old, new, says):
     with pytest.raises(ValueError, match=r"^mine\.toml, line \d+: ") as error:
         table_reader.parse(wrong, "mine.toml")
     assert says in str(error.value)
+
+
+def test_a_page_shows_the_pulses_of_a_train():
+    train = Course("STN", 2.0, rate_hz=130, pulse_ms=1)
+    assert "rate_hz" not in courses(TIMED)
+    assert courses(TIMED.add(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
 
 
 def test_a_page_shows_courses_where_there_are_some():

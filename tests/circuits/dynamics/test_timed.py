@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from circuits import anatomy
 from circuits.cells import Rate
 from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
+from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.timed import timed
 from circuits.dynamics.wiring import wire
 from circuits.engines import ENGINES, run
+from circuits.errors import EditWarning
 from circuits.laws.spectra import out_variance
 from circuits.laws.stability import growth, ringing
 
@@ -208,3 +212,110 @@ def test_what_knows_no_time_refuses_courses():
         with pytest.raises(ValueError, match=f"spiking_msprt has courses, but {what} has no"):
             call()
     assert growth(circuit.steady) == growth(table)
+
+
+NUCLEI = ["ctx", "D1", "D2", "STN", "GPe"]
+WINDOWS = st.tuples(
+    st.sampled_from(NUCLEI),
+    st.sampled_from([None, 0, 1, 2]),
+    st.floats(-1, 1),
+    st.floats(0, 60).map(lambda t: round(t, 2)),
+    st.floats(1, 60).map(lambda t: round(t, 2)),
+)
+
+
+def window(name, channel, amount, from_ms, lasts_ms):
+    what = name if channel is None else f"{name}[{channel}]"
+    return Course(what, amount, from_ms, from_ms + lasts_ms)
+
+
+@given(st.lists(WINDOWS, min_size=1, max_size=4), st.booleans())
+@settings(max_examples=30)
+def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine):
+    """Every block receives the same bytes, with a level of dopamine that changes or without."""
+    level = ("dopamine amount=0.1 to_ms=30",) if dopamine else ()
+    each = [
+        window(name, k, *rest)
+        for name, channel, *rest in windows
+        for k in (range(3) if channel is None else [channel])
+    ]
+    table, clock = TABLES["macaque"].add(*level), Clock(2, 50)
+    one, two = (
+        timed(wire(table.add(*rows)), clock) for rows in ((window(*w) for w in windows), each)
+    )
+    np.testing.assert_array_equal(one.nats[one.of_block], two.nats[two.of_block])
+    np.testing.assert_array_equal(one.factors[one.of_unit], two.factors[two.of_unit])
+
+
+@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
+def test_on_every_engine_a_window_on_all_channels_is_one_on_each(engine):
+    table = TABLES["macaque"].with_neurons(20)
+    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    whole, *each = (f"STN{k} amount=-2 from_ms=2 to_ms=12" for k in ("", "[0]", "[1]", "[2]"))
+    one, two = (run(table.add(*rows), HELD[:, :2], **given) for rows in ([whole], each))
+    np.testing.assert_array_equal(one.output_nats, two.output_nats)
+
+
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
+def test_a_window_on_one_channel_is_less_than_one_on_all_and_more_than_none(engine):
+    table = TABLES["macaque"].with_neurons(20)
+    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    lines = (["STN amount=-2 to_ms=12"], ["STN[0] amount=-2 to_ms=12"], [])
+    lowest = [run(table.add(*rows), HELD[:, :2], **given).output_nats.min() for rows in lines]
+    assert lowest == sorted(set(lowest))
+
+
+@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
+def test_a_window_on_one_channel_after_the_trial_changes_no_byte(engine):
+    table = TABLES["macaque"].with_neurons(20)
+    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    with pytest.warns(EditWarning):
+        late = run(table.add("D2[1] amount=-2 from_ms=20 to_ms=30"), HELD[:, :2], **given)
+    without = run(table, HELD[:, :2], **given)
+    np.testing.assert_array_equal(late.output_nats, without.output_nats)
+    for name, rates in late.rates_hz.items():
+        np.testing.assert_array_equal(rates, without.rates_hz[name])
+
+
+@given(WINDOWS.filter(lambda w: w[1] is not None), st.permutations(range(3)))
+@settings(max_examples=10)
+def test_alternatives_and_their_window_may_be_exchanged(one, order):
+    """With the evidence and the window in other channels, OUT is the same in other channels."""
+    name, channel, *rest = one
+    table = TABLES["macaque"]
+    drive = HELD[:, :3]
+    found = settled(table.add(window(*one)), drive, step_ms=20.0)[0]
+    moved = window(name, list(order).index(channel), *rest)
+    exchanged = settled(table.add(moved), drive[:, :, order], step_ms=20.0)[0]
+    np.testing.assert_allclose(exchanged, found[list(order)], atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("name", ["D2", "D1", "STN", "GPe"])
+def test_a_long_window_on_one_channel_settles_where_a_bias_of_that_channel_does(name):
+    """In its window OUT goes to the fixed point with that bias, after it back to that without."""
+    table, channel, amount = TABLES["macaque"], 1, -0.2
+    wiring = wired(table)
+    bias = wiring.bias.copy()
+    bias[wiring.blocks_of(name)[channel]] += amount
+    course = Course(f"{name}[{channel}]", amount, 8000, 16000)
+    drive = np.tile(SPREAD, (1, 24, 1))
+    ran = run(table.add(course), drive, engine="rate", step_ms=1000.0)
+    for time_ms, at in ((8000, wiring), (16000, replace(wiring, bias=bias)), (24000, wiring)):
+        place = int(np.searchsorted(ran.time_ms, time_ms, side="right")) - 1
+        rates = at.rates(solve(at, HELD[0, :1]))[0]
+        for row in table.populations:
+            np.testing.assert_allclose(
+                ran.rates_hz[row.name][0, place], rates[at.blocks_of(row.name)], atol=0.02
+            )
+
+
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
+def test_a_window_on_one_channel_is_that_channel_s_own_input_in_every_trial(engine):
+    table = TABLES["macaque"].with_neurons(20)
+    given = {"engine": engine, "step_ms": 5.0, "settle_ms": 5.0, "seed": 4}
+    column = np.zeros((1, 6, 1))
+    column[:, 2:4] = 0.7
+    drive = np.tile(SPREAD, (1, 6, 1))
+    told = run(table.with_inputs("STN[2]"), np.concatenate([drive, column], axis=2), **given)
+    course = run(table.add("STN[2] amount=0.7 from_ms=10 to_ms=20"), drive, **given)
+    np.testing.assert_allclose(told.output_nats, course.output_nats, atol=2e-6)
