@@ -252,6 +252,6 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 
 
 def test_two_courses_of_one_nucleus_may_both_be_named():
-    early, late = "add dopamine to_ms=300 amount", "add dopamine from_ms=400 amount"
+    early, late = "add D2[0] to_ms=300 amount", "add D2[0] from_ms=400 amount"
     (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
     assert found.edited == load_circuit("macaque").edited(f"{early}=0.1", f"{late}=0.2")

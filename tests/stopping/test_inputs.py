@@ -129,6 +129,16 @@ def test_a_window_without_sense_is_refused(wrong, says):
         with_input(evidence(4), **{"onset_ms": 10.0} | wrong)
 
 
+@pytest.mark.parametrize("place", ["D2[0]", "STN"])
+def test_an_input_alike_in_all_trials_is_a_course_of_the_circuit(place):
+    go, circuit = evidence(20), bg.load_circuit("macaque")
+    each = bg.BasalGanglia(circuit.with_inputs(place), seed=3).run(with_input(go, 10.0, -2.0, 20.0))
+    course = circuit.edited(f"add {place} amount=-2 from_ms=10 to_ms=30")
+    every = bg.BasalGanglia(course, seed=3).run(go)
+    np.testing.assert_allclose(each.out_nats, every.out_nats, atol=2e-6)
+    assert np.abs(every.out_nats - bg.BasalGanglia(circuit, seed=3).run(go).out_nats).max() > 0.01
+
+
 def test_an_input_after_the_trials_changes_nothing_and_is_warned_of():
     go, circuit = evidence(20), bg.load_circuit("macaque").with_inputs("D2[0]")
     with pytest.warns(EditWarning):

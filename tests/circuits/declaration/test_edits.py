@@ -268,6 +268,11 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
         edits.replacing(["lesion STN[0] 10%"])
     with refused("edits edit the same number"):
         Edits(["add STN amount=0.1"]).replacing(["add STN amount=0.1 to_ms=300"])
+    one, other = "add STN[0] amount=0.1", "add STN[1] amount=0.2"
+    assert Edits([one]).replacing([other]) == (one, other)
+    for meets in ("add STN[0] amount=0.3", "add STN amount=0.1"):
+        with refused("edits"):
+            Edits([one]).replacing([meets])
 
 
 @pytest.mark.parametrize(
