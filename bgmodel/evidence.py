@@ -81,9 +81,8 @@ class Evidence(Facts):
     Warns
     -----
     UserWarning
-        If the values look like probabilities or like running sums, trials seem to be padded to
-        one length and there are no ``lengths``, or an input comes in none or in all of the trials
-        with one truth (``ConfoundWarning``).
+        If the values look like probabilities or like running sums, trials seem to be padded and
+        there are no ``lengths``, or an input comes in none or in all of the trials with one truth.
     """
 
     log_likelihood: Reals

@@ -122,32 +122,26 @@ def warn_of_confounds(inputs: Array, truth: Integers) -> None:
         courses, course = np.unique(sums, return_inverse=True)
         counts = np.zeros((len(courses), len(names)), dtype=np.intp)
         np.add.at(counts, (course, hypothesis), 1)
-        log_p = _log_chances(counts)
-        one = int(np.argmin(log_p))
-        if log_p[one] + np.log(len(courses)) >= np.log(CHANCE):
-            continue
-        ends = {"all": names[counts[one] == counts.sum(axis=0)], "none": names[counts[one] == 0]}
-        told = [f"{k} with truth {', '.join(map(str, v))}" for k, v in ends.items() if v.size]
-        ConfoundWarning.warn(
-            f"input {column} of inputs_nats depends on the truth: {counts[one].sum()} of {trials} "
-            f"trials have the same course of it, {' and '.join(told)}, so that its effect cannot "
-            "be told from that of the evidence: draw the trials that receive it at random",
-            input=column,
-            truths=tuple(int(name) for name in np.concatenate([*ends.values()])),
-        )
+        log_p = _log_chances(counts) + np.log(len(courses))
+        with_it = counts[np.argmin(log_p)]
+        truths = names[(with_it == 0) | (with_it == counts.sum(axis=0))].tolist()
+        if log_p.min() < np.log(CHANCE):
+            ConfoundWarning.warn(
+                f"input {column} of inputs_nats depends on the truth: {with_it.sum()} of {trials} "
+                f"trials have the same course of it, either all or none of those with truth "
+                f"{', '.join(map(str, truths))}, so that its effect cannot be told from that of "
+                "the evidence: draw the trials that receive it at random",
+                input=column,
+                truths=tuple(truths),
+            )
 
 
 def _log_chances(counts: Integers) -> Array:
     """Return the log probability that as many trials include all or none of these truths.
 
-    L trials are any L of n: those with some truths are all among them (``every`` trials), and none
-    with others, M together, with a probability of ``C(n - M, L - every) / C(n, L)``. Each truth may
-    be among the first, the others, or neither.
-
-    Parameters
-    ----------
-    counts : array (courses, truths)
-        Number of trials with each course of the input and each truth.
+    ``counts`` (courses, truths) are numbers of trials. L trials are any L of n: those with some
+    truths are all among them (``every`` trials), and none with others, M together, with a
+    probability of ``C(n - M, L - every) / C(n, L)``. Each truth may be either, or neither.
     """
     same, each, trials = counts.sum(axis=1), counts.sum(axis=0), int(counts.sum())
     logs = np.append(0.0, np.cumsum(np.log(np.arange(1, trials + 1))))

@@ -16,7 +16,7 @@ import numpy as np
 
 LONGEST = 80
 """Most characters of a value shown in a message."""
-INSIDE = ("bgmodel", "circuits", "contextlib", "functools")
+INSIDE = ("bgmodel", "circuits", "contextlib", "dataclasses", "functools")
 """Modules that a warning's location must not point at."""
 
 
@@ -112,10 +112,7 @@ class BgmodelWarning(UserWarning):
 
     @classmethod
     def warn(cls, sentence: str, **fields: object) -> None:
-        """Issue a warning of this category that points to the line that called the package.
-
-        Further arguments are attributes of the warning.
-        """
+        """Issue a warning with these attributes that points to the line that called the package."""
         warning = cls(sentence)
         vars(warning).update(fields)
         warnings.warn(warning, stacklevel=user_level())
@@ -142,15 +139,7 @@ class DataWarning(BgmodelWarning):
 
 
 class ConfoundWarning(DataWarning):
-    """An input comes with some truths only, so that its effect is confounded with the evidence.
-
-    Attributes
-    ----------
-    input : int
-        Column of ``inputs_nats``.
-    truths : tuple of int
-        Truths of which all trials, or none, have the same input.
-    """
+    """An ``input`` (its column) comes in all or in none of the trials with some ``truths``."""
 
 
 class FitWarning(BgmodelWarning):

@@ -53,9 +53,8 @@ class CircuitLearn(Writes):
     the reward from those decisions. The level that is learned is tonic dopamine; the reward
     prediction error is phasic dopamine. The regret of the learned level is measured on as many
     fresh trials with fresh noise; of an evidence table, every second trial of each truth is kept
-    for that. By default the circuit runs as rates without noise, so that levels differ by dopamine
-    alone, and stops at a posterior of 0.74 at a level of 1, from where dopamine can move it both
-    ways.
+    for it. By default the circuit runs as rates without noise, so that levels differ by dopamine
+    alone, and stops at a posterior of 0.74 at a level of 1, from where it can move both ways.
 
     Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """

@@ -154,10 +154,8 @@ def with_input(
 
     Warns
     -----
-    EditWarning
-        If no trial receives any of it.
-    ConfoundWarning
-        If it comes in none or in all of the trials with one truth.
+    UserWarning
+        If no trial receives any of it, or it comes in none or in all of the trials with one truth.
     """
     per_step = _per_step(evidence.step_ms, every_ms)
     step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)
@@ -176,8 +174,7 @@ def with_input(
     off = np.clip((begins + step - onset - lasts) / step, 0, 1)
     added = (amount * (on - off))[:, :, None]
     if (given & (amount != 0)).any() and not added.any():
-        end = f"the longest trial ends at {step * times:g} ms"
-        EditWarning.warn(f"the input has no effect, since {end}")
+        EditWarning.warn(f"an input of no effect: the trials end by {step * times:g} ms")
     if evidence.inputs_nats is not None:
         same = evidence.inputs_nats.shape[1] == times
         must = "must be the resolution of the inputs that the evidence has"

@@ -335,10 +335,9 @@ def parsed(line: str) -> Edit:
 
 def _new_row(line: str, rest: str) -> Edit | None:
     names = _tidied(rest).split()
-    if not names or "=" in names[0]:
-        return None
-    row, channel = _channel_of(line, names[0])
-    return Edit(line, "add", row, channel=channel, value=rest)
+    named = bool(names) and "=" not in names[0]
+    row, channel = _channel_of(line, names[0]) if named else ("", None)
+    return Edit(line, "add", row, channel=channel, value=rest) if named else None
 
 
 def _new_value(line: str, rest: str) -> Edit | None:

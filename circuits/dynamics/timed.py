@@ -65,10 +65,7 @@ def timed(wiring: Wiring, clock: Clock) -> Timed:
 
 
 def _sums(circuit: CircuitTable, clock: Clock) -> tuple[Array, dict[tuple[str, int | None], Array]]:
-    """Return the level of dopamine (ticks,), and the nats (ticks,) added to each place.
-
-    Places are the populations, and the channels of them that have courses of their own.
-    """
+    """Return dopamine's level, and the nats added to populations and to channels with courses."""
     late = clock.ticks - clock.settle_ticks
     level = np.ones(clock.ticks)
     whole = [(row.name, None) for row in circuit.populations]

@@ -40,6 +40,7 @@ def test_every_mth_trial_is_confounded_if_its_truths_are_not_all_of_them(channel
     there = set(go.truth[~np.isnan(light)].tolist())
     missed = set(range(channels)) - there
     (one,) = found
+    assert one.filename == __file__
     assert one.message.input == 0
     assert missed <= set(one.message.truths)
 
