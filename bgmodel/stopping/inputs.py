@@ -174,7 +174,7 @@ def with_input(
     off = np.clip((begins + step - onset - lasts) / step, 0, 1)
     added = (amount * (on - off))[:, :, None]
     if (given & (amount != 0)).any() and not added.any():
-        EditWarning.warn(f"an input of no effect: the trials end by {step * times:g} ms")
+        EditWarning.warn(f"the input has no effect: all trials end by {step * times:g} ms")
     if evidence.inputs_nats is not None:
         same = evidence.inputs_nats.shape[1] == times
         must = "must be the resolution of the inputs that the evidence has"
