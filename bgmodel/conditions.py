@@ -64,7 +64,7 @@ class Setup:
     cells; ensemble simulates their spikes."""
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that unit per
-    nat); the circuit's default if omitted."""
+    nat); if omitted the circuit's default, or the largest at which it tracks the evidence."""
     seed: int = 0
     """Seed of the noise and of randomly drawn evidence."""
 
@@ -129,13 +129,12 @@ class Setup:
             If the circuit has no default gain and none is given.
         """
         from bgmodel.integrators.basal_ganglia import BasalGanglia
-        from bgmodel.integrators.criterion import gain_of
         from circuits.engines import engine_of
 
         table = self.table(channels)
         engine = engine_of(self.engine).tuned(workers=workers, rates=rates, sample_ms=sample_ms)
         noise = (self.seed if seed is None else seed) if engine.noisy else None
-        return BasalGanglia(table, engine, gain_of(table, self.gain), noise)
+        return BasalGanglia(table, engine, self.gain, noise)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

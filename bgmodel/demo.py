@@ -12,7 +12,6 @@ from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
@@ -115,7 +114,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
         step_ms=STEP_MS,
     )
     # The plain engine has the same spikes as the compiled one, without compiling.
-    model = BasalGanglia(table, Plain(spikes=tuple(NUCLEI)), gain_of(table), seed)
+    model = BasalGanglia(table, Plain(spikes=tuple(NUCLEI)), seed=seed).adapted_to(evidence)
     activity = model.activity(evidence)
     traces = {
         "circuit": model.trace(activity, evidence),

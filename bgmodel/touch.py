@@ -20,7 +20,6 @@ from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.learning.gap import learn_gap
@@ -282,13 +281,14 @@ def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame
 def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return OUT and decision of test and spiking circuit on one trial (first of second fold)."""
     table = load_circuit(DEFAULT, evidence.hypotheses)
-    one, gain = evidence[1:2], gain_of(table)
-    model = BasalGanglia(table, "ensemble", gain, seed)
+    model = BasalGanglia(table, "ensemble", seed=seed).adapted_to(evidence)
+    one, gain = evidence[1:2], model.gain
     threshold = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
     courses, decided = [], []
     deciders: dict[str, Msprt | BasalGanglia] = {"test": Msprt(gain), "circuit in spikes": model}
     for who, decider in deciders.items():
-        trace = decider.run(one)
+        own = isinstance(decider, BasalGanglia)
+        trace = model.trace(model.activity(one, checked=False), one) if own else decider.run(one)
         out = pd.DataFrame(np.asarray(trace.out_nats[0]), index=pd.Index(trace.time_ms))
         out = out.rename_axis("time_ms").reset_index()
         courses.append(

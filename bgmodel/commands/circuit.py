@@ -156,7 +156,7 @@ class CircuitRun(Writes):
         trials = asked.drawn(STREAM)
         evidence = trials.evidence
         say_of_edits(asked.edits)
-        model = asked.model(evidence.hypotheses, workers=self.workers)
+        model = asked.model(evidence.hypotheses, workers=self.workers).adapted_to(evidence)
         posterior = asked.stopping_posterior
         threshold = model.threshold(asked.threshold, posterior)
         started = time.perf_counter()
@@ -190,7 +190,7 @@ class CircuitRun(Writes):
         """Return the first trials, run to their ends, with spikes if the engine has any."""
         names = tuple(row.name for row in model.circuit.populations if row.spiking)
         model = replace(model, engine=model.engine.recording(names))
-        return model.activity(evidence[:trials])
+        return model.activity(evidence[:trials], checked=False)
 
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
@@ -199,7 +199,8 @@ class CircuitRun(Writes):
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
-            f"forced {result['forced'].sum()}, in {seconds:.1f} s -> {self.output}"
+            f"forced {result['forced'].sum()}, gain {decision.gain:g}, in {seconds:.1f} s -> "
+            f"{self.output}"
         )
 
     def _check(self) -> None:

@@ -201,7 +201,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     say_of_edits(setup.edits)
     model = setup.model(
         evidence.hypotheses, workers=asked_for.workers, sample_ms=sample_ms(evidence.step_ms)
-    )
+    ).adapted_to(evidence)
     table = model.circuit
     if table.unit != NATS:
         say(

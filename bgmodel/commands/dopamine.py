@@ -128,7 +128,7 @@ class CircuitLearn(Writes):
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the edited circuit on its engine."""
         say_of_edits(self.condition.edits)
-        model = self.condition.model(evidence.hypotheses)
+        model = self.condition.model(evidence.hypotheses).adapted_to(evidence)
         model.circuit.check_nats("a stopping posterior that dopamine sets")
         model = replace(model, engine=model.engine.coarse())
         model.warn_beyond_range(evidence)

@@ -33,7 +33,6 @@ from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array
@@ -74,7 +73,7 @@ class Comparison(Facts):
     Parameters
     ----------
     model : BasalGanglia
-        The circuit.
+        The circuit, at the gain that the evidence was run with.
     trials : int
         Number of trials.
     table : DataFrame
@@ -99,6 +98,7 @@ class Comparison(Facts):
         found = {
             "circuit": self.model.circuit.name,
             "engine": self.model.engine.id,
+            "gain": f"{self.model.gain:g}",
             "trials": f"{self.trials}",
         }
         for row in self.summary().query("model == @CIRCUIT").itertuples():
@@ -198,7 +198,8 @@ def compare(
     baselines = _checked(evidence, baselines)
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
-        model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
+        model = BasalGanglia(circuit, "population", seed=0 if seed is None else seed)
+    model = model.adapted_to(evidence)
     seed = (model.seed or 0) if seed is None else seed
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)

@@ -159,6 +159,7 @@ def designed_circuit(
         no fixed point or it never reaches a threshold, or trials are too few for an interval.
     """
     trials, _ = size(model, thresholds, trials)
+    model = model.unadapted  # the designs are in nats of drive
     return designed(
         model,
         thresholds,

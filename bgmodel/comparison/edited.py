@@ -92,6 +92,7 @@ def compare_edits(
         check_edit_of(model.circuit, circuit, f"edited[{name!r}]")
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
         EditWarning.warn(f"{', '.join(alike)}: the edit changes nothing in this circuit")
+    model = model.adapted_to(evidence)
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

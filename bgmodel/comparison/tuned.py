@@ -7,7 +7,6 @@ import numpy as np
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
@@ -62,8 +61,8 @@ def fastest_gain(
 ) -> tuple[BasalGanglia, Tradeoff]:
     """Return a circuit at its gain, and its decisions at many thresholds.
 
-    A circuit has its default gain, or 1 if it is exact. One without is given the gain of ``GAINS``
-    at which it reaches ``ACCURACY`` fastest on this evidence.
+    A circuit has its default gain, adapted to the evidence, or 1 if it is exact. One without is
+    given the gain of ``GAINS`` at which it reaches ``ACCURACY`` fastest on this evidence.
 
     Parameters
     ----------
@@ -76,12 +75,13 @@ def fastest_gain(
     """
     known = gain is not None or circuit.default_gain is not None
     known |= (circuit.unedited or circuit).exact
-    gains = (gain_of(circuit, gain),) if known else GAINS
+    gains = (gain,) if known else GAINS
     once = np.ones((1, evidence.trials))
     found: list[tuple[float, BasalGanglia, Tradeoff]] = []
     refused: list[ValueError] = []
     for each in gains:
-        model = BasalGanglia(circuit, engine, each, seed)
+        model = BasalGanglia(circuit, engine, each, seed)  # type: ignore[arg-type]
+        model = model.adapted_to(evidence)
         try:
             decided = swept(model, evidence)
         except ValueError as error:

@@ -50,6 +50,8 @@ class Decision(Facts):
         End of each trial, from onset, ms.
     truth : int array (trials,), optional
         The true hypothesis of each trial, if known.
+    gain : float, optional
+        Nats in the circuit per nat of evidence, as run; None for a test.
     """
 
     choice: Integers
@@ -59,6 +61,7 @@ class Decision(Facts):
     step_ms: float
     deadline_ms: Array
     truth: Integers | None = None
+    gain: float | None = None
 
     def facts(self) -> dict[str, str]:
         """Return the numbers of decided and forced trials, and the mean time."""
@@ -76,6 +79,7 @@ class Decision(Facts):
             "forced": span(self.forced.sum(axis=-1), ".0f"),
             "undecided": span((~decided).sum(axis=-1), ".0f"),
             "premature": span(self.premature.sum(axis=-1), ".0f"),
+            **({} if self.gain is None else {"gain": f"{self.gain:g}"}),
         }
 
     @property
@@ -181,7 +185,7 @@ def joined(parts: Sequence[Decision]) -> Decision:
     """Concatenate decisions over several parts of the trials; all at one threshold."""
     names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return Decision(**arrays, step_ms=parts[0].step_ms)
+    return Decision(**arrays, step_ms=parts[0].step_ms, gain=parts[0].gain)
 
 
 def first_crossing(
@@ -363,4 +367,5 @@ def _decision(
         trace.step_ms,
         relative_ms[last],
         trace.truth,
+        trace.gain,
     )

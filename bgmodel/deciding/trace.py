@@ -46,6 +46,8 @@ class Trace(Facts):
         Resting and lowest possible OUT, against which decisions are checked.
     truth : array (trials,), int, optional
         The true hypotheses, if known; decisions keep them.
+    gain : float, optional
+        Nats in the circuit per nat of evidence, as run; None for a test. Decisions keep it.
     """
 
     out_nats: Reals
@@ -56,6 +58,7 @@ class Trace(Facts):
     numbers: Integers | None = None
     readout: ReadOut | None = None
     truth: Integers | None = None
+    gain: float | None = None
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock and range of OUT."""
@@ -68,6 +71,7 @@ class Trace(Facts):
             "onset_ms": f"{self.onset_ms:g}",
             "step_ms": f"{self.step_ms:g}",
             "out_nats": span(self.out_nats),
+            **({} if self.gain is None else {"gain": f"{self.gain:g}"}),
         }
 
     def plot(self, trial: int = 0, ax: Axes | None = None) -> Figure:

@@ -90,6 +90,7 @@ class Model:
         *,
         edits: Iterable[str] = (),
         stop: tuple[float, float] = (0.0, 0.0),
+        gain: float | None = None,
         seed: int = 0,
         workers: int = 1,
     ) -> Tradeoff:
@@ -105,12 +106,15 @@ class Model:
             Further edits of the circuit.
         stop : tuple of float
             Stop signal to STN, nats, and its delay, ms.
+        gain : float, optional
+            Gain of a circuit, as from ``gain_on``.
         seed, workers : int
             Seed of the noise, and threads.
         """
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence, levels)
-        model, evidence = self._stopped(evidence, edits, stop, seed, workers)
+        model = self._model(evidence.hypotheses, edits, gain, seed, workers)
+        model, evidence = _stopped(model, evidence, stop)
         return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
     def spikes(
@@ -121,6 +125,7 @@ class Model:
         *,
         edits: Iterable[str] = (),
         stop: tuple[float, float] = (0.0, 0.0),
+        gain: float | None = None,
         seed: int = 0,
         workers: int = 1,
     ) -> Integers:
@@ -130,7 +135,8 @@ class Model:
         """
         readings = int(np.ceil(recording.window_ms[1] / evidence.step_ms))
         seen = replace(evidence, log_likelihood=evidence.log_likelihood[:, :readings])
-        model, seen = self._stopped(seen, edits, stop, seed, workers, rates=True)
+        model = self._model(evidence.hypotheses, edits, gain, seed, workers, rates=True)
+        model, seen = _stopped(model, seen, stop)
         means = []
         for part, activity, _ in model.batches(seen):
             rate_hz = np.asarray(activity.rates_hz[recording.nucleus])
@@ -148,7 +154,7 @@ class Model:
         """
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence)
-        model = self._model(evidence.hypotheses, (), seed, workers)
+        model = self._model(evidence.hypotheses, (), None, seed, workers).adapted_to(evidence)
         test = tradeoff(Msprt(model.gain).run(evidence), evidence)
         about = thresholds_about(test, HIGHEST, LOWEST)
         before = cast("Circuit", model.circuit.unedited or model.circuit)
@@ -159,31 +165,37 @@ class Model:
             raise InputError(f"{self.name} decides without evidence at every threshold", "circuit")
         return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
-    def _stopped(
+    def gain_on(self, evidence: Evidence) -> float | None:
+        """Return the gain of a circuit on some evidence; None for a test."""
+        if self.build is None:
+            return None
+        return self._model(evidence.hypotheses, (), None, 0, 1).adapted_to(evidence).gain
+
+    def _model(
         self,
-        evidence: Evidence,
+        channels: int,
         edits: Iterable[str],
-        stop: tuple[float, float],
+        gain: float | None,
         seed: int,
         workers: int,
         rates: bool = False,
-    ) -> tuple[BasalGanglia, Evidence]:
-        """Return the model and its evidence, with a stop signal if there is one."""
-        model = self._model(evidence.hypotheses, edits, seed, workers, rates)
-        if not stop[0]:
-            return model, evidence
-        signal = StopSignal(amount_nats=stop[0])
-        late = np.full(evidence.trials, stop[1])
-        return receiving(model, signal), with_stop(evidence, late, signal)
-
-    def _model(
-        self, channels: int, edits: Iterable[str], seed: int, workers: int, rates: bool = False
     ) -> BasalGanglia:
         assert self.build is not None
         circuit = self.build(channels).edited(*edits)
         engine = engine_of(self.engine).tuned(workers=workers, rates=rates)
         noise = seed if engine.noisy else None
-        return BasalGanglia(circuit, engine, gain_of(circuit), noise)
+        return BasalGanglia(circuit, engine, gain, noise)  # type: ignore[arg-type]
+
+
+def _stopped(
+    model: BasalGanglia, evidence: Evidence, stop: tuple[float, float]
+) -> tuple[BasalGanglia, Evidence]:
+    """Return a model and its evidence, with a stop signal if there is one."""
+    if not stop[0]:
+        return model, evidence
+    signal = StopSignal(amount_nats=stop[0])
+    late = np.full(evidence.trials, stop[1])
+    return receiving(model, signal), with_stop(evidence, late, signal)
 
 
 def model_of(

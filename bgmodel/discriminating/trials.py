@@ -109,6 +109,7 @@ class Trials:
             )  # fmt: skip
             swept = self.models[k].swept(evidence, seed=self._noise("tuning"), workers=self.workers)
             self.kept[key] = _matched(swept, self._accuracies())
+            self.kept["gain", *key[1:]] = self.models[k].gain_on(evidence)
         found: dict[float, float] = self.kept[key]
         return found
 
@@ -147,6 +148,7 @@ class Trials:
         )  # fmt: skip
         run: dict[str, Any] = {
             "edits": probe.lines, "stop": (probe.stop_nats, self.space.stop_delay_ms),
+            "gain": self.kept.get(("gain", k, probe.channels, probe.d_prime)),
             "seed": self._noise(kind), "workers": self.workers,
         }  # fmt: skip
         decided = self.models[k].decided(evidence, levels, **run)

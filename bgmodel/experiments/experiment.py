@@ -174,7 +174,7 @@ class Experiment(ExperimentRecord):
         manipulation.check(control)
         both = {"control": control, "manipulation": manipulation}
         models = [
-            condition.model(evidence.hypotheses, workers=workers, rates=False)
+            condition.model(evidence.hypotheses, workers=workers, rates=False).adapted_to(evidence)
             for condition in both.values()
         ]
         read = self.heard(models, given)

@@ -93,12 +93,12 @@ def one_trial(state: State, evidence: Evidence) -> Shown:
     condition = state.experiment.conditions[1]
     spiking = [row.name for row in state.circuit.populations if row.spiking]
     engine = SPIKES if spiking else WITHOUT_SPIKES
-    model = replace(condition, engine=engine).model(evidence.hypotheses)
+    model = replace(condition, engine=engine).model(evidence.hypotheses).adapted_to(evidence)
     model = replace(model, engine=model.engine.recording(tuple(spiking)))
     level = condition.threshold_at(evidence.hypotheses)
     until = model.until(level - ROUNDING_NATS, rates=True)
     one = evidence[state.trial : state.trial + 1]
-    activity = until.activity(one, state.trial)
+    activity = until.activity(one, state.trial, checked=False)
     trace = until.trace(activity, one)
     decision = first_crossing(trace, level, forced=False, checked=False)
     time_ms = np.asarray(trace.time_ms)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from types import NoneType
 from typing import TYPE_CHECKING
@@ -15,7 +16,15 @@ from bgmodel.deciding.calibration import warn_of_decisions
 from bgmodel.deciding.decision import Decision, any_crossing, check_decision, first_crossing, joined
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.integrators.criterion import gain_of, readout_of
+from bgmodel.integrators.criterion import (
+    LEAD_MS,
+    DefaultGain,
+    fitting_gain,
+    gain_of,
+    largest_lead,
+    lead_of,
+    readout_of,
+)
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
@@ -40,8 +49,8 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 large batches faster."""
 ROUNDING_NATS = 0.01
 """A trial is dropped once OUT is this far below its threshold."""
-LEAD_MS = 100.0
-"""Time to which a circuit's largest tracked lead refers, ms."""
+ROUNDING = 1e-9
+"""Relative rounding error of a lead."""
 REFUSED_TIMES = 8.0
 """A lead this many times the circuit's largest is refused: a third of decisions are then late."""
 COARSE_MS, COARSE_SHARE = 5.0, 0.1
@@ -65,8 +74,8 @@ class BasalGanglia(Facts):
         noise.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
-        ``-ln softmax(kappa L)``. By default that of the circuit; required for a circuit without a
-        default.
+        ``-ln softmax(kappa L)``. By default that of the circuit, lowered where the evidence would
+        outrun it: see ``adapted_to``. Required for a circuit without a default.
     seed : int, optional
         Key of the noise.
     centred : bool, optional
@@ -94,7 +103,7 @@ class BasalGanglia(Facts):
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
         if self.gain is None:
-            object.__setattr__(self, "gain", gain_of(self.circuit))
+            object.__setattr__(self, "gain", DefaultGain(gain_of(self.circuit)))
         check_positive(gain=self.gain)
         if self.seed is not None:
             whole("seed", self.seed, 0)
@@ -116,12 +125,37 @@ class BasalGanglia(Facts):
             "circuit": self.circuit.name,
             "channels": f"{self.circuit.channels}",
             "engine": self.engine.id,
-            "gain": f"{self.gain:g}",
+            "gain": f"{self.gain:g}" + (" or less" if self._adapts else ""),
             "seed": f"{self.seed}",
         }
         if self.centred is not None:
             found["centred"] = f"{self.centred}"
         return found | {name: f"{value}" for name, value in self.engine.changed().items()}
+
+    def adapted_to(self, evidence: Evidence) -> BasalGanglia:
+        """Return the model at the gain that fits the evidence: the gain that every run uses.
+
+        Without a ``gain`` of its own, a model has the default gain of its circuit, or the largest
+        at which the evidence gains no more than ``circuit.max_lead_nats`` per 100 ms, whichever is
+        lower (``criterion.fitting_gain``). An edited circuit has the gain of the unedited one. The
+        mean over all trials counts: run parts of some evidence on the model adapted to all of it.
+        """
+        if not self._adapts:
+            return self
+        model = copy(self)
+        most = largest_lead(self.circuit)
+        gain = fitting_gain(self.gain, most, lead_of(check_evidence(evidence)))
+        object.__setattr__(model, "gain", gain)
+        return model
+
+    @property
+    def unadapted(self) -> BasalGanglia:
+        """The model at its gain whatever the evidence, for evidence that is not known before."""
+        return replace(self, gain=float(self.gain)) if self._adapts else self
+
+    @property
+    def _adapts(self) -> bool:
+        return isinstance(self.gain, DefaultGain) and largest_lead(self.circuit) < np.inf
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
@@ -129,7 +163,8 @@ class BasalGanglia(Facts):
         Readings come at ``onset_ms + k step_ms``; each is held for a step, the last one for two, so
         that the circuit can respond to it. An informative foreperiod is run too.
         """
-        return self.trace(self.activity(evidence), evidence)
+        model = self.adapted_to(evidence)
+        return model.trace(model.activity(evidence), evidence)
 
     def drive(self, evidence: Evidence) -> Array:
         """Return the drive: raw evidence, or that of ``drive_of`` if it is centred.
@@ -199,6 +234,7 @@ class BasalGanglia(Facts):
             evidence.trial_numbers,
             replace(readout_of(self.circuit), warn_of_noise=self.warn_of_noise),
             evidence.truth,
+            float(self.gain),
         )
 
     def decide(
@@ -244,9 +280,10 @@ class BasalGanglia(Facts):
             raise InputError.of("rates", "must be a RateMeans() of circuits.activity", rates)
         check_flag("forced", forced)
         level = self.threshold(threshold, posterior)
-        self.warn_beyond_range(evidence)
-        self.warn_of_noise(level)
-        decision = self.decided(evidence, level, forced=forced, rates=rates)
+        model = self.adapted_to(evidence)
+        model.warn_beyond_range(evidence)
+        model.warn_of_noise(level)
+        decision = model.decided(evidence, level, forced=forced, rates=rates)
         check_decision(decision, level, forced=forced, of_test=False)
         warn_of_decisions(evidence, decision)
         return decision
@@ -265,7 +302,8 @@ class BasalGanglia(Facts):
         For callers that check and warn themselves, such as experiments. Trial t has the noise of
         ``first_trial + t``.
         """
-        model = self.until(level - ROUNDING_NATS) if rates is None else self
+        model = self.adapted_to(evidence)
+        model = model.until(level - ROUNDING_NATS) if rates is None else model
         parts = []
         for part, activity, trace in model.batches(evidence, first_trial):
             parts.append(first_crossing(trace, level, forced=forced, checked=False))
@@ -298,7 +336,8 @@ class BasalGanglia(Facts):
         -----
         UserWarning
             Once, if a reading leaves the circuit's range, and if noise alone crosses the threshold.
-            The mean strength of evidence is unknown beforehand: see ``check_strength``.
+            The mean strength of evidence is unknown beforehand, so that the gain is not adapted:
+            see ``check_strength`` and ``adapted_to``.
         """
         level = self.threshold(threshold, posterior)
         self.warn_of_noise(level)
@@ -322,7 +361,8 @@ class BasalGanglia(Facts):
                 stream.add(drive[0, 0])
                 known, numbers = readout_of(self.circuit), evidence.trial_numbers
                 out = stream.out[None, : stream.samples]
-                return Trace(out, stream.time_ms, 0.0, step_ms, None, numbers, known)
+                gain = float(self.gain)
+                return Trace(out, stream.time_ms, 0.0, step_ms, None, numbers, known, gain=gain)
 
             return read
 
@@ -335,16 +375,25 @@ class BasalGanglia(Facts):
         """Return the checked threshold on OUT, given as a threshold or as a posterior."""
         return readout_of(self.circuit).one(threshold, posterior, self.circuit.channels)
 
-    def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
+    def activity(
+        self, evidence: Evidence, first_trial: int = 0, *, checked: bool = True
+    ) -> Activity:
         """Return the activity of the circuit; trial t has the noise of ``first_trial + t``.
 
-        Warns if evidence is stronger than the circuit can track; see ``check_strength``.
+        Warns if evidence is stronger than the circuit can track, see ``check_strength``, unless
+        ``checked`` is false: for a part of evidence to all of which the model is adapted.
         """
-        self.check_strength(evidence)
-        self._warn_of_coarse_samples(evidence)
+        model = self._checked(evidence) if checked else self
+        return model.run_drive(*model._driven(evidence), first_trial)
+
+    def _checked(self, evidence: Evidence) -> BasalGanglia:
+        """Return the model adapted to evidence, after the checks that concern all of it."""
+        model = self.adapted_to(evidence)
+        model.check_strength(evidence)
+        model._warn_of_coarse_samples(evidence)
         steps = evidence.foreperiod_steps + evidence.steps + 1
-        warn_of_late(self.circuit.courses, steps * evidence.step_ms)
-        return self.run_drive(*self._driven(evidence), first_trial)
+        warn_of_late(model.circuit.courses, steps * evidence.step_ms)
+        return model
 
     def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return the activity under a drive (trials, steps, channels) in the circuit's nats."""
@@ -371,19 +420,14 @@ class BasalGanglia(Facts):
 
     def warn_beyond_range(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
-        warn_beyond_range(self.circuit, self.drive(evidence))
+        warn_beyond_range(self.circuit, self.adapted_to(evidence).drive(evidence))
 
     def lead_nats(self, evidence: Evidence) -> float:
         """Return the mean lead gained by the best-supported channel, nats of drive.
 
-        The lead is relative to the mean of the other channels at a trial's end, per 100 ms, or per
-        reading where readings are further apart.
+        It is that of ``lead_of``, at the gain that the evidence is run with.
         """
-        total = evidence.log_likelihood.sum(axis=1, dtype=np.float64)
-        most = total.max(axis=1)
-        others = (total.sum(axis=1) - most) / (evidence.hypotheses - 1)
-        per_reading = self.gain * float((most - others).sum()) / int(evidence.readings.sum())
-        return per_reading * max(1.0, LEAD_MS / evidence.step_ms)
+        return self.adapted_to(evidence).gain * lead_of(evidence)
 
     def check_strength(self, evidence: Evidence) -> None:
         """Warn if evidence is stronger than the circuit can track.
@@ -402,7 +446,7 @@ class BasalGanglia(Facts):
             return
         lead = self.lead_nats(evidence)
         # A hypothesis that is ruled out has infinite nats: the engines refuse it.
-        if lead <= most or not np.isfinite(lead):
+        if lead <= most * (1 + ROUNDING) or not np.isfinite(lead):
             return
         said = (
             f"the evidence is too strong for {self.circuit.name}: one channel gains a lead of "
@@ -468,11 +512,7 @@ class BasalGanglia(Facts):
         the batches: trial t has the noise of ``first_trial + t``. Warnings and errors of
         ``check_strength`` refer to all of the evidence.
         """
-        self.check_strength(evidence)
-        self._warn_of_coarse_samples(evidence)
-        steps = evidence.foreperiod_steps + evidence.steps + 1
-        warn_of_late(self.circuit.courses, steps * evidence.step_ms)
-        yield from self._parts(evidence, first_trial)
+        yield from self._checked(evidence)._parts(evidence, first_trial)
 
     def _parts(
         self, evidence: Evidence, first_trial: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,16 @@ from circuits.engines import Algebra
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
+    from bgmodel.evidence import Evidence
     from circuits.circuit import Circuit
+
+
+LEAD_MS = 100.0
+"""Time to which a circuit's largest tracked lead refers, ms."""
+
+
+class DefaultGain(float):
+    """A circuit's gain where none was given: the highest, which strong evidence lowers."""
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
@@ -41,6 +51,56 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
             "gain",
         )
     return found
+
+
+def fitting_gain(highest: float, most_nats: float, lead_nats: float) -> float:
+    """Return the largest gain at which a lead stays within what a circuit tracks.
+
+    Cortical responses adapt to the range of their input in the same way (Dean, Harper & McAlpine
+    2005; Carandini & Heeger 2012).
+
+    Parameters
+    ----------
+    highest : float
+        The circuit's default gain, at which its read-out was tuned; never exceeded.
+    most_nats : float
+        Largest lead that the circuit tracks, nats of drive per 100 ms.
+    lead_nats : float
+        Lead gained by the evidence, nats of evidence per 100 ms; a lead that is not finite, of a
+        hypothesis that is ruled out, does not lower the gain.
+
+    Returns
+    -------
+    float
+        Rounded down to two digits, so that other trials of a task mostly give the same gain.
+    """
+    if not math.isfinite(lead_nats) or highest * lead_nats <= most_nats:
+        return float(highest)
+    exact = most_nats / lead_nats
+    unit = 10.0 ** (math.floor(math.log10(exact)) - 1)
+    return float(f"{math.floor(exact / unit) * unit:.2g}")
+
+
+def lead_of(evidence: Evidence) -> float:
+    """Return the mean lead gained by the best-supported alternative, nats of evidence.
+
+    The lead is relative to the mean of the other alternatives at a trial's end, per 100 ms, or per
+    reading where readings are further apart.
+    """
+    total = evidence.log_likelihood.sum(axis=1, dtype=np.float64)
+    most = total.max(axis=1)
+    others = (total.sum(axis=1) - most) / (evidence.hypotheses - 1)
+    per_reading = float((most - others).sum()) / int(evidence.readings.sum())
+    return per_reading * max(1.0, LEAD_MS / evidence.step_ms)
+
+
+def largest_lead(circuit: Circuit) -> float:
+    """Return the largest lead that a circuit tracks: that before its edits, if it was edited.
+
+    An edit of a delay makes it unknown. An edited circuit is run at the gain of the intact one.
+    """
+    before = circuit.unedited or circuit
+    return (before if before.channels == circuit.channels else circuit).max_lead_nats
 
 
 def rest_out(circuit: Circuit) -> float:

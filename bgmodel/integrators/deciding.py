@@ -121,6 +121,7 @@ def decide_at_thresholds(
     if np.max(thresholds) < model.circuit.readable_nats[0]:
         # Thresholds above OUT at rest may be of interest; unreachable ones are not.
         check_threshold(model.circuit, float(np.max(thresholds)))
+    model = model.adapted_to(evidence)
     in_nats = model.circuit.unit == NATS
     decodes = in_nats and model.engine.noisy and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))

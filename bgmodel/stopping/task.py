@@ -167,7 +167,7 @@ def decided(
     from bgmodel.stopping.circuit import receiving
 
     task.check_ends(evidence.step_ms * int(evidence.readings.min()))
-    model = receiving(model, task)
+    model = receiving(model, task).adapted_to(evidence)
     stop = rng.random(evidence.trials) < task.share
     late = np.maximum(task.delay_sd_ms * rng.standard_normal(len(stop)), -task.delay_ms)
     late[rng.random(len(stop)) < task.failures] = np.nan

@@ -51,8 +51,8 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     DataFrame
         One row per measure of ``plan.measures_of``: measure, value (times in ms, shares of trials),
         low and high (95 % interval, a bootstrap over trials, the same for points of one size),
-        trials, and remark (a warning of the run, or why it ended; usually empty). Values are NaN if
-        the circuit could not be run.
+        trials, gain (as run), and remark (a warning of the run, or why it ended; usually empty).
+        Values are NaN if the circuit could not be run.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
         table = pd.DataFrame({"measure": measures_of(point)}).assign(
             value=np.nan, low=np.nan, high=np.nan
         )
-        return table.assign(trials=0, **{REMARK: remark})
+        return table.assign(trials=0, gain=point.used_gain, **{REMARK: remark})
     trials = len(behaviour.decision.choice)
     found = [behaviour.measures(weights) for weights in _weights(point.seed, trials)]
     joined = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
@@ -75,7 +75,7 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     caution = _caution(values, point.foreperiod_ms) or (_withheld(values) if two else "")
     against = "the circuit decides against the evidence" if behaviour.against_evidence() else ""
     remark = "; ".join(text for text in (remark, against, caution, _uncalibrated(values)) if text)
-    return table.assign(trials=trials, **{REMARK: remark})
+    return table.assign(trials=trials, gain=point.used_gain, **{REMARK: remark})
 
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
@@ -153,7 +153,8 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
         If no measure depends on a key.
     """
     whole = []
-    for point, table in zip(plan.each, tables, strict=True):
+    for point, measures in zip(plan.each, tables, strict=True):
+        table = measures.drop(columns="gain") if "gain" in point else measures
         for place, (key, value) in enumerate(point.items()):
             table.insert(place, key, value)
         whole.append(table)

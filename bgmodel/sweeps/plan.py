@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 
 from bgmodel.conditions import Observed, read_once
 from bgmodel.deciding.measures import MEASURES, OF_STOP
-from bgmodel.integrators.criterion import gain_of
+from bgmodel.integrators.criterion import fitting_gain, gain_of, largest_lead, lead_of
 from bgmodel.integrators.given import identity
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.stopping.task import StopTask
@@ -31,6 +32,8 @@ from circuits.errors import InputError, require, within
 
 BLOCK = 10_000
 """Largest number of trials in a shard: seconds of the population engine, minutes of spikes."""
+OF_LEAD = 1000
+"""Number of trials of a sweep to whose mean lead its gain is fitted."""
 TASK, STOP = "task.", "stop."
 Value = bool | int | float | str
 
@@ -50,6 +53,15 @@ class Point(Observed):
     def edited(self) -> Circuit:
         """The edited circuit for this task's alternatives."""
         return super().edited
+
+    @cached_property
+    def used_gain(self) -> float:
+        """The gain of all shards: given, or fitted to the first trials."""
+        gain = gain_of(self.edited, self.gain)
+        if self.gain is not None or largest_lead(self.edited) == math.inf:
+            return gain
+        seed = self.block_seed(0)
+        return fitting_gain(gain, largest_lead(self.edited), lead_of_task(self.task, seed))
 
     @property
     def steps(self) -> int:
@@ -76,6 +88,14 @@ class Point(Observed):
             Shard(self, first, min(BLOCK, self.trials - first))
             for first in range(0, self.trials, BLOCK)
         ]
+
+
+@cache
+def lead_of_task(task: Stimuli, seed: int) -> float:
+    """Return the lead of the first trials of a sweep, which points with one task share."""
+    if task.evidence is not None:
+        return lead_of(read_once(task).evidence)
+    return lead_of(replace(task, trials=min(task.trials, OF_LEAD)).draw(seed, "sweep").evidence)
 
 
 OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits", "stop"))
@@ -108,7 +128,7 @@ class Shard:
         return {
             "circuit": identity(of.edited),
             "engine": of.engine,
-            "gain": gain_of(of.edited, of.gain),
+            "gain": of.used_gain,
             "posterior": of.stopping_posterior,
             **({} if of.threshold is None else {"threshold": of.threshold}),
             "foreperiod_ms": of.foreperiod_ms,

@@ -82,6 +82,7 @@ def _ours(warning: warnings.WarningMessage) -> bool:
 def _decided(shard: Shard) -> pd.DataFrame:
     of = shard.point
     model = of.model(of.hypotheses, seed=of.block_seed(shard.first), rates=False)
+    model = replace(model, gain=of.used_gain)
     evidence = of.block(shard.first, shard.trials).evidence
     model.warn_beyond_range(evidence)
     found = of.behaviour(model, evidence, of.block_seed(shard.first))
@@ -110,6 +111,7 @@ def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
         step_ms=point.task.step_ms,
         deadline_ms=columns["time_ms"],
         truth=columns["truth"],
+        gain=point.used_gain,
     )
     return Behaviour(
         decision,

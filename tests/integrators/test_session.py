@@ -61,7 +61,7 @@ def test_a_test_decides_as_it_does_with_all_readings(model):
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_circuit_decides_as_it_does_with_all_readings(circuit, engine, trials):
     evidence = evidence_of(trials)
-    model = bg.BasalGanglia(circuit, engine, seed=5)
+    model = bg.BasalGanglia(circuit, engine, seed=5).adapted_to(evidence)
     session = model.session(posterior=0.82, step_ms=20.0, t_max=20, baseline=evidence.baseline)
     whole = model.decided(evidence, model.threshold(None, 0.82))
     taken = same(session, whole, evidence)

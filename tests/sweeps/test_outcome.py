@@ -29,7 +29,9 @@ def swept(tmp_path, **changed):
 
 def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     plan, table = swept(tmp_path, grid={"posterior": (0.7, 0.9)})
-    assert list(table) == ["posterior", "measure", "value", "low", "high", "trials", "remark"]
+    columns = ["posterior", "measure", "value", "low", "high", "trials", "gain", "remark"]
+    assert list(table) == columns
+    assert set(table["gain"]) == {0.7}
     assert list(table["measure"]) == [*MEASURES, *MEASURES]
     found, _ = shards.read(plan.all_points()[1], tmp_path)
     weights = resampled(80, RESAMPLES, stream(0, "bootstrap"))

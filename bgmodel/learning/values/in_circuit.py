@@ -104,7 +104,7 @@ class ValueCircuit:
         """
         evidence = self.evidence(values, number)
         level = self.model.threshold(None, self.posterior)
-        return self.model.decided(evidence, level, first_trial=number * evidence.trials)
+        return self.model.unadapted.decided(evidence, level, first_trial=number * evidence.trials)
 
     def __call__(self, values: Array, number: int) -> tuple[Integers, Array]:
         """Choose in one trial of every run of ``play``; return choices and times, ms."""

@@ -1,0 +1,160 @@
+"""The gain of a circuit: its default, or the largest at which it tracks the evidence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bgmodel as bg
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.integrators import basal_ganglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import fitting_gain, gain_of, lead_of
+from bgmodel.support.files import read_provenance
+from bgmodel.sweeps.sweep import Sweep
+from circuits.anatomy import load_circuit, macaque
+from circuits.errors import RangeWarning
+from tests.helpers import run, unwarned
+
+TABLE = macaque(2)
+WEAK = bg.gaussian_evidence(60, d_prime=0.5, t_max=20, seed=1)
+STRONG = bg.gaussian_evidence(60, d_prime=2, t_max=20, seed=1)
+
+
+@given(st.floats(0.2, 1), st.floats(0.2, 3), st.floats(-3, 3))
+def test_the_gain_is_the_largest_of_two_digits_at_which_the_lead_is_tracked(highest, most, power):
+    lead = 10.0**power
+    gain = fitting_gain(highest, most, lead)
+    if highest * lead <= most:
+        assert gain == highest
+        return
+    assert gain * lead <= most * (1 + 1e-9)
+    assert gain == float(f"{gain:.2g}")
+    step = 10.0 ** (np.floor(np.log10(gain * (1 + 1e-12))) - 1)
+    assert (gain + 1.001 * step) * lead > most
+
+
+@pytest.mark.parametrize("lead", [0.0, -1.0, np.inf, np.nan])
+def test_a_lead_that_is_none_or_infinite_leaves_the_default(lead):
+    assert fitting_gain(0.55, 1.2, lead) == 0.55
+
+
+def test_weak_evidence_has_the_default_gain_and_strong_evidence_the_limit():
+    model = BasalGanglia(TABLE)
+    assert model.adapted_to(WEAK).gain == TABLE.default_gain
+    adapted = model.adapted_to(STRONG)
+    assert adapted.gain == fitting_gain(TABLE.default_gain, TABLE.max_lead_nats, lead_of(STRONG))
+    assert adapted.gain < 0.6 * TABLE.default_gain
+    assert model.lead_nats(STRONG) == adapted.lead_nats(STRONG)
+    # What was adapted once stays, whatever part of the evidence it is run on.
+    assert adapted.adapted_to(WEAK).gain == adapted.gain
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate", "population"])
+def test_evidence_ten_times_as_strong_is_decided_alike(engine):
+    """The gain falls by what the evidence grows, so that the drive is the same."""
+    stronger = replace(STRONG, log_likelihood=10 * STRONG.log_likelihood)
+    with unwarned():
+        one, other = (
+            BasalGanglia(TABLE, engine, seed=3).decide(given, posterior=0.8)
+            for given in (STRONG, stronger)
+        )
+    np.testing.assert_array_equal(one.choice, other.choice)
+    np.testing.assert_allclose(one.time_ms, other.time_ms, atol=1e-6)
+    assert other.gain == pytest.approx(one.gain / 10)
+
+
+def test_stronger_evidence_is_decided_sooner_at_any_strength():
+    """At the default gain, evidence of d' = 3 takes 1 s at a posterior of 0.9."""
+    every = [bg.gaussian_evidence(400, d_prime=d, t_max=30, seed=2) for d in (1, 1.5, 2, 3, 5)]
+    with unwarned():
+        found = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
+    assert (np.diff([each.time_ms.mean() for each in found]) < 5).all()
+    assert max(np.quantile(each.time_ms, 0.99) for each in found[2:]) < 700
+    assert min(each.accuracy for each in found) > 0.95
+
+
+def test_the_gain_is_that_of_all_trials_however_they_are_batched(monkeypatch):
+    model = BasalGanglia(TABLE, seed=3)
+    whole = model.decide(STRONG, posterior=0.8)
+    monkeypatch.setattr(basal_ganglia, "BATCH", 7)
+    monkeypatch.setattr(basal_ganglia, "WIDE_BATCH", 7)
+    np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, whole.time_ms)
+    part = model.adapted_to(STRONG).decided(STRONG[:9], -np.log(0.8))
+    np.testing.assert_array_equal(part.time_ms, whole.time_ms[:9])
+    # The nine alone are other evidence.
+    assert model.adapted_to(STRONG[:9]).gain != whole.gain
+
+
+@pytest.mark.parametrize(
+    "edit", ["lesion STN 10%", "dopamine 0.8", "set STN->GPe.delay_ms 6", "scale D1->SNr 0.9"]
+)
+def test_an_edited_circuit_has_the_gain_of_the_intact_one(edit):
+    intact, edited = (BasalGanglia(each).adapted_to(STRONG) for each in (TABLE, TABLE.edited(edit)))
+    assert edited.gain == intact.gain < TABLE.default_gain
+
+
+def test_a_gain_that_is_given_is_used_and_warned_of():
+    given = BasalGanglia(TABLE, "rate", gain_of(TABLE))
+    assert given.adapted_to(STRONG) is given
+    with pytest.warns(RangeWarning, match="too strong"):
+        given.run(STRONG)
+    with unwarned():
+        BasalGanglia(TABLE, "rate").run(STRONG)
+
+
+@pytest.mark.parametrize("name", ["spiking_msprt", "appendix_b"])
+def test_a_circuit_without_a_measured_limit_keeps_its_gain(name):
+    table = load_circuit(name, 2)
+    assert BasalGanglia(table).adapted_to(STRONG).gain == gain_of(table)
+    assert BasalGanglia(table).unadapted.gain == gain_of(table)
+
+
+def test_a_session_has_the_default_gain_since_its_evidence_is_unknown():
+    model = BasalGanglia(TABLE, seed=1)
+    session = model.session(posterior=0.8, t_max=20, baseline=0.0)
+    for reading in STRONG.log_likelihood[0]:
+        if session.add(reading) is not None:
+            break
+    with pytest.warns(RangeWarning, match="too strong"):
+        alone = model.unadapted.decided(STRONG[:1], -np.log(0.8))
+    assert session.decision.gain == TABLE.default_gain
+    assert session.decision.time_ms[0] == alone.time_ms[0]
+
+
+def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys):
+    task = {"d_prime": 2, "trials": 100, "t_max": 20}
+    text = "\n".join(
+        ['name = "a"', "seed = 4", 'published = "a"', 'source = "a"', 'note = "a"', "[task]"]
+        + [f"{key} = {value}" for key, value in task.items()]
+        + ["[manipulation]", 'edits = ["set STN->GPe.delay_ms 4"]']
+    )
+    (tmp_path / "a.toml").write_text(text)
+    outcome = Experiment.from_toml(tmp_path / "a.toml").run()
+    gain = BasalGanglia(TABLE).adapted_to(outcome.given.evidence).gain
+    assert {model.gain for model in outcome.models} == {gain}
+    assert f"; gain {gain:g};" in outcome.text()
+    out, terminal = tmp_path / "o.csv", ["--d-prime", 2, "--trials", 100, "--t-max", 20]
+    assert run("experiment", tmp_path / "a.toml", out) == 0
+    assert read_provenance(out)["parameters"]["experiment"]["gain"] == gain
+    for command in (["circuit", "run"], ["compare"]):
+        path = tmp_path / f"{command[-1]}.csv"
+        capsys.readouterr()
+        assert run(*command, path, *terminal) == 0
+        recorded = read_provenance(path)["parameters"]["command"]["gain"]
+        assert recorded < TABLE.default_gain
+        assert f"gain {recorded:g}" in capsys.readouterr().out
+
+
+def test_a_sweep_gives_each_task_its_gain_and_all_edits_of_it_one(tmp_path):
+    (tmp_path / "s.toml").write_text(
+        "[task]\ntrials = 60\nt_max = 15\n[grid]\n"
+        '"task.d_prime" = [0.5, 2.0]\n"set STN->GPe.delay_ms" = [3, 4]\n'
+    )
+    table = Sweep.from_toml(tmp_path / "s.toml").run().table
+    gains = table.groupby("task.d_prime")["gain"].agg(["min", "max"])
+    assert (gains["min"] == gains["max"]).all()
+    assert gains.loc[0.5, "min"] == TABLE.default_gain
+    assert gains.loc[2.0, "min"] < TABLE.default_gain
