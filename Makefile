@@ -12,6 +12,10 @@ test slow validate: export OPENBLAS_NUM_THREADS = 1
 test slow validate: export OMP_NUM_THREADS = 1
 # Every process that a test starts would compile the sources anew, and each of pytest's all the tests.
 test slow validate: export PYTHONDONTWRITEBYTECODE =
+# No test depends on another: files, and the tests of each, run in an order that is drawn from this
+# seed. Make prints the command with it, so that `make test SEED=...` repeats an order.
+SEED ?= $(shell date +%s)
+PYTEST = $(BIN)/python -m pytest -n $(CORES) --dist loadfile --randomly-seed=$(SEED)
 
 .PHONY: figures pictures test slow lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
@@ -24,11 +28,11 @@ pictures: figures
 	$(BIN)/python -m figures.gallery
 
 test: $(VENV)/test.installed
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+	$(PYTEST)
 
 # Tests of seconds: engines cell by cell, blocks of pages, commands that are stopped and go on.
 slow: $(VENV)/test.installed
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m 'slow and not validate'
+	$(PYTEST) -m 'slow and not validate'
 
 lint: $(VENV)/test.installed
 	$(BIN)/ruff check .
@@ -46,7 +50,7 @@ notebooks: $(VENV)/docs.installed $(VENV)/fit.installed
 	$(BIN)/python docs/_notebooks.py
 
 validate: $(VENV)/test.installed $(VENV)/docs.installed
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m validate
+	$(PYTEST) -m validate
 
 # Thirty single faults in a clone of the last commit, one at a time: which of them do tests catch?
 faults: $(VENV)/test.installed

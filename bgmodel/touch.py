@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import io
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
@@ -30,6 +29,7 @@ from bgmodel.tactile.source import Folds, Source, folds
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
+from circuits.errors import collected
 from circuits.plots import PALETTE, look, panels, saved, styled
 
 if TYPE_CHECKING:
@@ -181,8 +181,7 @@ def story(
     ValueError
         If there are too few taps for a task.
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with collected() as caught:
         task = task_of(value)
         readings = folds(taps, task)
         readings.sources[0].warn_if_silent()
@@ -206,7 +205,7 @@ def story(
     }
     return Story(
         axis, curve, found.curves, found.table, learning, numbers, courses, decided, step_ms,
-        tuple(dict.fromkeys(str(one.message) for one in caught)),
+        tuple(dict.fromkeys(caught)),
     )  # fmt: skip
 
 

@@ -2,14 +2,20 @@
 
 `bgmodel.InputError` is a ``ValueError``, so that ``except ValueError`` catches it. A category of
 warnings can be silenced or turned into errors as usual:
-``warnings.simplefilter("error", bgmodel.DeadlineWarning)``.
+``warnings.simplefilter("error", circuits.errors.DeadlineWarning)``.
+
+Code of this package silences or collects its own warnings by `quiet` and `collected`. The filters
+of ``warnings`` belong to the whole process: two threads that leave ``warnings.catch_warnings`` in
+the order in which they entered it restore the filters of one another, for good.
 """
 
 from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Self
 
 import numpy as np
@@ -112,10 +118,48 @@ class BgmodelWarning(UserWarning):
 
     @classmethod
     def warn(cls, sentence: str, **fields: object) -> None:
-        """Issue a warning with these attributes that points to the line that called the package."""
+        """Issue a warning with these attributes that points to the line that called the package.
+
+        Within `collected` or `quiet` its sentence is added to their list instead.
+        """
+        for kinds, kept in reversed(_COLLECTING.get()):
+            if issubclass(cls, kinds):
+                kept.append(sentence)
+                return
         warning = cls(sentence)
         vars(warning).update(fields)
         warnings.warn(warning, stacklevel=user_level())
+
+
+_COLLECTING: ContextVar[tuple[tuple[tuple[type[BgmodelWarning], ...], list[str]], ...]]
+_COLLECTING = ContextVar("collecting", default=())
+
+
+@contextmanager
+def collected(*kinds: type[BgmodelWarning]) -> Iterator[list[str]]:
+    """Yield a list to which this package's warnings within the block are added, not issued.
+
+    Other threads are not affected, also those that start within the block: a thread has a context
+    of its own. The block of a generator must not contain a ``yield``.
+
+    Parameters
+    ----------
+    kinds : BgmodelWarning classes
+        Categories that are collected; all by default.
+    """
+    kept: list[str] = []
+    token = _COLLECTING.set((*_COLLECTING.get(), (kinds or (BgmodelWarning,), kept)))
+    try:
+        yield kept
+    finally:
+        _COLLECTING.reset(token)
+
+
+@contextmanager
+def quiet(*kinds: type[BgmodelWarning]) -> Iterator[None]:
+    """Silence this package's warnings of some categories within a block, all by default."""
+    with collected(*kinds):
+        yield
 
 
 class RangeWarning(BgmodelWarning):

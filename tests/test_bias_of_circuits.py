@@ -22,6 +22,9 @@ THRESHOLD, ODDS = 0.25, float(log_odds(0.25))
 IDEAL = load_circuit("bogacz_gurney", 2)
 
 
+pytestmark = pytest.mark.usefixtures("brief_search")
+
+
 class Integrator(CircuitModel):
     """A circuit without noise or delay, whose OUT is -ln P of the evidence and its bias."""
 
@@ -106,7 +109,6 @@ def test_stored_biases_are_read_back(tmp_path, monkeypatch):
     np.testing.assert_array_equal(again, first)
 
 
-@pytest.mark.usefixtures("brief_search")
 def test_the_start_of_a_test_is_found_as_the_bias_of_a_circuit():
     table = drawn(91_401, sensitivity=8.0, bound=0.7, start=0.25)
     asked = FitSettings(

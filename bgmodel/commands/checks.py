@@ -6,7 +6,6 @@ import json
 import math
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from bgmodel.support import files, progress
-from circuits.errors import BgmodelWarning, InputError, require
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,23 +219,6 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
             say(f"{what}, after {spent}: {stage}")
 
     yield tell
-
-
-@contextmanager
-def kept_warnings() -> Iterator[list[str]]:
-    """Yield a list to which warnings of bgmodel within the block are added, instead of printing.
-
-    Other warnings are issued again after the block.
-    """
-    kept: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", BgmodelWarning)
-        yield kept
-    for one in caught:
-        if issubclass(one.category, BgmodelWarning):
-            kept.append(str(one.message))
-        else:
-            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
 
 def save_figure(figure: Figure, path: Path) -> None:

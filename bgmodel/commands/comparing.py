@@ -13,7 +13,6 @@ from bgmodel.commands.checks import (
     bar,
     check_ending,
     check_whole,
-    kept_warnings,
     made_with,
     save_figure,
     say,
@@ -26,6 +25,7 @@ from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
+from circuits.errors import collected
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -96,7 +96,7 @@ class Compare(Comparison):
         runs = 1 + (intact is not None) + again
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
-        with bar(runs * evidence.trials), kept_warnings() as cautions:
+        with bar(runs * evidence.trials), collected() as cautions:
             found = compare(
                 model,
                 evidence,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bgmodel.commands.checks import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, collected
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,15 +124,14 @@ class Kept:
             self.note(f"{who}, {name}: already done")
             _warn(who, name, there)
             return there
-        with stages(f"{who}, {name}") as tell, warnings.catch_warnings(record=True) as cautions:
-            warnings.simplefilter("always", UserWarning)
+        with stages(f"{who}, {name}") as tell, collected() as cautions:
             found = fit_likelihood(likelihood, draws=self.posterior, tell=tell)
         self._say(who, name, found)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
         more = more.assign(at_bound=False, held=True)
         numbers = pd.concat([found.parameters().assign(held=False), more], ignore_index=True)
-        said_so = pd.DataFrame({"caution": [str(each.message) for each in cautions]}, dtype=str)
+        said_so = pd.DataFrame({"caution": cautions}, dtype=str)
         piece = Piece(numbers, found.cells(), said_so)
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
         piece.parameters["log_likelihood_simulation_error"] = found.simulation.log_likelihood

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import kept_warnings, plain, recorded, save_figure, say, stages
+from bgmodel.commands.checks import plain, recorded, save_figure, say, stages
 from bgmodel.commands.fitted import write_comparison
 from bgmodel.support import files
-from circuits.errors import InputError
+from circuits.errors import InputError, collected
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,7 @@ def _fit(
     }
     stem = plain(name)
     kept = piece_path(folder / "pieces", stem, key, "chains.npz")
-    with stages(name) as tell, kept_warnings() as cautions:
+    with stages(name) as tell, collected() as cautions:
         fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=tell)
     for caution in cautions:
         say(f"{name}: {caution}")

@@ -61,18 +61,10 @@ def _model(name: str, noise_nats: float) -> StopModel:
 
 def _people(command: Any) -> dict[str, StopTrials]:
     """Return the participants' trials, with delays restored if that was asked for."""
-    import warnings
-
     from bgmodel.stopping.people import read_people
     from bgmodel.stopping.restored import restored_delays
-    from circuits.errors import DataWarning
 
-    with warnings.catch_warnings():
-        if command.restore_delays:
-            # They are what is restored; other doubts about the table are for the user.
-            said = r".*stop trials with a delay of 0 have a response"
-            warnings.filterwarnings("ignore", said, DataWarning)
-        people = read_people(command.data)
+    people = read_people(command.data, restore=command.restore_delays)
     if command.restore_delays:
         people = {who: restored_delays(trials) for who, trials in people.items()}
     return people

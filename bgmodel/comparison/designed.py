@@ -10,7 +10,6 @@ threshold.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,7 +30,7 @@ from bgmodel.support.checks import reals
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.errors import InputError, RangeWarning, require
+from circuits.errors import InputError, RangeWarning, quiet, require
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
@@ -314,9 +313,7 @@ def readings_of(
     """
     readings, levels = 32, np.asarray(thresholds, dtype=np.float64)
     while readings <= MOST_READINGS:
-        with warnings.catch_warnings():
-            # The leader rises for longer here than in the actual trials.
-            warnings.simplefilter("ignore", RangeWarning)
+        with quiet(RangeWarning):  # the leader rises for longer here than in the actual trials
             last_ms = [
                 _times(settled, design.evidence(readings, kappa=kappa, leader=leader), levels)
                 for design in designs(channels)
@@ -385,7 +382,8 @@ def _intervals(moved: Array) -> tuple[Array, Array, Array]:
     value = np.where(count >= FEWEST_RIGHT * moved.shape[1], _mean(moved), np.nan)
     half = np.zeros(len(moved))
     if moved.shape[1] > 1:
-        spread = np.array([row[ok].std(ddof=1) for row, ok in zip(moved, known, strict=True)])
+        pairs = zip(moved, known, strict=True)
+        spread = np.array([row[ok].std(ddof=1) if ok.sum() > 1 else np.nan for row, ok in pairs])
         half = spread / np.sqrt(count) * t.ppf(0.975, count - 1)
     return value, value - half, value + half
 

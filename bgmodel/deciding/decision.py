@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -68,19 +67,23 @@ class Decision(Facts):
         *thresholds, trials = self.choice.shape
         found = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
         decided = self.choice != UNDECIDED
-        times = np.where(decided, self.time_ms, 0.0).sum(axis=-1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean_ms = times / decided.sum(axis=-1)
         return {
             **found,
             "trials": f"{trials}",
             **({} if self.truth is None else {"accuracy": span(self.accuracy)}),
-            "mean_time_ms": span(mean_ms),
+            "mean_time_ms": span(self._mean_ms),
             "forced": span(self.forced.sum(axis=-1), ".0f"),
             "undecided": span((~decided).sum(axis=-1), ".0f"),
             "premature": span(self.premature.sum(axis=-1), ".0f"),
             **({} if self.gain is None else {"gain": f"{self.gain:g}"}),
         }
+
+    @property
+    def _mean_ms(self) -> Any:
+        """Mean time of decided trials, ms, one per threshold; NaN without decided trials."""
+        decided = self.choice != UNDECIDED
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(decided, self.time_ms, 0.0).sum(axis=-1) / decided.sum(axis=-1)
 
     @property
     def accuracy(self) -> Any:
@@ -120,15 +123,11 @@ class Decision(Facts):
         import pandas as pd
 
         decided = np.atleast_2d(self.choice != UNDECIDED)
-        times = np.where(decided, np.atleast_2d(self.time_ms), np.nan)
         accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the mean of no trial is NaN
-            mean_ms = np.nanmean(times, axis=1)
         found = {
             "trials": decided.shape[1],
             "accuracy": accuracy,
-            "mean_ms": mean_ms,
+            "mean_ms": np.atleast_1d(self._mean_ms),
             "undecided": (~decided).sum(axis=1),
             "forced": np.atleast_2d(self.forced).sum(axis=1),
             "premature": np.atleast_2d(self.premature).sum(axis=1),

@@ -19,12 +19,11 @@ from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.search import Place, search
 from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
 from bgmodel.discriminating.trials import Trials
-from bgmodel.exam.examinee import quiet
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.names import EngineName
 from bgmodel.support.checks import whole
 from circuits.circuit import Circuit
-from circuits.errors import EditWarning, InputError, require
+from circuits.errors import EditWarning, InputError, quiet, require
 
 SEED, CHECK_SEED = 99_101, 99_201
 """Default seeds of the search and of the check of the best task. Simulated experiments have the

@@ -14,7 +14,6 @@ from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
-from bgmodel.exam.examinee import quiet
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
@@ -26,7 +25,7 @@ from bgmodel.support.arrays import Array
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
 from circuits.differences import differences
-from circuits.errors import InputError
+from circuits.errors import InputError, quiet
 
 FEWEST, MOST = 400, 4000
 """Trials of an experiment per condition: four times the median that is needed, within these."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from bgmodel.exam.tables import Failed, Unanswered
 from circuits.anatomy import is_included, load_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
-from circuits.errors import BgmodelWarning, InputError
+from circuits.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -83,16 +82,6 @@ def examinee(
 def _table(circuit: Circuit) -> str:
     """Return the name of the included circuit that a circuit is, or ""."""
     return circuit.name if is_included(circuit) else ""
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Silence warnings of the package: the behaviour of a circuit in a task is its answer."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", BgmodelWarning)
-        # The mean of no trial is NaN, which is noticed where it is used.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        yield
 
 
 @contextmanager

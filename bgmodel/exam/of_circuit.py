@@ -9,7 +9,6 @@ from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
-from bgmodel.exam.examinee import quiet
 from bgmodel.exam.measures import Answer, Asked, measure, slope_over
 from bgmodel.exam.numbers import Z95, Task
 from bgmodel.exam.sitting import Sitting
@@ -19,6 +18,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
+from circuits.errors import quiet
 from circuits.laws.spectra import rate_spectrum
 
 FREQUENCIES_HZ = np.arange(4.0, 60.25, 0.25)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +14,7 @@ from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin
 from bgmodel.evidence import Evidence
-from bgmodel.exam.examinee import Examinee, once, quiet, refused
+from bgmodel.exam.examinee import Examinee, once, refused
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, Tables, Unanswered
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
@@ -30,7 +29,7 @@ from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.engines import engine_of
-from circuits.errors import BgmodelWarning, InputError
+from circuits.errors import InputError, collected, quiet
 
 DRAWN = 4000
 """Trials that are drawn for each kind of task: a task takes the first of them, so that those with
@@ -155,11 +154,13 @@ class Sitting:
         if any(line.startswith(("rebound", "compensate")) for line in task.edits):
             self._check_nats("an edit of resting rates in nats")
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", BgmodelWarning)
-                return replace(model, circuit=model.circuit.edited(*task.edits))
-        except (ValueError, BgmodelWarning) as error:
+            with collected() as doubts:
+                edited = replace(model, circuit=model.circuit.edited(*task.edits))
+        except ValueError as error:
             raise Unanswered(str(error)) from None
+        if doubts:
+            raise Unanswered(doubts[0])
+        return edited
 
     def _check_nats(self, what: str) -> None:
         if (unit := self.circuit(2).unit) != NATS:

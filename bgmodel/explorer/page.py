@@ -27,6 +27,7 @@ from bgmodel.explorer.panels import Memory
 from bgmodel.explorer.runs import Runs
 from bgmodel.explorer.state import State
 from bgmodel.explorer.style import CHIP, NOTICE, PAGE, PANEL
+from circuits.errors import quiet
 
 COMPUTING = "Computing…"
 FIRST = "Computing… Engines are compiled when they first run after an installation: a minute."
@@ -82,6 +83,7 @@ class Explorer:
 
     # ---- what a user does
 
+    @quiet()  # the panels compute them again, and show them
     def change(self, made: Callable[[State], State], widget: Any = None) -> None:
         """Apply a change of the state; a refusal is shown by the widget, and the state stays."""
         before = self.state
@@ -143,6 +145,7 @@ class Explorer:
             )
         )
 
+    @quiet()
     def _outcome(self) -> Outcome:
         """Return the outcome of the state that is shown, which is computed unless it is there."""
         key, outcome = self.runs.memory.outcome or ("", None)
@@ -158,6 +161,7 @@ class Explorer:
 
     # ---- showing
 
+    @quiet()
     def _show(self) -> None:
         """Show the state, and have its panels computed; until then the old ones are dimmed."""
         with pn.io.hold():  # one message to the browser instead of fifty

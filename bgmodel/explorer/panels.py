@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-import warnings
 from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from html import escape
@@ -37,7 +34,7 @@ from bgmodel.explorer.state import State
 from bgmodel.explorer.trial import one_trial
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tables.trials import Trials
-from circuits.errors import BgmodelWarning
+from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.show import html as tables_of
 
@@ -50,8 +47,6 @@ LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
 KEPT = 3
 """Largest number of tasks whose evidence, and the MSPRT's curve on it, are remembered."""
-
-_turn = threading.RLock()
 
 
 @dataclass
@@ -106,7 +101,7 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
             yield Panel(name, key, digest, str(error), refused=True)
 
     try:
-        with kept_warnings() as notes:
+        with collected() as notes:
             outcome = state.experiment.run(
                 workers=workers, given=memory.given(state), kept=memory.conditions
             )
@@ -122,14 +117,14 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
         yield from refused(error, MEASURES, TIMES, TRADEOFF)
     try:
         edited, control = state.circuit, state.control
-        with kept_warnings() as notes:
+        with collected() as notes:
             svg, rows = drawing.circuit(edited, control), tables_of(edited)
             loops = _loops(state)
         yield panel(CIRCUIT, _rows(state), notes, svg, loops, rows)
     except ValueError as error:
         yield from refused(error, CIRCUIT)
     try:
-        with kept_warnings() as notes:
+        with collected() as notes:
             shown = one_trial(state, memory.given(state).evidence)
             svg = drawing.trial(shown)
         yield panel(TRIAL, shown.sentence(), notes, svg)
@@ -197,21 +192,6 @@ def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
         f"{name}: accuracy {accuracy:.3f} in {mean_ms:.0f} ms; the optimal test needs about "
         f"{ideal:.0f} ms on this evidence."
     )
-
-
-@contextmanager
-def kept_warnings() -> Iterator[list[str]]:
-    """Yield a list to which the package's warnings within the block are added, not printed.
-
-    Filters of warnings are those of the whole process: tabs take turns, or one would keep the
-    warnings of another.
-    """
-    kept: list[str] = []
-    with _turn, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("always", BgmodelWarning)
-        yield kept
-    kept += [str(one.message) for one in caught if issubclass(one.category, BgmodelWarning)]
 
 
 def _medians(outcome: Outcome, state: State) -> str:

@@ -11,10 +11,10 @@ from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.html import RANKING, Panel, table_of, two_lines
-from bgmodel.explorer.panels import kept_warnings
 from bgmodel.explorer.state import State
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
+from circuits.errors import quiet
 
 LOSS = "10%"
 """Share of the cells of a nucleus, or of the axons of a pathway, that is lost."""
@@ -71,7 +71,7 @@ def _change(
     """Return the change of the mean time by a loss, its edit, and the changes as HTML."""
     edits = Edits([*control.manipulation.edits, line])
     experiment = replace(control, manipulation=replace(control.manipulation, edits=edits))
-    with kept_warnings():
+    with quiet():
         outcome = experiment.run(workers=workers, given=given, kept=kept)
     cells = dict(measured(outcome.measures, every=True))
     table: pd.DataFrame = outcome.measures

@@ -11,6 +11,7 @@ from bgmodel.explorer.panels import Memory, panels
 from bgmodel.explorer.ranking import ranked
 from bgmodel.explorer.state import State
 from bgmodel.support import progress
+from circuits.errors import quiet
 
 Deliver = Callable[[Panel], None]
 """Receives each panel of the newest state, in the thread of the runs."""
@@ -120,7 +121,7 @@ class Runs:
 
     def _run(self, state: State, rank: bool) -> None:
         check = self._check_ranking if rank else self._check
-        with progress.shown_by(check):
+        with quiet(), progress.shown_by(check):  # panels collect their own warnings
             for panel in self._panels(state, rank):
                 check()
                 self._deliver(panel)

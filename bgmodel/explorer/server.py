@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hmac
 import threading
-import warnings
 from contextlib import suppress
 from typing import Any
 
@@ -15,10 +14,10 @@ from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
 from bgmodel.explorer.page import Explorer
-from bgmodel.explorer.panels import Memory, kept_warnings
+from bgmodel.explorer.panels import Memory
 from bgmodel.explorer.state import QUERY, State
 from bgmodel.support.entry import HOST, TOKEN, Entry
-from circuits.errors import BgmodelWarning
+from circuits.errors import quiet
 
 CHECK_MS, UNUSED_MS = 5_000, 60_000
 """How often closed tabs are looked for, and how long a tab may take to open, ms: a page that is not
@@ -102,6 +101,7 @@ class Served:
             unused_session_lifetime_milliseconds=UNUSED_MS,
         )
 
+    @quiet()  # the page shows them
     def _page(self) -> Any:
         """Return the page of a new tab."""
         doc = pn.state.curdoc
@@ -131,7 +131,6 @@ class Served:
 
     def run(self) -> None:
         """Serve until the command is interrupted."""
-        warnings.simplefilter("ignore", BgmodelWarning)  # the page shows them
         self.start()
         threading.Thread(target=self.compute, args=(self._memory,), daemon=True).start()
         try:
@@ -168,6 +167,6 @@ class Served:
         memory : Memory
             Receives the results.
         """
-        with suppress(ValueError), kept_warnings():
+        with suppress(ValueError), quiet():
             given = memory.given(self._state)
             self._state.experiment.run(workers=2, given=given, kept=memory.conditions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
@@ -36,7 +35,14 @@ from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyon
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
 from circuits.engines import EngineOrName
-from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
+from circuits.errors import (
+    BgmodelWarning,
+    EditWarning,
+    InputError,
+    NoiseWarning,
+    RangeWarning,
+    quiet,
+)
 from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
@@ -470,8 +476,8 @@ class BasalGanglia(Facts):
     def out_at_rest(self, trials: int = 40) -> Array:
         """Return OUT (trials, ticks, channels) in 500 ms of noise without evidence."""
         silence = np.zeros((trials, 1, self.circuit.channels))
-        quiet = replace(self, engine=self.engine.at_rest())
-        return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
+        resting = replace(self, engine=self.engine.at_rest())
+        return np.asarray(resting.run_drive(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
@@ -520,9 +526,7 @@ class BasalGanglia(Facts):
         batch = self.batch(evidence)
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
-            with warnings.catch_warnings():
-                # Not once per batch: ``warn_beyond_range`` warns once.
-                warnings.simplefilter("ignore", RangeWarning)
+            with quiet(RangeWarning):  # not once per batch: ``warn_beyond_range`` warns once
                 activity = self.run_drive(*self._driven(part), first_trial + first)
             yield part, activity, self.trace(activity, part)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,7 +15,13 @@ from bgmodel.evidence import Evidence
 from bgmodel.readings import are_sums, products
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
-from circuits.errors import DataWarning, DeadlineWarning, InputError, NoiseWarning, user_level
+from circuits.errors import (
+    DataWarning,
+    DeadlineWarning,
+    InputError,
+    NoiseWarning,
+    quiet,
+)
 
 SHORT = 4
 """Trials with fewer readings before the decision are not examined for running sums."""
@@ -150,11 +155,9 @@ class Session:
             )
         late = math.floor(at_ms / step_ms - due + 0.5)
         if late > 0:
-            warnings.warn(
+            DeadlineWarning.warn(
                 f"reading {due} came {at_ms - due * step_ms:.0f} ms late: {late} steps passed "
-                "without one",
-                DeadlineWarning,
-                stacklevel=user_level(),
+                "without one"
             )
         return max(late, 0)
 
@@ -192,8 +195,7 @@ class Session:
     def _evidence(self) -> Evidence:
         values = np.array(self.readings)[None]
         # Evidence warns about the look of its values; that is meant for whole tables.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
+        with quiet(DataWarning):
             return replace(self._empty, log_likelihood=values, numbers=np.array([self.trial]))
 
     def _crossed(self, forced: bool) -> Decision:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from bgmodel.stopping.estimates import (
 )
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from circuits.errors import DataWarning
+from circuits.errors import DataWarning, quiet
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 
 if TYPE_CHECKING:
@@ -26,9 +25,7 @@ if TYPE_CHECKING:
 @styled
 def draw(trials: StopTrials) -> Figure:
     """Draw the inhibition function with that of a race, and the distributions of times."""
-    with warnings.catch_warnings():
-        # Few trials are in the title.
-        warnings.simplefilter("ignore", DataWarning)
+    with quiet(DataWarning):  # few trials are in the title
         found = estimate_ssrt(trials, checked=False)
     go = trials.rt_ms[~trials.stop]
     failed = trials.rt_ms[trials.stop]

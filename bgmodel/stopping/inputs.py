@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, reals
 from circuits.checks import check_types
-from circuits.errors import DataWarning, EditWarning, InputError, RangeWarning, require
+from circuits.errors import DataWarning, EditWarning, InputError, RangeWarning, quiet, require
 
 MOST_NATS = 2.0
 """Larger inputs to STN ring near 20 Hz and rebound by more than 0.15 nats when they end."""
@@ -224,7 +223,6 @@ def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
     before = (read & ~late)[:, :, None]
     heard = np.where(before, evidence.log_likelihood - tone, 0.0).sum(axis=1)
     values[first] -= heard[first.any(axis=1)]
-    with warnings.catch_warnings():
-        # They were checked before; readings after a cancel are alike for all hypotheses on purpose.
-        warnings.simplefilter("ignore", DataWarning)
+    # They were checked before; readings after a cancel are alike for all hypotheses on purpose.
+    with quiet(DataWarning):
         return replace(evidence, log_likelihood=values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.tables.shipped import STOP_SET, shipped_table
-from circuits.errors import DataWarning, InputError, require, within
+from circuits.errors import DataWarning, InputError, collected, require, within
 
 SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
@@ -27,7 +26,10 @@ SLOWEST_S = 20.0
 
 
 def read_people(
-    table: pd.DataFrame | str | Path = SHIPPED, *, columns: Mapping[str, str] | None = None
+    table: pd.DataFrame | str | Path = SHIPPED,
+    *,
+    columns: Mapping[str, str] | None = None,
+    restore: bool = False,
 ) -> dict[str, StopTrials]:
     """Return the stop-signal trials of each participant.
 
@@ -42,6 +44,8 @@ def read_people(
     columns : mapping, optional
         Other names of columns, such as ``{"rt": "RT", "ssd": "delay"}``; in BIDS events also of
         ``trial_type``.
+    restore : bool
+        Whether delays of 0 will be inferred, so that there is no warning of them.
 
     Raises
     ------
@@ -73,7 +77,8 @@ def read_people(
             people[str(who)] = StopTrials(rt_ms, ssd_ms, correct)
         except InputError as error:
             raise within(f"participant {who}", error, "table") from None
-    _warn_of_zeros(table)
+    if not restore:
+        _warn_of_zeros(table)
     return people
 
 
@@ -114,8 +119,7 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
     """
     rows, few = [], 0
     for who, trials in people.items():
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", DataWarning)
+        with collected(DataWarning) as caught:
             try:
                 row = vars(estimate_ssrt(trials, checked=False))
             except InputError as error:

@@ -9,7 +9,6 @@ more slowly after stop trials.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 
 import numpy as np
@@ -18,7 +17,7 @@ import pandas as pd
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from circuits.errors import InputError, require
+from circuits.errors import InputError, quiet, require
 
 WIDTH_MS = 50.0
 """Width of the bins of delays; each is centred at a multiple of it."""
@@ -103,8 +102,7 @@ def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) 
 
 def _accepted_ssrt(trials: StopTrials) -> float | None:
     """Return the stop-signal reaction time by the guide; None if it accepts none."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with quiet():
         try:
             return estimate_ssrt(trials).ssrt_ms
         except InputError:

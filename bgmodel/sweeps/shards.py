@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from bgmodel.deciding.measures import Behaviour
 from bgmodel.support import files
 from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
+from circuits.errors import collected
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
 """Largest size of a stored trial, and of a shard without trials, bytes."""
@@ -54,8 +54,7 @@ def compute(shard: Shard, folder: Path) -> None:
     A circuit that cannot be run, such as one whose rates diverge, is an outcome: its shard has no
     trials and states the reason.
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with collected() as caught:
         try:
             table = _decided(shard)
             remark = ""
@@ -65,7 +64,7 @@ def compute(shard: Shard, folder: Path) -> None:
             table, remark = pd.DataFrame(), str(error)
     if replace(shard).key != shard.key:
         raise ValueError("the table of evidence was changed while the sweep ran: start it again")
-    remark = remark or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
+    remark = remark or "; ".join(dict.fromkeys(caught))
     path = path_of(shard, folder)
     try:
         files.write_table(table, path, seed=shard.point.seed, shard=shard.key, remark=remark)
@@ -73,10 +72,6 @@ def compute(shard: Shard, folder: Path) -> None:
         raise ValueError(
             f"{str(folder)!r} can't be written: {error.strerror}; finished shards are kept"
         ) from error
-
-
-def _ours(warning: warnings.WarningMessage) -> bool:
-    return issubclass(warning.category, UserWarning)
 
 
 def _decided(shard: Shard) -> pd.DataFrame:

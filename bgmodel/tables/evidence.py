@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -174,7 +174,8 @@ def read_csv_table(path: Path) -> pd.DataFrame:
     check_table_memory(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            header = next(csv.reader(stream), [])
+            lines = csv.reader(stream)
+            header, first = next(lines, []), next(filter(None, lines), [])
         if not any(header):
             raise InputError("the first line is blank, it must name the columns", "path", path)
         if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
@@ -184,18 +185,23 @@ def read_csv_table(path: Path) -> pd.DataFrame:
             raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
         # The name that pandas gives to an unnamed column.
         names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.DtypeWarning)
-            # More cells in a row than in the header would be lost.
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(
-                path,
-                dtype={name: str for name in names if not name.startswith("ll_")},
-                keep_default_na=False,
-                index_col=False,
-                encoding="utf-8-sig",
-            )
-    except (pd.errors.ParserWarning, pd.errors.ParserError):
+        # Later rows must not be longer than the first one, but Pandas drops what it has beyond the
+        # header, with a warning alone.
+        beyond = [f"beyond {k}" for k in range(len(header), len(first))]
+        columns: dict[str, Any] = {"header": 0, "names": [*names, *beyond]} if beyond else {}
+        table: pd.DataFrame = pd.read_csv(
+            path,
+            dtype={name: str for name in (*names, *beyond) if not name.startswith("ll_")},
+            keep_default_na=False,
+            index_col=False,
+            low_memory=False,
+            encoding="utf-8-sig",
+            **columns,
+        )
+        if (table[beyond] != "").to_numpy().any():
+            raise pd.errors.ParserError
+        table = table.drop(columns=beyond)
+    except pd.errors.ParserError:
         raise InputError(
             f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})", "path"
         ) from None

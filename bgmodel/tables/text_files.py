@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import pandas as pd
@@ -56,9 +55,6 @@ def _cells(path: Path, separator: str) -> pd.DataFrame:
     other = [mark for mark in ";,\t|" if mark in header]
     if other and separator not in header:
         raise separated(other[0], separator)
-    with warnings.catch_warnings():
-        # Cells beyond the number of columns would be lost.
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        return pd.read_csv(
-            path, sep=separator, header=None, dtype=str, keep_default_na=False, encoding="utf-8-sig"
-        )
+    return pd.read_csv(
+        path, sep=separator, header=None, dtype=str, keep_default_na=False, encoding="utf-8-sig"
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, fit_likelihood
 from bgmodel.tactile.task import TASKS, Task
-from circuits.errors import CalibrationWarning, DataWarning, InputError, require, user_level
+from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
 FOLDS = 6
 STEP_MS = 500.0
@@ -98,11 +97,9 @@ class Source:
     def warn_if_silent(self) -> None:
         """Warn if readings are uninformative: the decoder does not distinguish the hypotheses."""
         if self.silent:
-            warnings.warn(
+            CalibrationWarning.warn(
                 f"the decoder does not distinguish the {len(self.names)} hypotheses {self.where}: "
-                f"a reading carries less than {SILENT_NATS:g} nats, so every choice is a guess",
-                CalibrationWarning,
-                stacklevel=user_level(),
+                f"a reading carries less than {SILENT_NATS:g} nats, so every choice is a guess"
             )
 
     @property

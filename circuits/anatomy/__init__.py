@@ -6,7 +6,6 @@ each row's baseline and gain. "assumed" and "tuned" mark values without a publis
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -111,12 +110,10 @@ def _own(found: Circuit, path: Path) -> Circuit:
     make = CIRCUITS[found.name]
     for channels in range(2, MOST_COMPARED + 1):
         if channels != found.channels and make(channels).populations == found.populations:
-            warnings.warn(
+            EditWarning.warn(
                 f"{path.name} is for {found.channels} channels, but its rows, whose biases depend "
                 f"on that number, are those of {found.name} for {channels}: write the file again "
-                f"with `bgmodel circuit show {found.name} --channels {found.channels} --save`",
-                EditWarning,
-                stacklevel=3,
+                f"with `bgmodel circuit show {found.name} --channels {found.channels} --save`"
             )
             break
     return replace(found, name=path.stem)

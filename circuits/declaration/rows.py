@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +15,7 @@ from circuits.cells import Cell
 from circuits.cells.cell import check_cell
 from circuits.checks import check_finite, check_positive, check_range, check_types
 from circuits.declaration import transfer
-from circuits.errors import EditWarning, InputError, require, user_level
+from circuits.errors import EditWarning, InputError, require
 
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
@@ -143,11 +142,9 @@ class Population:
         lowest_hz = min(0.0, self.cell.lowest_hz)
         check_range(lowest_hz, MOST_HZ, owner=name, baseline_hz=self.baseline_hz)
         if self.baseline_hz > USUAL_HZ:
-            warnings.warn(
+            EditWarning.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
-                "than any nucleus of the basal ganglia fires at rest: check its unit",
-                EditWarning,
-                stacklevel=user_level(),
+                "than any nucleus of the basal ganglia fires at rest: check its unit"
             )
         _warn_of_times(self.name, tau_ms=self.tau_ms, cell_tau_ms=getattr(self.cell, "tau_ms", 0.0))
         _check_intact(self)
@@ -242,11 +239,9 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
     """Warn of implausible time constants and delays, such as values in s."""
     for name, time_ms in times_ms.items():
         if time_ms and not LEAST_MS <= time_ms <= LONGEST_MS:
-            warnings.warn(
+            EditWarning.warn(
                 f"{owner}: {name} = {time_ms:g} lies outside {LEAST_MS:g}..{LONGEST_MS:g} ms, what "
-                "cells and synapses take: times are in ms, not in s",
-                EditWarning,
-                stacklevel=user_level(),
+                "cells and synapses take: times are in ms, not in s"
             )
 
 

@@ -25,7 +25,6 @@ one's if lesions are chronic; the evidence begins after a settling time.
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -40,7 +39,7 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import resting_state
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import EditWarning, InputError, user_level
+from circuits.errors import EditWarning, InputError
 
 SPIKE_BITS = 40
 """Bits of the rate added per spike: sums of up to 8192 spikes are exact in any order."""
@@ -183,11 +182,9 @@ class Scheme:
             if not edited.chronic and edited != unlesioned:
                 resting_state(edited)
         except ValueError:
-            warnings.warn(
+            EditWarning.warn(
                 f"{edited.name} has no resting state after these edits: its activity depends "
-                "on the settling time",
-                EditWarning,
-                stacklevel=user_level(),
+                "on the settling time"
             )
         return self.wiring.deliver @ rates, x, rates
 

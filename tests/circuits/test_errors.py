@@ -1,12 +1,25 @@
 """Errors that name an argument, and families of warnings."""
 
 import pickle
+import warnings
+from contextvars import Context
 
 import numpy as np
 import pytest
+from hypothesis import given as drawn
+from hypothesis import strategies as st
 
 from circuits import errors
-from circuits.errors import InputError, shown, within
+from circuits.errors import (
+    BgmodelWarning,
+    DataWarning,
+    InputError,
+    RangeWarning,
+    collected,
+    quiet,
+    shown,
+    within,
+)
 
 
 @pytest.mark.parametrize(
@@ -57,3 +70,59 @@ def test_every_family_of_warnings_is_silenced_as_one():
     assert len(families) == 9
     assert all(issubclass(kind, errors.BgmodelWarning) for kind in families)
     assert issubclass(errors.BgmodelWarning, UserWarning)
+
+
+KINDS = DataWarning, RangeWarning
+STEP = st.tuples(
+    st.integers(0, 2),
+    st.one_of(
+        st.sampled_from(["leave", "raise"]),
+        st.sampled_from([(), (DataWarning,), (RangeWarning,), KINDS]),
+        st.sampled_from(KINDS),
+    ),
+)
+"""A step of one of three threads: it warns, or enters or leaves a block that collects warnings."""
+
+
+@drawn(st.lists(STEP, max_size=40))
+def test_a_warning_goes_to_the_innermost_block_of_its_own_thread_in_any_order(steps):
+    contexts, entered, issued = [Context() for _ in range(3)], ([], [], []), []
+    with warnings.catch_warnings(record=True) as of_process:
+        warnings.simplefilter("always")
+        before = list(warnings.filters), warnings.showwarning
+        for number, (who, what) in enumerate(steps):
+            context, blocks = contexts[who], entered[who]
+            if isinstance(what, tuple):
+                block = collected(*what)
+                blocks.append((what or KINDS, block, context.run(block.__enter__), []))
+            elif isinstance(what, str) and blocks:
+                error = ValueError("of the block") if what == "raise" else None
+                context.run(leave, blocks.pop()[1], error)
+            elif isinstance(what, type):
+                context.run(what.warn, f"{number}")
+                takers = [wanted for kinds, _, _, wanted in reversed(blocks) if what in kinds]
+                (takers[0] if takers else issued).append(f"{number}")
+            for one in entered:
+                assert all(kept == wanted for _, _, kept, wanted in one)
+        assert (list(warnings.filters), warnings.showwarning) == before
+    assert [str(one.message) for one in of_process] == issued
+    for context, blocks in zip(contexts, entered, strict=True):
+        for _, block, *_ in reversed(blocks):
+            context.run(leave, block, None)
+
+
+def leave(block, error):
+    """Leave a block, by an error or at its end; an error is not kept back."""
+    assert not block.__exit__(type(error) if error else None, error, None)
+
+
+def test_silence_is_for_some_categories_or_all():
+    with warnings.catch_warnings(record=True) as issued:
+        warnings.simplefilter("always")
+        with quiet(RangeWarning):
+            RangeWarning.warn("silenced")
+            DataWarning.warn("issued")
+            with quiet():
+                BgmodelWarning.warn("silenced")
+        RangeWarning.warn("issued after the block")
+    assert [str(one.message) for one in issued] == ["issued", "issued after the block"]

@@ -36,7 +36,7 @@ from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
 from circuits.engines import Population
 from circuits.laws.controls import linear_stn
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 OF_COMPETITORS = {
     MSPRT: lambda competitors: np.log(np.exp(competitors).sum()),
@@ -243,9 +243,12 @@ def test_a_theory_is_followed_within_60_ms_and_told_apart_beyond_100():
 
 
 def test_a_difference_is_known_if_the_leader_is_chosen_in_nine_trials_of_ten():
-    moved = np.ones((2, 100))
-    moved[0, :9], moved[1, :11] = np.nan, np.nan
-    assert np.isfinite(_intervals(moved)[0]).tolist() == [True, False]
+    moved = np.ones((4, 100))
+    moved[0, :9], moved[1, :11], moved[2, :99], moved[3] = (np.nan,) * 4
+    with unwarned():
+        value, low, _ = _intervals(moved)
+    assert np.isfinite(value).tolist() == [True, False, False, False]
+    assert np.isfinite(low[0])
 
 
 def test_only_what_has_noise_is_shown_with_an_interval():

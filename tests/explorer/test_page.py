@@ -20,7 +20,7 @@ def explorer():
     """Return an explorer of a small state; its runs end with the tests."""
     found = Explorer(small("bogacz_gurney"), "http://127.0.0.1:1/")
     yield found
-    found.stop()
+    found.runs.stop(wait=True)
 
 
 @pytest.fixture(autouse=True)

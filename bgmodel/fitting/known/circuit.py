@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Integers
-from circuits.errors import InputError, RangeWarning, require
+from circuits.errors import InputError, RangeWarning, quiet, require
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -141,8 +140,7 @@ class KnownCircuit:
         # No trial falls that far: engines are faster if rates aren't stored.
         model = BasalGanglia(self.circuit, self.engine, gain, self.seed).until(NEVER_NATS)
         found = np.zeros((runs, trials.trials, starts.shape[1], trials.alternatives))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RangeWarning)
+        with quiet(RangeWarning):
             for chosen, first, part in _parts(evidence, runs):
                 at = 0
                 for some, _, trace in model.batches(part, first):
@@ -210,8 +208,7 @@ def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]
         when = step_s * np.broadcast_to(np.arange(gridded.shape[1]), gridded.shape[:2])
         gridded = np.diff(leaky_sums(gridded, when, leak_hz), axis=1, prepend=0.0)
     gridded[np.arange(gridded.shape[1]) >= steps[:, None]] = 0.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
+    with quiet():
         found = Evidence(gridded, step_ms=1000 * step_s, lengths=steps, baseline=0.0)
     return found, step_s
 
@@ -240,8 +237,7 @@ def _parts(evidence: Evidence, runs: int) -> Iterator[tuple[Integers, int, Evide
     for chosen in np.array_split(order, min(CHUNKS, len(order))):
         readings = np.asarray(evidence.readings)[chosen]
         values = evidence.log_likelihood[chosen][:, : int(readings.max())]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
+        with quiet():
             part = replace(
                 evidence,
                 log_likelihood=np.tile(values, (runs, 1, 1)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from bgmodel.tables.columns import names_once, numbers, refuse, times
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import read_rows
-from circuits.errors import DataWarning, InputError, within
+from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
     "trial, step and ll_<alternative>; trial, time (s) and ll_<alternative>; or one row per cue "
@@ -142,9 +141,7 @@ def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
     refuse(np.isnan(time_s) | (time_s < 0), table["time"], "0 s or later")
     if not any(name.startswith("ll_") for name in names):
         table = _of_cues(table.assign(time=time_s))
-        with warnings.catch_warnings():
-            # Cues of one value make equal trials and equal numbers, which is no mistake.
-            warnings.simplefilter("ignore", UserWarning)
+        with quiet():  # cues of one value make equal trials and equal numbers: no mistake
             return _numbered(table, table["time"].to_numpy())
     return _numbered(table, time_s)
 

@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -36,7 +35,7 @@ from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.version import __version__
-from circuits.errors import RangeWarning, require
+from circuits.errors import RangeWarning, quiet, require
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -284,9 +283,8 @@ class CircuitModel(InParts):
         late_ms = 0.0 if model.engine.timed else 1000 * BIN_S
 
         def run(read: Array, first: int) -> Trace:
-            with warnings.catch_warnings():
-                # A random walk leaves any range; the effect of that is included in the crossings.
-                warnings.simplefilter("ignore", RangeWarning)
+            # A random walk leaves any range; the effect of that is included in the crossings.
+            with quiet(RangeWarning):
                 done = model.run_drive(self._drive(read, bias), 1000 * BIN_S, first)
             return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
 

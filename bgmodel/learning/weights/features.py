@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +21,7 @@ from bgmodel.support.checks import (
 )
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
-from circuits.errors import DataWarning, InputError, require
+from circuits.errors import DataWarning, InputError, quiet, require
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,9 +138,8 @@ class Features(Facts):
     def evidence(self, log_likelihood: Reals) -> Evidence:
         """Return log-likelihoods of these readings (trials, steps, hypotheses) as evidence."""
         mean = float(log_likelihood.sum() / (self.readings.sum() * self.hypotheses))
-        with warnings.catch_warnings():
-            # Learned ones have an arbitrary common term: within 0..1 they are no probabilities.
-            warnings.simplefilter("ignore", DataWarning)
+        # Learned ones have an arbitrary common term: within 0..1 they are no probabilities.
+        with quiet(DataWarning):
             return Evidence(
                 log_likelihood, self.truth, step_ms=self.step_ms, lengths=self.lengths,
                 baseline=mean,

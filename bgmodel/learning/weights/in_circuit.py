@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +22,7 @@ from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range
-from circuits.errors import BgmodelWarning, require
+from circuits.errors import quiet, require
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,7 @@ class InCircuit:
 
     def _evidence(self, part: Features, nats: Array) -> Evidence:
         """Return learned log-likelihoods as evidence, without the warnings for users' tables."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", BgmodelWarning)
+        with quiet():
             return Evidence(nats, step_ms=part.step_ms, lengths=part.readings, baseline=0.0)
 
     def _confidence(self, trace: Trace, decision: Decision) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from math import gcd, lcm
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +25,7 @@ from circuits.engines.population.answers import (
     answers,
     looked_up,
 )
-from circuits.errors import InputError, NoiseWarning, user_level
+from circuits.errors import InputError, NoiseWarning
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
@@ -74,7 +73,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)
     for sentence in tables.rough:
-        warnings.warn(sentence, NoiseWarning, stacklevel=user_level())
+        NoiseWarning.warn(sentence)
     return records.Plan(
         clock=_clock(scheme, clock),
         units=_units(scheme, tables, courses, source_from),

@@ -17,7 +17,6 @@ Gerstner 2017 (PLoS Comput Biol 13, e1005507) for the exact treatment.
 
 from __future__ import annotations
 
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -37,7 +36,7 @@ from circuits.engines.population.plan import plan, tick_ms, window, workspace
 from circuits.engines.population.records import State
 from circuits.engines.population.settled import FIRST, settled
 from circuits.engines.stream import Onward, Stream
-from circuits.errors import InputError, NoiseWarning, user_level
+from circuits.errors import InputError, NoiseWarning
 from circuits.laws.stability import ringing
 
 if TYPE_CHECKING:
@@ -194,9 +193,7 @@ def _warn_of_ringing(circuit: CircuitTable) -> None:
     """Warn near an oscillation, where cells synchronise and their noise is not independent."""
     amplified, hz = _ringing(circuit.steady)
     if amplified > RINGING:
-        warnings.warn(
+        NoiseWarning.warn(
             f"{circuit.name} is near an oscillation at {hz:.0f} Hz, or beyond its onset: cells "
-            "synchronise there, but the population engine assumes that their noise is independent",
-            NoiseWarning,
-            stacklevel=user_level(),
+            "synchronise there, but the population engine assumes that their noise is independent"
         )

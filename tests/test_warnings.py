@@ -1,0 +1,187 @@
+"""Warnings in threads: each is seen once, by whom it is for, and the process's filters stay."""
+
+import ast
+import threading
+import warnings
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import pytest
+
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.html import MEASURES
+from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.runs import Runs
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.simulated_evidence import gaussian_evidence
+from circuits.errors import EditWarning, RangeWarning
+from tests.explorer.helpers import small
+from tests.helpers import ROOT
+
+MODEL = BasalGanglia("macaque", "population", 1.0, seed=1)
+STRONG = gaussian_evidence(4, d_prime=3.0, t_max=10, seed=1)
+"""Evidence that the circuit cannot track, so that every decision on it warns once."""
+WAIT_S = 300
+FILTERS = {"catch_warnings", "simplefilter", "filterwarnings", "resetwarnings", "showwarning"}
+"""What changes the filters of the whole process, so that no thread may use it."""
+ALONE = {"bgmodel/tactile/onnx_file.py"}
+"""Modules that silence another library, in a command that starts no thread."""
+DIRECT = {"circuits/errors.py", "circuits/compiled_code.py"}
+"""Modules that issue warnings themselves: that of the machine has no category of the package."""
+CELL = "MODEL.decide(STRONG, posterior=0.8)"
+
+
+@contextmanager
+def process():
+    """Yield all warnings that the process issues; afterwards its filters are as before."""
+    with warnings.catch_warnings(record=True) as issued:
+        warnings.simplefilter("default")
+        before = list(warnings.filters), warnings.showwarning
+        yield issued
+        assert (list(warnings.filters), warnings.showwarning) == before
+        warnings.warn("of another library", UserWarning, stacklevel=1)
+        assert str(issued.pop().message) == "of another library"
+
+
+def decide():
+    """Decide on evidence that is too strong, in a cell: Python shows a warning of its line once."""
+    exec(compile(CELL, "<cell>", "exec"), {"MODEL": MODEL, "STRONG": STRONG})
+
+
+def test_overlapping_runs_of_two_threads_leave_the_filters_as_they_were(monkeypatch):
+    """The first to begin ends first: filters that each restores would be those of the other."""
+    run = BasalGanglia.run_drive
+    begun, both, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def overlapping(self, *given, **named):
+        if begun.is_set():
+            both.set()
+            assert ended.wait(WAIT_S)
+        else:
+            begun.set()
+            assert both.wait(WAIT_S)
+        return run(self, *given, **named)
+
+    monkeypatch.setattr(BasalGanglia, "run_drive", overlapping)
+    monkeypatch.setattr(BasalGanglia, "warn_of_noise", lambda *_: None)
+    with process() as issued, ThreadPoolExecutor(2) as pool:
+        first = pool.submit(decide)
+        assert begun.wait(WAIT_S)
+        second = pool.submit(decide)
+        first.result(WAIT_S)
+        ended.set()
+        second.result(WAIT_S)
+    assert [one.category for one in issued] == [RangeWarning, RangeWarning]
+
+
+def rounds(count):
+    """Decide in four threads at a time: each decision warns, once."""
+    with process() as issued:
+        with ThreadPoolExecutor(4) as pool:
+            for _ in range(count):
+                list(pool.map(lambda _: decide(), range(4)))
+        assert len(issued) == 4 * count
+        assert {one.category for one in issued} == {RangeWarning}
+
+
+def test_each_decision_of_four_threads_warns_once():
+    rounds(2)
+
+
+@pytest.mark.validate
+def test_each_decision_of_four_threads_warns_once_in_twenty_rounds():
+    rounds(20)
+
+
+def test_a_warning_is_an_error_in_a_thread_if_a_user_says_so():
+    with warnings.catch_warnings(), ThreadPoolExecutor(1) as pool:
+        warnings.simplefilter("error", RangeWarning)
+        with pytest.raises(RangeWarning):
+            pool.submit(decide).result(WAIT_S)
+
+
+def test_a_cell_that_runs_while_the_explorer_computes_keeps_its_warning(monkeypatch):
+    run, begun, decided, found = Experiment.run, threading.Event(), threading.Event(), []
+
+    def during(self, **named):
+        begun.set()
+        assert decided.wait(WAIT_S)
+        return run(self, **named)
+
+    monkeypatch.setattr(Experiment, "run", during)
+    state = small("macaque", "algebra")
+    with process() as issued:
+        thread = threading.Thread(target=lambda: found.append(next(panels(state, Memory()))))
+        thread.start()
+        assert begun.wait(WAIT_S)
+        decide()
+        assert [one.category for one in issued] == [RangeWarning]
+        decided.set()
+        thread.join(WAIT_S)
+        assert len(issued) == 1
+    assert [(panel.name, panel.warnings) for panel in found] == [(MEASURES, ())]
+
+
+def cells(count):
+    """Run cells while the explorer computes one state after the other.
+
+    Each cell shows its own warning, as in a notebook, and the explorer its own only.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EditWarning)  # of the calls here
+        states = [small("macaque", "algebra", f"set STN.baseline_hz {hz}") for hz in (900, 901)]
+    notes, shown, turn = Counter(), threading.Semaphore(0), iter(range(10**9))
+
+    def ended(_):
+        shown.release()
+        runs.show(states[next(turn) % 2])
+
+    runs = Runs(lambda panel: notes.update((panel.name, note) for note in panel.warnings), ended)
+    try:
+        with process() as issued:
+            runs.show(states[1])
+            for k in range(count):
+                decide()
+                assert [one.category for one in issued] == [RangeWarning] * (k + 1), k
+            assert shown.acquire(timeout=WAIT_S)
+            runs.stop(wait=True)
+            assert len(issued) == count
+    finally:
+        runs.stop(wait=True)
+    assert any("baseline_hz" in note for _, note in notes)
+    assert not [note for _, note in notes if "too strong" in note]
+
+
+def test_warnings_of_cells_and_of_the_explorer_do_not_mix():
+    cells(3)
+
+
+@pytest.mark.validate
+def test_warnings_of_200_cells_and_of_the_explorer_do_not_mix():
+    cells(200)
+
+
+def changes_filters(text):
+    """Whether a module uses what changes the filters; in texts and comments it may be named."""
+    if not any(name in text for name in FILTERS):
+        return False
+    nodes = list(ast.walk(ast.parse(text)))
+    attributes = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    names = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return bool((attributes | names) & FILTERS)
+
+
+def modules():
+    """Return the text of every module of the packages, by its path from the root."""
+    paths = [path for of in ("bgmodel", "circuits") for path in (ROOT / of).rglob("*.py")]
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
+def test_no_module_of_the_packages_changes_the_filters_of_the_process():
+    assert {name for name, text in modules().items() if changes_filters(text)} == ALONE
+    assert changes_filters("from warnings import catch_warnings\nwith catch_warnings(): pass")
+
+
+def test_all_warnings_of_the_package_pass_one_place():
+    assert {name for name, text in modules().items() if "warnings.warn(" in text} == DIRECT
