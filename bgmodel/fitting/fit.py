@@ -232,8 +232,8 @@ def fit_likelihood(
 
     Warns if data differ from the fitted model by more than chance (``Misfit.cautions``), if the
     data hardly identify parameters at the optimum or these end at a bound of their range, if the
-    non-decision time is above 1 s, if the simulation error is more than a third of the standard
-    error, and if there are too few posterior samples.
+    non-decision time is above 1 s, if the error due to simulation or to bins of time is more than a
+    third of the standard error, and if there are too few posterior samples.
 
     Parameters
     ----------

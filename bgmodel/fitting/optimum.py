@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -89,7 +88,8 @@ def likelihood_of(
     known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
     cells = design.cells
     designs = {
-        each.parameter: each.matrix(design.conditions, design.observed.cell) for each in formulas
+        each.parameter: each.matrix(design.conditions, design.observed.cell, cells)
+        for each in formulas
     }
     freed = freedom(
         known, design.conditions, cells, free=free, fixed=fixed, vary=vary, designs=designs
@@ -181,34 +181,25 @@ def optimum(
         scale = _scales(likelihood, first)
         options = {
             "bounds": [(low / scale).tolist(), (high / scale).tolist()],
-            "seed": seed + number,
+            # Its own numbers: those of numpy's global generator are shared by all threads.
+            "randn": np.random.RandomState(seed + number).randn,
+            "seed": np.nan,
             "popsize": POPULATION,
             "tolfun": TOLERANCE_NATS,
             "tolfunhist": TOLERANCE_NATS,
             "verbose": -9,
         }
-        with _own_random_numbers():
-            search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
-            while not search.stop():
-                asked = search.ask()
-                search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
-                evaluations += len(asked)
-                if tell is not None:
-                    tell(evaluations, max(value, -float(search.result.fbest)))
+        search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
+        while not search.stop():
+            asked = search.ask()
+            search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
+            evaluations += len(asked)
+            if tell is not None:
+                tell(evaluations, max(value, -float(search.result.fbest)))
         if -search.result.fbest > value:
             value = -float(search.result.fbest)
             best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
     return Optimum(likelihood, best, value, evaluations)
-
-
-@contextmanager
-def _own_random_numbers() -> Iterator[None]:
-    """Restore numpy's global generator, which cma seeds and uses."""
-    before = np.random.get_state()  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(before)  # noqa: NPY002
 
 
 def starts_of(likelihood: Likelihood) -> list[Array]:

@@ -1,5 +1,6 @@
 """The optimum on data whose parameters are known."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -210,3 +211,15 @@ def test_responses_after_the_end_of_simulated_trials_are_said():
         likelihood_of(model, design_of(some))
     with unwarned():
         likelihood_of(replace(model, seconds=2.0), design_of(some))
+
+
+def test_searches_in_threads_give_the_same_bytes_as_alone_and_leave_the_global_numbers():
+    def searched(number):
+        some = drawn(CONSTANT, [0.1, 0.4], 100, number, sensitivity=8.0, bound=0.5)
+        return optimum(likelihood_of(CONSTANT, design_of(some))).vector.tobytes()
+
+    alone = [searched(number) for number in range(2)]
+    before = np.random.get_state()[1].tobytes()  # noqa: NPY002
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(searched, range(2))) == alone
+    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002

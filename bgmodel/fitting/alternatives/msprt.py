@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.fitting.alternatives.passage import walk
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, THRESHOLD, TRIALS
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
@@ -102,6 +102,7 @@ class MsprtModel(InParts):
         Simulated trials, as for a circuit, and the seed of their noise.
     """
 
+    any_width: ClassVar = True
     alternatives: int
     trials: int = TRIALS
     seed: int = SIMULATION_SEED
@@ -133,7 +134,7 @@ class MsprtModel(InParts):
         found = np.zeros((len(strength), 2, grid.bins))
         for cell, nats in enumerate(values[THRESHOLD]):
             below = self._below(float(strength[cell] / mean) / 2, float(nats))
-            edges = gain[cell] ** 2 * BIN_S * np.arange(grid.bins + 1)
+            edges = gain[cell] ** 2 * grid.width_s * np.arange(grid.bins + 1)
             found[cell] = np.diff([np.interp(edges, ends(), side) for side in below], axis=1)
         return found
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.support.arrays import Array
 
@@ -34,6 +35,7 @@ class RaceModel:
     """
 
     alternatives: int
+    any_width: ClassVar = True
 
     @property
     def threshold_name(self) -> str:
@@ -50,7 +52,7 @@ class RaceModel:
 
         See ``algorithms.Model``.
         """
-        ends_s = np.arange(FINE * grid.bins + 1) * BIN_S / FINE
+        ends_s = np.arange(FINE * grid.bins + 1) * grid.width_s / FINE
         bound, common = values[BOUND.name][:, None], values[INPUT.name][:, None]
         right = arrived(ends_s, common + (values[SENSITIVITY.name] * strength)[:, None], bound)
         wrong = arrived(ends_s, common, bound)

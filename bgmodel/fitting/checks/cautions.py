@@ -1,7 +1,8 @@
-"""What a fit warns of: numbers at bounds, late responses, short chains, simulation errors."""
+"""What a fit warns of: numbers at bounds, late responses, short chains, errors."""
 
 from __future__ import annotations
 
+from bgmodel.fitting.checks.binned import of_bins
 from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.posterior import ENOUGH, Posterior
@@ -29,7 +30,8 @@ def cautions(
     drawn : Posterior, optional
         Posterior samples.
     """
-    return [*_rough(there, simulated), *_ended(found), *_late(found), *_short(drawn)]
+    own = [*_rough(there, simulated), *of_bins(found.likelihood, there)]
+    return [*own, *_ended(found), *_late(found), *_short(drawn)]
 
 
 def _ended(found: Optimum) -> list[str]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.gaps import CONSTANT, FALL, Gap
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.support.arrays import Array, Integers, Truths
 
@@ -107,6 +107,7 @@ class GapModel:
     """
 
     gap: Gap = CONSTANT
+    any_width: ClassVar = True
 
     @property
     def name(self) -> str:
@@ -133,7 +134,7 @@ class GapModel:
         names = (BOUND.name, SPREAD.name, *self.gap.names)
         settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
         found = np.zeros((len(strength), 2, grid.bins))
-        time_s, width_s, bins = _parts(grid.bins)
+        time_s, width_s, bins = _parts(grid.bins, grid.width_s)
         every = distinct(settings)
         for setting in every:
             cells: slice | Truths = (
@@ -189,11 +190,11 @@ def _starts(mean: float, half: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def _parts(bins: int) -> tuple[Array, Array, Integers]:
+def _parts(bins: int, bin_s: float) -> tuple[Array, Array, Integers]:
     """Return middles and widths of the parts of all bins, s, and the bin of each part."""
     parts = np.select([np.arange(bins) < EARLY, np.arange(bins) < LATE], [PARTS, 2], 1)
     parts[0] = FIRST
-    width_s = np.repeat(BIN_S / parts, parts)
+    width_s = np.repeat(bin_s / parts, parts)
     # Narrow at first: from a start near a bound, densities have their peak within a millisecond.
-    width_s[:FIRST] = np.diff(BIN_S * np.linspace(0, 1, FIRST + 1) ** 2)
+    width_s[:FIRST] = np.diff(bin_s * np.linspace(0, 1, FIRST + 1) ** 2)
     return width_s.cumsum() - width_s / 2, width_s, np.repeat(np.arange(bins), parts)

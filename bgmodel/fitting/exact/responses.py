@@ -30,15 +30,18 @@ class Grid:
     Parameters
     ----------
     bins : int
-        Number of bins, each ``BIN_S`` wide.
+        Number of bins.
+    width_s : float, s
+        Width of a bin; models whose decisions are simulated have no other than ``BIN_S``.
     """
 
     bins: int
+    width_s: float = BIN_S
 
     @cached_property
     def middles_s(self) -> Array:
         """Centres of the bins, (bins,), s."""
-        return np.asarray((np.arange(self.bins) + 0.5) * BIN_S, dtype=np.float64)
+        return np.asarray((np.arange(self.bins) + 0.5) * self.width_s, dtype=np.float64)
 
 
 def responded(
@@ -71,12 +74,13 @@ def responded(
     array (cells, 2, bins), 1/s
     """
     found = np.zeros(decided.shape)
-    _delay(np.ascontiguousarray(decided), t0_s / BIN_S, t0_sd_s / BIN_S, found)
+    _delay(np.ascontiguousarray(decided), t0_s / grid.width_s, t0_sd_s / grid.width_s, found)
     # Estimates from simulated trials may be negative, by less than their error.
     np.maximum(found, 0.0, out=found)
     share = lapse[:, None, None]
     lapsed = np.array([alternatives - 1, 1])[:, None] / alternatives
-    return np.asarray((1 - share) / BIN_S * found + share * lapsed / (grid.bins * BIN_S))
+    width_s = grid.width_s
+    return np.asarray((1 - share) / width_s * found + share * lapsed / (grid.bins * width_s))
 
 
 @compiled
@@ -140,7 +144,7 @@ class Observed:
     @cached_property
     def _places(self) -> tuple[Integers, Array]:
         """Bin below each time, and its fractional distance to the next one."""
-        place = np.clip(self.rt_s / BIN_S - 0.5, 0, self.grid.bins - 1.000001)
+        place = np.clip(self.rt_s / self.grid.width_s - 0.5, 0, self.grid.bins - 1.000001)
         place = np.where(np.isnan(place), 0.0, place)
         low = place.astype(np.int64)
         return low, place - low
@@ -156,7 +160,7 @@ class Observed:
         missing = np.zeros(len(density))
         if self.deadline_s is not None:
             within = self.grid.middles_s < self.deadline_s
-            missing = 1 - density[:, :, within].sum(axis=(1, 2)) * BIN_S
+            missing = 1 - density[:, :, within].sum(axis=(1, 2)) * self.grid.width_s
             found = np.where(self.response < 0, missing[self.cell], found)
         log = np.log(np.maximum(found, TINY))
         if self.window_s == EVERY_TIME:
@@ -174,12 +178,12 @@ class Observed:
         density : array (cells, 2, bins), 1/s
             Densities of responses.
         """
-        mass = density * BIN_S
+        mass = density * self.grid.width_s
         missing = np.zeros(len(mass))
         if self.deadline_s is not None:
             missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
-        start_s = np.arange(mass.shape[2]) * BIN_S
-        early, late = (np.clip((t - start_s) / BIN_S, 0, 1) for t in self.window_s)
+        start_s = np.arange(mass.shape[2]) * self.grid.width_s
+        early, late = (np.clip((t - start_s) / self.grid.width_s, 0, 1) for t in self.window_s)
         mass = mass * (late - early)
         whole = mass.sum(axis=(1, 2)) + missing
         return mass / whole[:, None, None], missing / whole
@@ -205,21 +209,23 @@ class Observed:
             at = rng.random(here.sum()) * below[cell, -1]
             place[here] = np.searchsorted(below[cell], at, side="right")
         response, bin_of = np.divmod(place, bins)
-        early, late = (np.clip(t / BIN_S - bin_of, 0, 1) for t in self.window_s)
-        rt_s = (bin_of + early + (late - early) * rng.random(len(place))) * BIN_S
+        width_s = self.grid.width_s
+        early, late = (np.clip(t / width_s - bin_of, 0, 1) for t in self.window_s)
+        rt_s = (bin_of + early + (late - early) * rng.random(len(place))) * width_s
         never = response == 2
         return np.where(never, np.nan, rt_s), np.where(never, -1, response)
 
     def _inside(self, density: Array) -> Array:
         """Return the probability of a response in the window, (cells,)."""
-        mass = density.sum(axis=1) * BIN_S
+        bins, width_s = self.grid.bins, self.grid.width_s
+        mass = density.sum(axis=1) * width_s
 
         def by(time_s: float) -> Array:
-            return np.asarray(mass @ np.clip(time_s / BIN_S - np.arange(self.grid.bins), 0, 1))
+            return np.asarray(mass @ np.clip(time_s / width_s - np.arange(bins), 0, 1))
 
         early, late = self.window_s
         # Without a deadline the grid may end before the latest responses.
-        whole = late > self.grid.bins * BIN_S and self.deadline_s is None
+        whole = late > bins * width_s and self.deadline_s is None
         return (np.ones(len(mass)) if whole else by(late)) - by(early)
 
 
@@ -228,7 +234,7 @@ def moments(density: Array, grid: Grid) -> dict[str, Array]:
 
     For trials that responded in time; ``answered`` is their share, times are in s.
     """
-    mass = density * BIN_S
+    mass = density * grid.width_s
     answered = mass.sum(axis=(1, 2))
     times = mass.sum(axis=1) / answered[:, None]
     mean = times @ grid.middles_s
