@@ -30,6 +30,9 @@ ABOUT = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``bgmodel``; errors of use are one sentence on stderr, with exit status 2."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A terminal may not have every character of a table or of a user's names.
+        sys.stdout.reconfigure(errors="backslashreplace")
     if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
         print(f"bgmodel {__version__}")
         return 0

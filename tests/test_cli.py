@@ -1,6 +1,8 @@
 """The command line as a whole: tables of a user in every command, refusals, help."""
 
 import hashlib
+import io
+import os
 import shlex
 import shutil
 import subprocess
@@ -18,7 +20,8 @@ from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import choices, main, parsed
 from bgmodel.commands.table import CIRCUIT, COMMANDS
 from bgmodel.support.files import read_provenance, read_table
-from tests.helpers import run
+from bgmodel.tactile.decoder import Training
+from tests.helpers import GOOD, run
 
 
 def own_table(path, flat=False, truth=True, trials=30):
@@ -238,14 +241,10 @@ def numbers(options):
             "simulate a.npz",
             f"taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 channels=2 {SENSOR} workers=1 seed=0",
         ),
-        (
-            "train a.npz b.safetensors",
-            "width=0.25 epochs=8 patience=20 batch=64 learning_rate=0.003 dropout=0 l2=0.005 "
-            "validation=0.25 seed=0",
-        ),
+        ("train a.npz b.safetensors", "seed=0"),
         (
             "touch",
-            "channels=2 period_mm=2 step_deg=5 taps=1000 held_out_taps=1200 epochs=8 trials=1200 "
+            "channels=2 period_mm=2 step_deg=5 taps=1000 held_out_taps=1200 trials=1200 "
             f"step_ms=50 workers=2 seed=0 {SENSOR}",
         ),
         (
@@ -292,6 +291,13 @@ def numbers(options):
 def test_no_default_of_an_option_changes_by_accident(command, says):
     """With another default the same command line would give another result."""
     assert " ".join(numbers(parsed(command.split()))) == says
+
+
+def test_no_default_of_training_changes_by_accident():
+    assert " ".join(numbers(Training())) == (
+        "width=0.25 epochs=8 patience=20 batch=64 learning_rate=0.003 dropout=0 l2=0.005 "
+        "validation=0.25"
+    )
 
 
 @dataclass(frozen=True)
@@ -363,3 +369,29 @@ def test_help_on_what_there_is_is_shown(capsys, arguments):
     with pytest.raises(SystemExit):
         main(arguments)
     assert "usage: bgmodel" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "ascii", "utf-8"])
+def test_a_terminal_of_any_encoding_shows_a_result(tmp_path, monkeypatch, encoding):
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD.replace('name = "a lesion"', 'name = "läsion ≈ √"'), encoding="utf-8")
+    shown = io.TextIOWrapper(io.BytesIO(), encoding)
+    monkeypatch.setattr(sys, "stdout", shown)
+    assert run("experiment", file) == 0
+    assert run("bench") == 0
+    shown.flush()
+    text = shown.buffer.getvalue().decode(encoding)
+    assert ("√" in text) == (encoding == "utf-8")
+    assert ("ä" in text) == (encoding != "ascii")
+
+
+@pytest.mark.parametrize("text", ["\udcff", "√"])
+def test_text_that_no_encoding_has_is_printed(capfd, text):
+    command = "import sys; from bgmodel.cli import main; sys.argv[1:] = ['--version']; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{command}; print({text!a})"],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=True,
+    )
+    assert ascii(text).strip("'").encode() in done.stdout

@@ -8,9 +8,9 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, get_type_hints
 
 from bgmodel.support import files, progress
 from circuits.errors import InputError, require
@@ -231,12 +231,25 @@ def save_figure(figure: Figure, path: Path) -> None:
         saved(figure, partial, format=path.suffix[1:], **more)
 
 
-def check_unused(command: Any, used: Iterable[str], option: str) -> None:
-    """Raise ValueError for an option of a command that has no effect together with another one."""
+def check_idle(command: Any, idle: Iterable[str], reason: str) -> None:
+    """Raise ValueError for an option among ``idle`` that was given, with what makes it idle."""
     for field in fields(command):
-        if field.name not in used and getattr(command, field.name) != field.default:
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        if field.name in idle and getattr(command, field.name) != default:
             name = field.name.replace("_", "-")
-            raise InputError(f"--{name} has no effect with {option}: leave it out", field.name)
+            raise InputError(f"--{name} has no effect with {reason}: leave it out", field.name)
+
+
+def optional(options: type) -> type:
+    """Return a dataclass with the fields of another, each of which is None unless given."""
+    kinds = get_type_hints(options)
+    return make_dataclass(
+        options.__name__,
+        [(each.name, kinds[each.name] | None, None) for each in fields(options)],
+        bases=(options,),
+        frozen=True,
+        namespace={"__post_init__": lambda self: None},
+    )
 
 
 def say_of_edits(*edits: Edits) -> None:

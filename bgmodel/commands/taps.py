@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
+from bgmodel.commands.checks import (
+    Writes,
+    check_ending,
+    check_idle,
+    check_whole,
+    optional,
+    options_of,
+    say,
+)
 from bgmodel.support import files
 from bgmodel.support.arrays import Array, Reals
 from bgmodel.support.memory import check_memory
@@ -24,6 +32,10 @@ from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.tactile.taps import Taps
+
+    TrainingOptions = Training
+else:
+    TrainingOptions = optional(Training)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +85,8 @@ class Simulate(Writes):
 
         check_whole(taps=self.taps, workers=self.workers)
         check_ending("output", self.output, ".npz")
+        if self.task != "orientation":
+            check_idle(self, ["channels"], "a task other than orientation")
         numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
         check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
         yaws = self._yaws_deg()
@@ -117,12 +131,12 @@ class Train(Writes):
     """File for the decoder, .safetensors or .onnx; an .onnx file is read without PyTorch."""
     edge: bool = False
     """The taps are of an edge: decode its direction (-180..180) instead of a grating's orientation.
-    Uses the settings tuned for edges instead of the training options."""
+    Training options that are not given are then those tuned for edges."""
     mm_per_px: float | None = None
     """Scale of recordings, mm per pixel."""
     pins: int | None = None
     """Number of pins of the recorded sensor; printed with the number detected."""
-    training: Training = field(default_factory=Training)
+    training: TrainingOptions = field(default_factory=TrainingOptions)
     device: Literal["cpu", "cuda", "mps"] = "cpu"
     """Device for training; a seed reproduces the weights only on the CPU."""
     seed: int = 0
@@ -136,8 +150,9 @@ class Train(Writes):
         check_device(self.device)
         if self.output.suffix == ".onnx":
             import_onnx()
-        training = EDGE if self.edge else self.training
-        taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins)
+        given = {name: each for name, each in vars(self.training).items() if each is not None}
+        training = replace(EDGE if self.edge else Training(), **given)
+        taps, about = _taps(self)
         say(f"training on {len(taps)} taps for at most {training.epochs} epochs")
         idle = ["device"] if self.device == "cpu" else []
         options = options_of(self, idle=idle, training=training)
@@ -174,7 +189,7 @@ class Decode(Writes):
 
         check_ending("output", self.output, ".parquet", ".csv")
         decoder = Decoder.load(self.decoder)
-        taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins, decoder.rest_mm)
+        taps, about = _taps(self, decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
         known = decoder.knows(taps)
         if known.any():
@@ -191,17 +206,13 @@ class Decode(Writes):
         print(f"{len(table)} taps decoded -> {self.output}")
 
 
-def _taps(
-    path: Path,
-    mm_per_px: float | None,
-    edge: bool,
-    pins: int | None,
-    rest: Reals | None = None,
-) -> tuple[Taps, dict[str, Any]]:
+def _taps(command: Train | Decode, rest: Reals | None = None) -> tuple[Taps, dict[str, Any]]:
     """Return taps and their provenance, from a file or from a folder of recordings."""
+    path, edge, mm_per_px, pins = command.taps, command.edge, command.mm_per_px, command.pins
     if not path.is_dir():
         from bgmodel.tactile.taps import Taps
 
+        check_idle(command, ["mm_per_px", "pins"], "a file of taps")
         taps, about = Taps.load(path)
         if edge and taps.stimulus != "edge":
             raise InputError(f"{path.name} holds taps of a {taps.stimulus}, not of an edge", "path")

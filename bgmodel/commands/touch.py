@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Shows, check_whole, options_of, say
-from bgmodel.commands.taps import Asks, Decode, Simulate, Train
+from bgmodel.commands.checks import Shows, check_idle, check_whole, options_of, say
+from bgmodel.commands.taps import Asks, Decode, Simulate, Train, TrainingOptions
 from bgmodel.support import files
-from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
@@ -48,8 +48,8 @@ class Touch(Asks, Shows):
     """Simulated taps of each grating, to train the decoder on."""
     held_out_taps: int = 1200
     """Simulated taps of each grating and yaw, used as evidence."""
-    epochs: int = 8
-    """Maximum number of training epochs on simulated taps."""
+    epochs: int | None = None
+    """Maximum number of training epochs; by default 8 on gratings, 20 on an edge."""
     trials: int = 1200
     """Number of trials on which the test and the circuit decide."""
     step_ms: float = 50.0
@@ -133,27 +133,30 @@ class Touch(Asks, Shows):
                 raise InputError(
                     "recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px"
                 )
-            if self._simulated != Touch()._simulated:
-                raise InputError("tip, skin and nuisance are for simulated taps", "tip", self.tip)
-        elif self.period_mm not in PERIODS_MM:
-            raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
+            idle = ["taps", "held_out_taps", "period_mm", *self._simulated]
+            check_idle(self, idle, "recordings")
+        else:
+            check_idle(self, ["mm_per_px", "step_deg"], "simulated taps of gratings")
+            if self.period_mm not in PERIODS_MM:
+                raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
         TASKS[self._task](self.channels, self.period_mm, self.step_deg)
 
     def _decoded(self) -> Path:
         """Return the table of decoded held-out taps; existing results are used."""
         steps = _Steps(self.folder)
         decoder, decoded = self.folder / "decoder.safetensors", self.folder / "decoded.parquet"
+        epochs: Any = self.epochs
+        fit: dict[str, Any] = {"training": TrainingOptions(epochs=epochs)}
         if self.training is not None and self.held_out is not None:
             own: dict[str, Any] = {"edge": True, "mm_per_px": self.mm_per_px}
-            steps.make(decoder, Train(self.training, decoder, seed=self.seed, **own))
+            steps.make(decoder, Train(self.training, decoder, seed=self.seed, **fit, **own))
             steps.make(decoded, Decode(decoder, self.held_out, decoded, **own))
             return decoded
         training, held_out = self.folder / "training.npz", self.folder / "held_out.npz"
         yaws = TASKS[self._task](self.channels, self.period_mm, self.step_deg).yaws_deg  # type: ignore[attr-defined]
         sensor: dict[str, Any] = {**self._simulated, "workers": self.workers, "seed": self.seed}
-        fit = Training(epochs=self.epochs)
         steps.make(training, Simulate(training, taps=self.taps, **sensor))
-        steps.make(decoder, Train(training, decoder, training=fit, seed=self.seed))
+        steps.make(decoder, Train(training, decoder, seed=self.seed, **fit))
         each = self.held_out_taps * len(yaws)
         steps.make(held_out, Simulate(held_out, taps=each, yaw_deg=yaws, **sensor))
         steps.make(decoded, Decode(decoder, held_out, decoded))
@@ -166,8 +169,8 @@ class _Steps:
     def __init__(self, folder: Path) -> None:
         self.path = folder / "steps.json"
         self.known: dict[str, Any] = {}
-        if self.path.is_file():
-            self.known = json.loads(self.path.read_text(encoding="utf-8"))
+        with suppress(OSError, ValueError, TypeError):  # damaged: all is made again
+            self.known = dict(files.from_json(self.path.read_bytes()))
 
     def make(self, path: Path, command: Simulate | Train | Decode) -> None:
         """Make a file, unless the same command has already made it from the same inputs."""
@@ -175,11 +178,11 @@ class _Steps:
         seed = getattr(command, "seed", None)
         step = [__version__, type(command).__name__, options_of(command), folders, seed]
         step = json.loads(json.dumps(step))
-        if path.is_file() and self.known.get(path.name) == step:
+        if path.is_file() and self.known.get(path.name) == [*step, files.checksum(path)]:
             say(f"{path} already exists")
             return
         command()
-        self.known[path.name] = step
+        self.known[path.name] = [*step, files.checksum(path)]
         with files.replacing(self.path) as partial:
             partial.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
 

@@ -47,10 +47,14 @@ class Formula:
         found: set[str] = set()
         for term in self._parsed():
             for factor in term.factors:
-                found |= _names(str(factor.expr))
+                if factor.eval_method.value != "literal":
+                    column = factor.eval_method.value == "lookup"
+                    found |= {str(factor.expr)} if column else _names(str(factor.expr))
         return sorted(found)
 
-    def matrix(self, conditions: Mapping[str, Sequence[str]], cell: Integers) -> dict[str, Array]:
+    def matrix(
+        self, conditions: Mapping[str, Sequence[str]], cell: Integers, cells: int
+    ) -> dict[str, Array]:
         """Return the columns of the design by name, (cells,) each.
 
         Parameters
@@ -59,6 +63,8 @@ class Formula:
             Level of each cell in each column. Levels that are all numbers are a covariate.
         cell : int array (trials,)
             Cell of each trial: functions such as ``center`` are over trials.
+        cells : int
+            Number of cells.
 
         Raises
         ------
@@ -68,7 +74,7 @@ class Formula:
         """
         from formulaic.errors import FormulaicError
 
-        parsed, frame = self._parsed(), self._frame(conditions)
+        parsed, frame = self._parsed(), self._frame(conditions, cells)
         places, first = np.unique(cell, return_index=True)
         try:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -87,15 +93,17 @@ class Formula:
         """Return the terms as formulaic reads them."""
         try:
             import formulaic
-            from formulaic.errors import FormulaicError
         except ImportError as error:
             raise ImportError('formulas need formulaic: pip install ".[fit]"') from error
         try:
-            return formulaic.Formula(self.terms)
-        except (FormulaicError, SyntaxError) as error:
+            found = formulaic.Formula(self.terms)
+        except Exception as error:  # its parser fails on some texts with an AttributeError
             raise self._refused(f"cannot be read ({_first_line(error)})") from None
+        if not isinstance(found, formulaic.SimpleFormula):
+            raise self._refused("must have one part, without |")
+        return found
 
-    def _frame(self, conditions: Mapping[str, Sequence[str]]) -> pd.DataFrame:
+    def _frame(self, conditions: Mapping[str, Sequence[str]], cells: int) -> pd.DataFrame:
         """Return the conditions of each cell, as numbers where all are."""
         import pandas as pd
 
@@ -112,8 +120,7 @@ class Formula:
                 )
             numbers = pd.to_numeric(pd.Series(list(conditions[column])), errors="coerce")
             frame[column] = pd.Series(list(conditions[column])) if numbers.isna().any() else numbers
-        size = len(next(iter(conditions.values()), [""]))
-        return pd.DataFrame(frame, index=range(size))
+        return pd.DataFrame(frame, index=range(cells))
 
     def _check(self, design: Array, labels: list[str]) -> None:
         """Raise ValueError unless every cell has a value and columns are independent."""
@@ -173,15 +180,13 @@ def ranged(
 
 
 def _names(factor: str) -> set[str]:
-    """Return the names in a factor other than those of functions."""
-    try:
-        nodes = list(ast.walk(ast.parse(factor.strip(), mode="eval")))
-    except SyntaxError:
-        return {factor}  # the name of a column in backticks
+    """Return the columns in an expression: names in backticks, and those not of functions."""
+    nodes = list(ast.walk(ast.parse(re.sub("`.*?`", "0", factor.strip()), mode="eval")))
     called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
     modules = {id(node.value) for node in nodes if isinstance(node, ast.Attribute)}
     names = [node for node in nodes if isinstance(node, ast.Name)]
-    return {node.id for node in names if id(node) not in called | modules}
+    quoted = {*re.findall("`(.*?)`", factor)}
+    return quoted | {node.id for node in names if id(node) not in called | modules}
 
 
 def _label(name: str) -> str:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, current_process, get_context, parent_process
+from multiprocessing.synchronize import Event
 from threading import Thread
 from typing import Any
+
+from circuits.errors import InputError
 
 SharedMap = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], list[Any]]
 """Calls ``function(shared, *arguments)`` for each tuple of arguments, and returns the results in
@@ -33,20 +38,37 @@ def processes(
         Called once in each process, with ``held``: large data is then sent once.
     held : tuple
         Arguments of ``receive``.
+
+    Raises
+    ------
+    ValueError
+        If the script that runs has no ``if __name__ == "__main__"``, or a process was killed.
     """
+    end_if_imported()
     os.environ.update(dict.fromkeys(THREADS, "1"))
     context = get_context("spawn")
-    begin = partial(_begin, receive, held)
-    with ProcessPoolExecutor(workers, context, initializer=begin) as pool:
+    begun = context.Event()
+    with ProcessPoolExecutor(workers, context, _begin, (begun, receive, held)) as pool:
         try:
             yield pool
-        except BaseException:
+        except BaseException as error:
             # Unfinished work is dropped: what is stored is complete, or missing.
             for child in active_children():
                 child.terminate()
-            raise
+            if not isinstance(error, BrokenProcessPool):
+                raise
+            if begun.is_set():
+                raise ValueError("a worker process was killed: use fewer workers") from None
+            script = 'in a script without `if __name__ == "__main__":`, which every worker runs'
+            raise InputError.of("workers", f"must be 1 {script}", workers) from None
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def end_if_imported() -> None:
+    """End a worker that still imports the script of its command: the command says why."""
+    if getattr(current_process(), "_inheriting", False):
+        sys.exit(1)
 
 
 def local_map(shared: Any) -> SharedMap:
@@ -82,8 +104,9 @@ def _with_shared(function: Callable[..., Any], arguments: tuple[Any, ...]) -> An
     return function(_shared[0], *arguments)
 
 
-def _begin(receive: Callable[..., object] | None, held: tuple[Any, ...]) -> None:
+def _begin(begun: Event, receive: Callable[..., object] | None, held: tuple[Any, ...]) -> None:
     """Begin a process of a pool."""
+    begun.set()
     Thread(target=_end_with_parent, daemon=True).start()
     if receive is not None:
         receive(*held)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from bgmodel.support.checks import path_of
-from bgmodel.support.processes import processes
+from bgmodel.support.processes import end_if_imported, processes
 from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
@@ -89,6 +89,7 @@ class Sweep:
         UserWarning
             For each remark on points, as the command prints it, and each key without effect.
         """
+        end_if_imported()
         with ExitStack() as stack:
             place = Path(folder or stack.enter_context(TemporaryDirectory()))
             stored.check_room(self.points, place)

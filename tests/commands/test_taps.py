@@ -1,14 +1,17 @@
 """The commands `simulate`, `train` and `decode`."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
+import pytest
 
-from bgmodel.commands.taps import _taps
+from bgmodel.cli import parsed
+from bgmodel.commands.taps import Train, _taps
+from bgmodel.commands.touch import _Steps
 from bgmodel.support.files import checksum, read_provenance, read_table
-from bgmodel.tactile.decoder import EDGE, Decoder
-from tests.helpers import run
+from bgmodel.tactile.decoder import EDGE, Decoder, Training
+from tests.helpers import refused, run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 
@@ -83,7 +86,7 @@ def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):
     shown = hexagon()[6:]  # a row at the rim is hidden
     images = [draw(shown + field(shown, yaw)) for yaw in (-90, 0, 90)]
     folder = write(tmp_path / "my_taps", images, "dev-data")
-    taps, about = _taps(folder, MM_PER_PX, edge=True, pins=91)
+    taps, about = _taps(Train(folder, folder, edge=True, mm_per_px=MM_PER_PX, pins=91))
     assert len(taps) == 3
     assert about["recordings"] == "my_taps"
     assert "my_taps: 85 of 91 pins found, 85 to 85 of them per tap" in capsys.readouterr().out
@@ -100,3 +103,86 @@ def test_memory_is_asked_for_what_the_taps_take(tmp_path, monkeypatch, refusal):
     monkeypatch.setattr("bgmodel.commands.taps.check_memory", refuse)
     assert "asked" in refusal("simulate", tmp_path / "t.npz", "--taps", 1000, "--periods-mm", 0, 5)
     assert asked == [3 * 2000 * 361 * 2 * 8]
+
+
+CHOSEN = {
+    "network": "edge", "width": 0.25, "epochs": 8, "patience": 3, "batch": 64,
+    "learning_rate": 3e-3, "dropout": 0.5, "l2": 0.005, "validation": 0.25,
+}  # fmt: skip
+
+
+class Taken(Exception):
+    """The training that a command asks for."""
+
+
+@pytest.fixture
+def taken(monkeypatch):
+    """Return a function that runs `train` up to its training, and returns that."""
+
+    def take(taps, *, training, **others):
+        raise Taken(training)
+
+    monkeypatch.setattr("bgmodel.tactile.decoder.train", take)
+    monkeypatch.setattr("bgmodel.commands.taps._taps", lambda command: ([], {}))
+
+    def asked(*options):
+        with pytest.raises(Taken) as found:
+            run("train", "taps.npz", "edge.safetensors", *options)
+        return found.value.args[0]
+
+    return asked
+
+
+def test_every_training_option_is_tested():
+    assert set(CHOSEN) == {each.name for each in fields(Training)}
+
+
+@pytest.mark.parametrize("edge", [True, False])
+@pytest.mark.parametrize("name", CHOSEN)
+def test_a_training_option_is_used_for_edges_too_also_at_the_default_of_gratings(taken, name, edge):
+    more = ["--edge"] if edge else []
+    default = EDGE if edge else Training()
+    assert taken(*more) == default
+    found = taken(*more, f"--training.{name.replace('_', '-')}", CHOSEN[name])
+    assert found == replace(default, **{name: CHOSEN[name]})
+
+
+RECORDED = ("touch", "mine", "--training", ".", "--held-out", ".", "--mm-per-px", 0.3)
+
+
+@pytest.mark.parametrize(
+    ("command", "field"),
+    [
+        (("simulate", "out.npz", "--channels", 4), "channels"),
+        (("train", "taps.npz", "d.onnx", "--mm-per-px", 0.3), "mm_per_px"),
+        (("decode", "taps.npz", "taps.npz", "d.csv", "--pins", 91), "pins"),
+        (("touch", "mine", "--mm-per-px", 0.3), "mm_per_px"),
+        (("touch", "mine", "--step-deg", 7), "step_deg"),
+        ((*RECORDED, "--taps", 7), "taps"),
+        ((*RECORDED, "--held-out-taps", 7), "held_out_taps"),
+        ((*RECORDED, "--period-mm", 1), "period_mm"),
+        ((*RECORDED, "--tip.pin-mm", 7), "tip"),
+    ],
+)
+def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, field):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("bgmodel.tactile.decoder.Decoder.load", lambda path: Unread)
+    with refused(field):
+        parsed([str(word) for word in command])()
+
+
+class Unread:
+    """A decoder that no test uses."""
+
+    rest_mm = None
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_touch_trains_for_the_epochs_that_are_asked_for(tmp_path, monkeypatch, recorded):
+    monkeypatch.chdir(tmp_path)
+    made = []
+    monkeypatch.setattr(_Steps, "make", lambda self, path, command: made.append(command))
+    words = [*(RECORDED if recorded else ("touch", "mine")), "--epochs", 2]
+    parsed([str(word) for word in words])._decoded()
+    (training,) = [each.training for each in made if isinstance(each, Train)]
+    assert {name: each for name, each in vars(training).items() if each} == {"epochs": 2}

@@ -1,10 +1,15 @@
 """Parameters that are linear in conditions: designs, ranges, fits, and what is refused."""
 
+from contextlib import suppress
+
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 
 from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.hierarchy.fit import check_people
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter, freedom
@@ -47,6 +52,47 @@ def test_a_value_for_each_level_is_what_vary_gives_byte_for_byte():
     assert formula.each(vector).tobytes() == vary.each(vector).tobytes()
     for name in ("low", "high", "start"):
         assert getattr(formula.freedom, name).tolist() == getattr(vary.freedom, name).tolist()
+
+
+@pytest.mark.parametrize("terms", ["1", "1 + 1"])
+def test_a_constant_is_a_free_parameter_byte_for_byte(terms):
+    constant, free = likelihood(formula=f"t0_s ~ {terms}"), likelihood(free="+t0_s")
+    assert [name.partition("[")[0] for name in constant.freedom.names] == free.freedom.names
+    for name in ("low", "high", "start"):
+        assert getattr(constant.freedom, name).tolist() == getattr(free.freedom, name).tolist()
+    vector = free.freedom.start
+    assert constant.each(vector).tobytes() == free.each(vector).tobytes()
+
+
+@pytest.mark.parametrize("name", ["cue.type", "cue type", "cue-2", "2nd"])
+@pytest.mark.parametrize("terms", ["0 + `{}`", "0 + C(`{}`)"])
+def test_columns_of_any_name_give_what_plain_names_give(name, terms):
+    data = table(60)
+    plain = likelihood(data, formula="bound ~ 0 + instruction")
+    other = likelihood(
+        data.rename(columns={"instruction": name}), formula=f"bound ~ {terms.format(name)}"
+    )
+    vector = plain.freedom.start + np.arange(4) * 0.01
+    assert other.each(vector).tobytes() == plain.each(vector).tobytes()
+
+
+def test_a_name_with_dots_needs_no_backticks_outside_functions():
+    assert Formula("bound", "cue.type * log(`n.x`) + np.log(n)").columns == ["cue.type", "n", "n.x"]
+
+
+PIECES = (
+    "1 0 2 0.5 cue cue.type `cue.type` ` n n.x C( I( log( np.log( bs( center( ( ) + * : - ** | { } "
+    "[ ] ' , ~ . @ == ^ lambda if"
+)
+CONDITIONS = {"cue": ["x", "y"], "cue.type": ["a", "b"], "n": ["1", "2"], "n.x": ["3", "5"]}
+
+
+@given(pieces=some.lists(some.sampled_from(PIECES.split()), min_size=1, max_size=7))
+def test_any_text_is_a_design_or_refused_in_one_sentence(pieces):
+    formula = Formula("bound", " ".join(pieces))
+    with suppress(InputError):
+        design = formula.matrix(CONDITIONS, np.array([0, 1, 1]), 2)
+        assert {column.shape for column in design.values()} == {(2,)}
 
 
 def test_a_product_of_conditions_spans_the_same_values_as_their_combinations():

@@ -1,5 +1,6 @@
 """Pools of processes: shared arguments, and the end of workers with their command."""
 
+import os
 import subprocess
 import sys
 import time
@@ -9,6 +10,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from bgmodel.support.processes import processes, shared_map
+from tests.helpers import ROOT
 
 LONG = """
 import os, sys, time
@@ -22,6 +24,20 @@ if __name__ == "__main__":
     with processes(1) as pool:
         pool.submit(work, sys.argv[1]).result()
 """
+UNGUARDED = """
+from bgmodel.stimuli import Stimuli
+from bgmodel.support.processes import processes
+from bgmodel.sweeps.plan import Plan
+from bgmodel.sweeps.sweep import Sweep
+
+task = Stimuli(trials=20, t_max=5)
+plan = Plan(task=task, engine="algebra", gain=0.7, grid={"task.d_prime": (0.4, 0.8)})
+RUN
+"""
+RUNS = {
+    "pool": "with processes(2) as pool: pool.submit(print).result()",
+    "sweep": "Sweep(plan).run('out', workers=2)",
+}
 held: list[object] = []
 
 
@@ -74,3 +90,30 @@ def test_no_process_outlives_a_command_that_was_killed(tmp_path):
     except psutil.TimeoutExpired:
         worker.kill()
         pytest.fail("the worker outlived its command")
+
+
+@pytest.mark.parametrize("call", RUNS)
+def test_a_script_without_a_guard_gets_one_sentence(tmp_path, call):
+    script = tmp_path / "run.py"
+    script.write_text(UNGUARDED.replace("RUN", RUNS[call]))
+    done = subprocess.run(
+        [sys.executable, script],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert "InputError: workers must be 1 in a script without" in done.stderr.splitlines()[-1]
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def killed(_):
+    os._exit(1)
+
+
+def test_a_worker_that_is_killed_is_said_in_one_sentence():
+    with pytest.raises(ValueError, match="killed") as error, processes(1) as pool:
+        pool.submit(killed, None).result()
+    assert error.value.__suppress_context__
