@@ -4,12 +4,37 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
 
 from circuits.errors import InputError, require
+
+MOST_NESTED = 50
+"""Largest depth of the tables and lists of a file."""
+DEEP_KEY = re.compile(rf"(?<![^\s.=,\[\]{{}}])(?:[^\s.=,\[\]{{}}]+[ \t]*\.[ \t]*){{{MOST_NESTED}}}")
+"""A key such as a.a.a that is too deep, for which the parser takes hours."""
+
+
+def parsed_toml(text: str, file: str) -> dict[str, Any]:
+    """Return the contents of a TOML file, ``file`` in errors; ValueError if it is not valid."""
+    found: dict[str, Any] = {}
+    try:
+        if not (deep := bool(DEEP_KEY.search(text))):
+            found = tomllib.loads(text)
+    except ValueError as error:
+        raise InputError(f"{file} is not valid TOML: {error}", "path", file) from None
+    except RecursionError:
+        deep = True
+    level: list[Any] = [found]
+    for _ in range(MOST_NESTED):
+        inner = [each.values() if isinstance(each, dict) else each for each in level]
+        level = [one for each in inner for one in each if isinstance(one, (dict, list))]
+    if deep or level:
+        raise InputError(f"{file} is nested too deeply", "path", file)
+    return found
 
 
 def check_types(row: Any, owner: str) -> None:

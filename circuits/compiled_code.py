@@ -9,6 +9,7 @@ compiled functions are stored under a hash of all sources at the time of import.
 from __future__ import annotations
 
 import hashlib
+import pickle
 import tempfile
 import threading
 import warnings
@@ -21,11 +22,36 @@ from typing import Any
 import numba
 import platformdirs
 from filelock import FileLock, Timeout
+from numba.core.caching import IndexDataCacheFile
+from numba.core.serialize import dumps
 
 _LOCK = threading.Lock()
 """Numba reads the cache folder from a process-wide setting."""
 _MOST_WAITING_S = 120.0
 _THREAD = threading.local()
+
+
+class CheckedFiles(IndexDataCacheFile):
+    """Numba's files of a function, with a checksum: damaged code is not executed, but replaced."""
+
+    def load(self, key: Any) -> Any:
+        """Return what was saved under a key, or None if it is absent or damaged."""
+        with suppress(Exception):  # of any class, since damaged pickles are read
+            digest, content = super().load(key)
+            if digest == hashlib.sha256(content).digest():
+                known, data = pickle.loads(content)
+                return data if known == key else None
+        return None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save data under a key."""
+        content = dumps((key, data))
+        checked = hashlib.sha256(content).digest(), content
+        try:
+            super().save(key, checked)
+        except Exception:
+            self.flush()  # the index is damaged
+            super().save(key, checked)
 
 
 def sources_hash(package: Path) -> str:
@@ -60,6 +86,7 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
         finally:
             numba.config.CACHE_DIR = before
     if folder:
+        made._cache._cache_file.__class__ = CheckedFiles  # no argument of Numba sets it
         name = f"{function.__module__}.{function.__qualname__}.lock"
         made.compile = partial(_compile_once, made.compile, folder / sources / name)
     return made

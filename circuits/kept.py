@@ -9,18 +9,14 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from circuits.arrays import Arrays, read_arrays
 from circuits.compiled_code import cache_folder, locked
-
-Arrays = dict[str, npt.NDArray[Any]]
 
 
 def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
@@ -90,8 +86,8 @@ def _path(sources: str, kind: str, key: str) -> Path | None:
 
 def _read(path: Path) -> Arrays | None:
     """Return the arrays of a file, or None if it cannot be read."""
-    with suppress(OSError, EOFError, ValueError, zipfile.BadZipFile), np.load(path) as file:
-        return dict(file)
+    with suppress(OSError, ValueError):
+        return read_arrays(path)
     return None
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from circuits.cells import CELLS
+from circuits.checks import parsed_toml
 from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population
@@ -57,13 +57,7 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
 
 def parse(given: str, file: str) -> Circuit:
     """Return the circuit in the text of a file; ``file`` is its name in errors."""
-    try:
-        data = tomllib.loads(given)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{file} is not valid TOML: {error}", "path") from None
-    except RecursionError:
-        raise InputError(f"{file} is nested too deeply", "path") from None
-    return _Reader(given, file).circuit(data)
+    return _Reader(given, file).circuit(parsed_toml(given, file))
 
 
 class _Reader:

@@ -9,25 +9,27 @@ import platform
 import secrets
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from bgmodel.support.checks import path_of
 from bgmodel.support.memory import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
+from circuits import arrays
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
-KEY = b"bgmodel"
+KEY, CHECK = b"bgmodel", b"bgmodel checksum"
 MOST_NAME_BYTES = 200
 """Longest name of a result, bytes: temporary files have longer names."""
 FIELDS = {"parameters", "seed", "versions"}
@@ -120,12 +122,7 @@ def check_provenance_place(path: str | Path) -> None:
     place = provenance_path(path)
     if Path(path).suffix != ".csv" or not place.exists():
         return
-    try:
-        found = json.loads(place.read_text())
-        ours = isinstance(found, dict) and set(found) == FIELDS
-    except (OSError, ValueError):
-        ours = False
-    if not ours:
+    if not is_result(path):
         raise InputError(f"{str(place)!r} is not a file of parameters: move it", "path")
 
 
@@ -153,8 +150,8 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
 def is_result(path: str | Path) -> bool:
     """Whether a file is a table with provenance, which a result may replace."""
     try:
-        return set(read_provenance(path)) == FIELDS
-    except (OSError, ValueError, KeyError, TypeError):
+        return bool(read_provenance(path))
+    except (OSError, ValueError):
         return False
 
 
@@ -174,35 +171,61 @@ def read_table(path: str | Path) -> pd.DataFrame:
     try:
         check_table_memory(path)
         if path.suffix == ".parquet":
-            return pd.read_parquet(path)
+            _metadata(path)
+            return pd.read_parquet(path, page_checksum_verification=True)
         if path.suffix == ".csv":
             return pd.read_csv(path)
     except NoMemoryError:
         raise
-    except (OSError, ValueError, pd.errors.ParserError) as error:
+    except Exception as error:  # a damaged file may raise an error of any class
         raise unreadable(path, error) from error
     raise InputError(f"a table is read from .parquet or .csv, got {str(path)!r}", "path", path)
 
 
 def unreadable(path: Path, error: Exception) -> InputError:
     """Return the error for an unreadable table, with the first line of the reason."""
-    reason = str(error).strip().splitlines()[0]
+    reason = str(error).strip().partition("\n")[0] or type(error).__name__
     if isinstance(error, UnicodeDecodeError):
         reason = 'it is not text in UTF-8: save it so, in Excel as "CSV UTF-8"'
     return InputError(f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path", path)
 
 
-def read_provenance(path: str | Path) -> dict[str, Any]:
-    """Return the provenance that ``write_table`` stored with a table."""
-    import pyarrow.parquet as pq
+def read_arrays(path: str | Path) -> arrays.Arrays:
+    """Return the arrays of an .npz file; OSError or ValueError if it can't be read."""
+    with suppress(BadZipFile):  # said below
+        check_table_memory(Path(path))
+    return arrays.read_arrays(Path(path))
 
+
+def read_provenance(path: str | Path) -> dict[str, Any]:
+    """Return the provenance that ``write_table`` stored with a table.
+
+    Raises
+    ------
+    OSError, ValueError
+        If there is none, or the file is damaged.
+    """
     path = Path(path)
     if path.suffix == ".csv":
-        text = provenance_path(path).read_text()
+        found = from_json(provenance_path(path).read_text())
     else:
-        text = pq.read_schema(path).metadata[KEY]
-    found: dict[str, Any] = json.loads(text)
+        try:
+            found = from_json(_metadata(path)[KEY])
+        except OSError:
+            raise
+        except Exception as error:  # a damaged file may raise an error of any class
+            raise unreadable(path, error) from None
+    if not isinstance(found, dict) or set(found) != FIELDS:
+        raise InputError(f"{str(path)!r} has no provenance", "path", path)
     return found
+
+
+def from_json(text: str | bytes) -> Any:
+    """Return what a JSON text contains; ValueError if it is none, or nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def check_writable(folder: str | Path) -> Path:
@@ -236,8 +259,29 @@ def _write_parquet(table: pd.DataFrame, path: Path, text: str) -> None:
     import pyarrow.parquet as pq
 
     data = pa.Table.from_pandas(table, preserve_index=False)
-    data = data.replace_schema_metadata({**data.schema.metadata, KEY: text.encode()})
-    pq.write_table(data, path, compression="zstd", compression_level=9)
+    about = {**data.schema.metadata, KEY: text.encode()}
+    data = data.replace_schema_metadata({**about, CHECK: _digest(data.schema, about)})
+    pq.write_table(data, path, compression="zstd", compression_level=9, write_page_checksum=True)
+
+
+def _metadata(path: Path) -> dict[bytes, bytes]:
+    """Return the metadata of a .parquet; ValueError if they or the columns were changed."""
+    import pyarrow.parquet as pq
+
+    schema = pq.read_schema(path)
+    about = dict(schema.metadata or {})
+    given = about.pop(CHECK, None)
+    if given is not None and given != _digest(schema, about):
+        raise ValueError("it is damaged")
+    return about
+
+
+def _digest(schema: Any, about: Mapping[bytes, bytes]) -> bytes:
+    """Return a checksum of columns and metadata, which those of Parquet leave out."""
+    # Parquet changes the types within lists and categories, of which only the kind is compared.
+    columns = [(each.name, str(each.type).partition("<")[0]) for each in schema]
+    text = repr((columns, sorted(about.items())))
+    return hashlib.sha256(text.encode()).hexdigest().encode()
 
 
 def _plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from zipfile import ZipFile
 
 from circuits.errors import InputError
 
@@ -57,8 +58,13 @@ def check_table_memory(path: Path) -> None:
     Parameters
     ----------
     path : path
-        A ``.parquet``, of which only the metadata are read, or a text file.
+        A ``.parquet`` or ``.npz``, of which only the metadata are read, or a text file.
     """
+    if path.suffix == ".npz":
+        with ZipFile(path) as file:
+            size = sum(each.file_size for each in file.infolist())
+        check_memory(size, f"the arrays of {path.name!r}", "path")
+        return
     if path.suffix != ".parquet":
         check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}", "path")
         return

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
+from circuits.checks import parsed_toml
 from circuits.errors import InputError
 
 T = TypeVar("T")
@@ -46,7 +46,7 @@ def read_text(text: str, kind: type[T], name: str) -> T:
     ValueError
         As for ``read``.
     """
-    return decoded(_parsed(text, name), kind, name)
+    return decoded(parsed_toml(text, name), kind, name)
 
 
 def gives(path: str | Path, key: str) -> bool:
@@ -60,16 +60,7 @@ def _given(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or error
         raise InputError(f"{str(path)!r} can't be read: {why}", "path", path) from None
-    return _parsed(text, path.name)
-
-
-def _parsed(text: str, name: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{name} is not TOML: {error}", "path", name) from None
-    except RecursionError:
-        raise InputError(f"{name} is nested too deeply", "path", name) from None
+    return parsed_toml(text, path.name)
 
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:

@@ -42,7 +42,7 @@ def state(shard: Shard, folder: Path) -> str:
         parameters = files.read_provenance(path)["parameters"]
         made_from, _ = parameters["shard"], parameters[REMARK]
         read = files.read_table(path)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError):
         return "damaged"
     whole = made_from == _plain(shard) and len(read) in (0, shard.trials)
     return "done" if whole else "damaged"

@@ -5,10 +5,7 @@ the pins: one contact per period, phase and force suffices for all yaws.
 """
 
 import os
-import zipfile
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,7 +17,8 @@ from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
 from bgmodel.support.arrays import Array, Singles
-from bgmodel.support.files import replacing
+from bgmodel.support.files import read_arrays, replacing
+from bgmodel.support.processes import processes
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
 from circuits.errors import InputError, require
@@ -164,7 +162,8 @@ def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
     """Press every grating at every phase, except those that are mirror images of others."""
     tasks = [(p, j / plan.phases) for p in plan.periods_mm for j in range(plan.solved_phases(p))]
     periods, phases = zip(*tasks, strict=True)
-    with _mapper(workers) as mapper:
+    with ExitStack() as stack:
+        mapper = stack.enter_context(processes(workers)).map if workers > 1 else map
         solved = mapper(partial(press, plan), periods, phases)
         # disable=None: no progress bar if stderr is not a terminal.
         bar = tqdm(solved, total=len(tasks), desc="contact library", unit="grating", disable=None)
@@ -173,16 +172,6 @@ def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
         period: np.stack([r for r, p in zip(results, periods, strict=True) if p == period])
         for period in plan.periods_mm
     }
-
-
-@contextmanager
-def _mapper(workers: int) -> Iterator[Callable[..., Iterable[Singles]]]:
-    """Yield a parallel `map`, or the built-in one for a single worker."""
-    if workers == 1:
-        yield map
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            yield pool.map
 
 
 def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
@@ -197,11 +186,11 @@ def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
     """Return the fields, or None if the file is missing, damaged or of another plan."""
     n = plan.stored_cells
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            if str(stored["parameters"]) != plan.parameters():
-                return None
-            fields = {p: stored[f"period_{p:g}"] for p in plan.periods_mm}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        stored = read_arrays(path)
+        if str(stored["parameters"]) != plan.parameters():
+            return None
+        fields = {p: stored[f"period_{p:g}"] for p in plan.periods_mm}
+    except (OSError, ValueError, KeyError):
         return None
     shapes = {p: (plan.solved_phases(p), len(plan.forces_n), n, n, 5) for p in plan.periods_mm}
     return fields if all(fields[p].shape == shapes[p] for p in shapes) else None

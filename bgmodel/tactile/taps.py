@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Integers, Singles
-from bgmodel.support.files import replacing
+from bgmodel.support.files import from_json, read_arrays, replacing
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -107,14 +106,14 @@ class Taps:
         if not path.is_file():
             raise InputError(f"there are no taps {str(path)!r}", "path", path)
         try:
-            with np.load(path, allow_pickle=False) as stored:
-                labels = {n[6:]: stored[n] for n in stored.files if n.startswith("label_")}
-                about = json.loads(str(stored["about"]))
-                # Files written before edges were supported contain gratings.
-                stimulus = str(stored["stimulus"]) if "stimulus" in stored else "grating"
-                table = pd.DataFrame(labels)
-                taps = cls(stored["displacement_mm"], stored["rest_mm"], table, stimulus)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            stored = read_arrays(path)
+            labels = {n[6:]: stored[n] for n in stored if n.startswith("label_")}
+            about = from_json(str(stored["about"]))
+            # Files written before edges were supported contain gratings.
+            stimulus = str(stored.get("stimulus", "grating"))
+            table = pd.DataFrame(labels)
+            taps = cls(stored["displacement_mm"], stored["rest_mm"], table, stimulus)
+        except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{str(path)!r} does not hold taps of this program: {error}", "path"
             ) from error

@@ -68,7 +68,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be a whole number >= 1"),
         ('"algebra"', '"pen"', "engine must be one of algebra, rate, .*got 'pen'"),
         ("[task]", "truth = 2\n[task]", "truth must be within 0..1, got 2"),
-        ("[task]", "[task", "small.toml is not TOML: "),
+        ("[task]", "[task", "small.toml is not valid TOML: "),
         ('"lesion STN 20%"', '"lesion GPi 20%"', "has no nucleus 'GPi': ctx, common"),
         ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must be within 0..1, got 2"),
         ("lesion STN 20%", "set STN.bias_nat 1", "STN has no 'bias_nat': cell, baseline_hz, "),

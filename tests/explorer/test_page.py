@@ -160,7 +160,7 @@ def test_a_file_that_is_shown_as_text_can_be_edited_there(explorer):
     assert explorer.state.experiment.task.d_prime == 0.9
     explorer.export.toml.value = "name = 3\n= x"
     explorer.export.apply.clicks += 1
-    assert "is not TOML" in explorer.refusal.pane.object
+    assert "is not valid TOML" in explorer.refusal.pane.object
 
 
 def test_panels_are_dimmed_until_they_show_the_new_state(explorer):

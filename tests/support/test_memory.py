@@ -75,12 +75,16 @@ def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
     else:
         needed = CELL_BYTES * rows * len(columns)
         pq.write_table(pa.table({name: pa.nulls(rows) for name in columns}), path)
-    for reader in ("read_parquet", "read_csv"):
-        monkeypatch.setattr(f"pandas.{reader}", lambda *given, **more: 1 / 0)
+
+    def taken(*given, **more):
+        raise KeyboardInterrupt
+
+    for reader in ("pandas.read_parquet", "pandas.read_csv"):
+        monkeypatch.setattr(reader, taken)
     free(needed - 1)
     with pytest.raises(NoMemoryError, match=r"'big\..* need .* of memory"):
         read(path)
     if read is read_table:
         free(needed)
-        with pytest.raises(ZeroDivisionError):
+        with pytest.raises(KeyboardInterrupt):
             read(path)

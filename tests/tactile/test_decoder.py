@@ -1,5 +1,6 @@
 """The decoder: reproducible, stored safely, and clear about what it can't use."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,21 @@ def test_the_same_seed_gives_the_same_weights(decoder, tmp_path):
     assert first.read_bytes() == second.read_bytes()
     other = train(striped_taps(1200), seed=4, training=QUICK).save(tmp_path / "c.safetensors")
     assert first.read_bytes() != other.read_bytes()
+
+
+def test_networks_trained_in_threads_are_those_trained_alone_and_leave_the_global_numbers():
+    import torch
+
+    def weights(seed):
+        brief = replace(EDGE, epochs=2, width=0.1)
+        found = train(pushed_taps(500, 1), seed=seed, training=brief).network.state_dict()
+        return [each.numpy().tobytes() for each in found.values()]
+
+    alone = [weights(seed) for seed in (1, 2)]
+    before = torch.get_rng_state()
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(weights, (1, 2))) == alone
+    assert torch.equal(torch.get_rng_state(), before)
 
 
 @pytest.mark.parametrize("name", ["grating", "edge"])

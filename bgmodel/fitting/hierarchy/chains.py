@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -210,12 +209,12 @@ def _kept(path: Path | None, sampler: Sampler, group: Group) -> _Kept | None:
     if path is None:
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
-            parts = [file[name] for name in DRAWS]
-            numbers = json.loads(str(file["rng"]))
-            guide = Guide(Surrogate(*(file[name] for name in SURROGATE)), file["step"])
-            made = int(file["made"])
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        file = files.read_arrays(path)
+        parts = [file[name] for name in DRAWS]
+        numbers = json.loads(str(file["rng"]))
+        guide = Guide(Surrogate(*(file[name] for name in SURROGATE)), file["step"])
+        made = int(file["made"])
+    except (OSError, ValueError, KeyError):
         return None
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
     states = [_restored(*each, group) for each in zip(draws, numbers, strict=True)]

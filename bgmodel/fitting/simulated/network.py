@@ -202,25 +202,21 @@ def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
         If the file is not a network of bgmodel.
     """
     import onnx
-    from google.protobuf.message import DecodeError
 
     path = shipped_path() if path is None else Path(path)
     try:
         model = onnx.load(str(path))
         about = json.loads({each.key: each.value for each in model.metadata_props}[KEY])
-    except (OSError, DecodeError, KeyError, ValueError) as error:
+        held = {each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}
+        layers = tuple(
+            (held[f"weights_{k}"].astype(float), held[f"bias_{k}"].astype(float))
+            for k in range(sum(name.startswith("bias_") for name in held))
+        )
+    except Exception as error:  # of any class: the parts of a file may hold anything
         raise InputError(
             f"{str(path)!r} can't be read as a network of bgmodel: {error}", "path"
         ) from error
-    held = {each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}
-    count = sum(name.startswith("bias_") for name in held)
-    return LikelihoodNetwork(
-        tuple(
-            (held[f"weights_{k}"].astype(float), held[f"bias_{k}"].astype(float))
-            for k in range(count)
-        ),
-        about,
-    )
+    return LikelihoodNetwork(layers, about)
 
 
 def shipped_path() -> Path:

@@ -10,13 +10,13 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Array
+from circuits.arrays import Array, Arrays
 from circuits.cells.cell import Cell, Line, Response
 from circuits.declaration import transfer
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING, TRANSFERS
-from circuits.kept import Arrays, kept
+from circuits.kept import kept
 from circuits.laws.mixture import mean_rate_hz, mean_response
 
 STATES, STEPS, POINTS = 28, 512, 8192

@@ -1,0 +1,131 @@
+"""Damaged files of caches are treated as absent: made again and written whole, never misread."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from circuits.arrays import read_arrays
+from circuits.compiled_code import compile_cached
+from circuits.kept import kept, recall, remember
+from tests.damage import DAMAGES, flipped
+
+SOURCES = "0123456789abcdef"
+COMMAND = """
+import sys
+from circuits.compiled_code import compile_cached
+from tests.circuits.test_damaged_caches import doubled
+
+made = compile_cached(doubled, "0123456789abcdef")
+print(made(21), made(0.25), sum(made.stats.cache_hits.values()))
+"""
+
+
+def doubled(x):
+    return x + x
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def made():
+    """Return a function as in a new process, its results, and how many came from the cache."""
+    function = compile_cached(doubled, SOURCES)
+    return function(21), function(0.25), sum(function.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize("ending", [".nbi", ".1.nbc", ".2.nbc"])
+def test_damaged_code_is_compiled_again_and_written_whole(folder, ending, damage):
+    assert made() == (42, 0.5, 0)
+    assert made() == (42, 0.5, 2)
+    (file,) = folder.rglob(f"*{ending}")
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    value, other, hits = made()
+    assert (value, other) == (42, 0.5)
+    assert hits <= (2 if ending == ".nbi" else 1)  # not every byte of an index matters
+    assert made() == (42, 0.5, 2)
+
+
+def test_code_of_another_function_is_not_loaded(folder):
+    made()
+    first, second = sorted(folder.rglob("*.nbc"))
+    first.write_bytes(second.read_bytes())
+    assert made() == (42, 0.5, 1)
+
+
+def test_a_new_process_mends_what_an_earlier_one_left(folder):
+    def started():
+        done = subprocess.run(
+            [sys.executable, "-c", COMMAND],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
+            cwd=Path(__file__).parents[2],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.split()
+
+    assert started() == ["42", "0.5", "0"]
+    for number, file in enumerate(sorted(folder.rglob("*.nb[ic]"))):
+        file.write_bytes([*DAMAGES.values()][number](file.read_bytes()))
+    assert started() == ["42", "0.5", "0"]
+    assert started() == ["42", "0.5", "2"]
+
+
+ARRAYS = {"x": np.arange(5.0), "of": np.array([[1, 2]], np.int16), "name": np.array("one")}
+
+
+@given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
+def test_arrays_with_a_changed_byte_are_read_as_written_or_not_at_all(tmp_path_factory, share, cut):
+    path = tmp_path_factory.getbasetemp() / "some.npz"
+    np.savez(path, **ARRAYS)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))] if cut else flipped(whole, share))
+    try:
+        found = read_arrays(path)
+    except (OSError, ValueError):
+        return
+    assert found.keys() == ARRAYS.keys()
+    for name, values in ARRAYS.items():
+        assert found[name].tobytes() == values.tobytes()
+        assert (found[name].dtype, found[name].shape) == (values.dtype, values.shape)
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_damaged_arrays_are_made_again_and_written_whole(folder, damage):
+    calls = []
+
+    def make():
+        calls.append(1)
+        return dict(ARRAYS)
+
+    kept(SOURCES, "key", make)
+    (file,) = folder.rglob("*.npz")
+    file.write_bytes(damage(file.read_bytes()))
+    assert kept(SOURCES, "key", make)["x"].tolist() == [0, 1, 2, 3, 4]
+    made_again = len(calls)
+    assert kept(SOURCES, "key", make)["x"].tolist() == [0, 1, 2, 3, 4]
+    assert len(calls) == made_again <= 2
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_damaged_states_are_forgotten(folder, damage):
+    remember(SOURCES, "kind", "key", ARRAYS, most=1)
+    (file,) = folder.rglob("*.npz")
+    file.write_bytes(damage(file.read_bytes()))
+    found = recall(SOURCES, "kind", "key")
+    assert found is None or found["x"].tolist() == ARRAYS["x"].tolist()
+    remember(SOURCES, "kind", "key", ARRAYS, most=1)
+    assert recall(SOURCES, "kind", "key") is not None

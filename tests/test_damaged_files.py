@@ -1,0 +1,154 @@
+"""Files from which work goes on: damaged, they count as absent, and never give other numbers."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from bgmodel.commands.touch import _Steps
+from bgmodel.fitting.pieces import Piece, read_piece, write_piece
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes
+from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
+from bgmodel.stimuli import Stimuli
+from bgmodel.support.files import read_provenance, read_table, write_table
+from bgmodel.sweeps import shards
+from bgmodel.sweeps.plan import Plan
+from bgmodel.tactile.library import _load, _save
+from tests.damage import DAMAGES, flipped
+from tests.tactile.plans import TINY
+
+RNG = np.random.default_rng(24_711)
+TABLE = pd.DataFrame(
+    {
+        "rt": RNG.normal(size=40),
+        "bin": RNG.integers(0, 300, 40).astype("int16"),
+        "who": [f"p{k % 7}" for k in range(40)],
+        "right": RNG.random(40) < 0.5,
+    }
+)
+TABLES = Piece(TABLE, TABLE.head(3), pd.DataFrame({"caution": ["a", "b"]}))
+LEVELS, DRIFTS = np.array([0.3, 0.6]), (0.0, 1.0)
+PASSAGES = FirstPassageTimes(
+    LEVELS,
+    np.array(DRIFTS),
+    RNG.integers(0, 9, (2, 30)).astype("int16"),
+    RNG.integers(0, 2, (2, 30)).astype("int8"),
+    RNG.normal(size=(2, 30)),
+)
+CELLS = TINY.stored_cells
+FIELDS = {
+    period: RNG.normal(size=(TINY.solved_phases(period), 2, CELLS, CELLS, 5)).astype(np.float32)
+    for period in TINY.periods_mm
+}
+(POINT,) = Plan(
+    task=Stimuli(trials=40, t_max=10), engine="algebra", gain=0.7, grid={"lesion STN": (0.0,)}
+).all_points()
+(SHARD,) = POINT.shards()
+
+
+def tables(folder):
+    found = read_piece(folder, "a", {"k": 1})
+    return found and [each.to_csv() for each in found]
+
+
+def passages(folder):
+    found = read_crossings(folder / "x.parquet", LEVELS, DRIFTS)
+    return found and [np.asarray(each).tolist() for each in (found.bins, found.choice)]
+
+
+def library(folder):
+    found = _load(folder / "x.npz", TINY)
+    return found and [each.tobytes() for each in found.values()]
+
+
+def decisions(folder):
+    if shards.state(SHARD, folder) != "done":
+        return None
+    behaviour, said = shards.read(POINT, folder)
+    return said, behaviour.decision.time_ms.tolist(), behaviour.posterior.tolist()
+
+
+STORES = {
+    "fits": (lambda folder: write_piece(folder, "a", {"k": 1}, TABLES, seed=1), tables),
+    "crossings": (lambda f: write_crossings(PASSAGES, f / "x.parquet", seed=1), passages),
+    "contacts": (lambda folder: _save(folder / "x.npz", TINY, FIELDS), library),
+    "shards": (lambda folder: shards.compute(SHARD, folder), decisions),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize(("write", "read"), STORES.values(), ids=STORES)
+def test_a_damaged_file_counts_as_absent_until_it_is_written_again(tmp_path, write, read, damage):
+    assert read(tmp_path) is None
+    write(tmp_path)
+    whole = read(tmp_path)
+    (file, *_) = sorted(tmp_path.rglob("*.*z")) or sorted(tmp_path.rglob("*.parquet"))
+    file.write_bytes(damage(file.read_bytes()))
+    assert read(tmp_path) in (None, whole)  # some bytes of a file mean nothing
+    write(tmp_path)
+    assert read(tmp_path) == whole
+
+
+@given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
+def test_a_table_with_a_changed_byte_is_read_as_written_or_refused(tmp_path_factory, share, cut):
+    path = tmp_path_factory.getbasetemp() / "some.parquet"
+    write_table(TABLE, path, seed=3, rows=[1, 2])
+    whole, about = path.read_bytes(), read_provenance(path)
+    path.write_bytes(whole[: int(share * len(whole))] if cut else flipped(whole, share))
+    try:
+        found, behind = read_table(path), read_provenance(path)
+    except (OSError, ValueError):
+        return
+    pd.testing.assert_frame_equal(found, TABLE)
+    assert behind == about
+
+
+def test_tables_of_every_type_are_read_back(tmp_path):
+    wide = pd.DataFrame(
+        {
+            "day": pd.to_datetime(["2020-01-01", None]),
+            "kind": pd.Categorical(["a", "b"]),
+            "maybe": pd.array([1, None], dtype="Int64"),
+            "single": np.float32([1, 2]),
+            "text": ["x", None],
+            "none": [None, None],
+            "list": [[1], [2, 3]],
+        }
+    )
+    for number, table in enumerate((wide, wide.head(0), pd.DataFrame())):
+        path = write_table(table, tmp_path / f"{number}.parquet")
+        assert list(read_table(path)) == list(table)
+        assert len(read_table(path)) == len(table)
+
+
+@dataclass
+class Step:
+    """A command that makes a file."""
+
+    output: Path
+
+    def __call__(self):
+        """Write it, and count."""
+        self.output.write_text("whole")
+        with self.output.with_suffix(".calls").open("a") as calls:
+            calls.write("1")
+
+
+@pytest.mark.parametrize("damage", ["result", "cut", "[" * 100_000, "3"])
+def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, damage):
+    result, record = tmp_path / "x", tmp_path / "steps.json"
+    for _ in range(2):
+        _Steps(tmp_path).make(result, Step(result))
+    assert result.with_suffix(".calls").read_text() == "1"
+    if damage == "result":
+        result.write_text("whale")
+    else:
+        record.write_text(record.read_text()[:-9] if damage == "cut" else damage)
+    for _ in range(2):
+        _Steps(tmp_path).make(result, Step(result))
+    assert result.with_suffix(".calls").read_text() == "11"
+    assert result.read_text() == "whole"
