@@ -70,6 +70,15 @@ def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
     return Evidence(values, truth, **kwargs)
 
 
+def cues(trials, readings, nats, seed=1):
+    """Return evidence of cues of one strength for either side: sums are on a lattice."""
+    rng, truth = stream(seed, "cues"), np.arange(trials) % 2
+    shows = rng.random((trials, readings)) < 1 / (1 + np.exp(-nats))
+    side = np.where(shows, truth[:, None], 1 - truth[:, None])
+    values = nats * ((side[:, :, None] == np.arange(2)) - 0.5)
+    return Evidence(values, truth, step_ms=50.0, baseline=0.0)
+
+
 def long_table(evidence, truth=True):
     n, t, h = evidence.log_likelihood.shape
     frame = pd.DataFrame(

@@ -98,7 +98,7 @@ def times(
     Intervals of 95 % by a bootstrap over trials, that of the threshold in them.
     """
     pilot = draw(TUNING_SEED, 0)
-    marks = {name: levels(model.run(pilot)) for name, model in models.items()}
+    marks = {name: levels(model.run(pilot), pilot, (accuracy,)) for name, model in models.items()}
     parts: dict[str, list[Tradeoff]] = {name: [] for name in models}
     for first in range(0, trials, BATCH):
         evidence = draw(SCORING_SEED, first)

@@ -6,62 +6,62 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
+from bgmodel.comparison.matched import MOST_FORCED
+from bgmodel.deciding.tradeoff import Tradeoff, margin
 from bgmodel.evidence import Evidence
-from circuits.errors import DeadlineWarning
+from circuits.errors import DeadlineWarning, RangeWarning
 
 
-def ceiling(evidence: Evidence) -> float:
-    """Return the expected accuracy of the most probable hypothesis after all readings of a trial.
+def accuracy_after(evidence: Evidence, readings: int | None = None) -> float:
+    """Return the expected accuracy of the most probable hypothesis after some readings, or all.
 
-    No integrator with the same likelihoods is more accurate, whatever its threshold.
+    No integrator with the same likelihoods is more accurate after them, whatever its threshold.
     """
-    last = evidence.posterior[np.arange(evidence.trials), evidence.readings]
-    return float(last.max(axis=1).mean())
+    count = evidence.readings if readings is None else np.minimum(readings, evidence.readings)
+    return float(evidence.posterior[np.arange(evidence.trials), count].max(axis=1).mean())
 
 
-def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[float]:
-    """Warn about accuracies that the readings do not allow, and return the others.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings of all trials.
-    accuracies : sequence of float
-        The requested accuracies.
-    """
-    top = ceiling(evidence)
+def warn_of_readings(evidence: Evidence, accuracies: Sequence[float]) -> list[float]:
+    """Warn about accuracies that one reading exceeds or all do not allow, and return the others."""
+    one, top = accuracy_after(evidence, 1), accuracy_after(evidence)
+    hasty = [accuracy for accuracy in accuracies if one - accuracy > margin(accuracy)]
     lost = [accuracy for accuracy in accuracies if accuracy - top > margin(accuracy)]
+    if hasty:
+        RangeWarning.warn(
+            f"the test has no accuracy of {listed(hasty)}: one reading alone gives {one:.3f}, and "
+            "no decision takes fewer; ask for a higher accuracy, or give weaker evidence"
+        )
     if lost:
         DeadlineWarning.warn(
             f"no threshold reaches an accuracy of {listed(lost)}: all readings of a trial, "
             f"{evidence.steps} at most, allow {top:.3f}; give more readings (t_max) or ask for a "
             "lower accuracy"
         )
-    return [accuracy for accuracy in accuracies if accuracy not in lost]
+    return [accuracy for accuracy in accuracies if accuracy not in hasty + lost]
 
 
-def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float]) -> None:
-    """Warn about accuracies that the readings allow but a model does not reach.
-
-    Parameters
-    ----------
-    name : str
-        The model, as the warning names it.
-    found : Tradeoff
-        The model's decisions.
-    accuracies : sequence of float
-        Accuracies that the readings allow, as from ``warn_of_ceiling``.
-    """
-    reached = curve(found, np.ones((1, found.trials)))[0][0]
-    best = int(reached.argmax())
-    lost = [accuracy for accuracy in accuracies if accuracy - reached[best] > margin(accuracy)]
-    if lost:
+def warn_of_missed(name: str, found: Tradeoff, accuracies: Sequence[float]) -> list[float]:
+    """Warn about accuracies at which a model cannot be compared, and return the others."""
+    low, high = found.reached[[0, -1]]
+    within = [accuracy for accuracy in accuracies if found.reaches(accuracy)]
+    late = {a: share for a in within if (share := found.at_accuracy(a).forced.mean()) > MOST_FORCED}
+    if lost := [accuracy for accuracy in accuracies if accuracy > high and accuracy not in within]:
         DeadlineWarning.warn(
             f"{name} reaches no accuracy of {listed(lost)}: at the best of its thresholds it has "
-            f"{reached[best]:.3f}, and the deadline decides {found.forced[best].mean():.0%} of its "
-            "trials there"
+            f"{high:.3f}, and the deadline decides {found.forced[-1].mean():.0%} of its trials "
+            "there"
         )
+    if hasty := [accuracy for accuracy in accuracies if accuracy < low and accuracy not in within]:
+        RangeWarning.warn(
+            f"{name} has no accuracy of {listed(hasty)}: at the hastiest of its thresholds it has "
+            f"{low:.3f}; ask for a higher accuracy"
+        )
+    if late:
+        DeadlineWarning.warn(
+            f"{name} is not compared at an accuracy of {listed(late)}: the deadline decides "
+            f"{max(late.values()):.0%} of its trials there; give more readings (t_max)"
+        )
+    return [accuracy for accuracy in within if accuracy not in late]
 
 
 def listed(values: Iterable[float]) -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials, resampled
-from bgmodel.comparison.cautions import warn_of_ceiling, warn_of_own_ceiling
+from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
 from bgmodel.comparison.edited import check_edit_of
 from bgmodel.comparison.matched import (
     ACCURACIES,
@@ -33,7 +33,7 @@ from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds
+from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, refined
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
@@ -210,24 +210,29 @@ def compare(
         if intact == model.circuit:
             raise InputError(f"intact must differ: no edit changed {intact.name}", "intact")
     model.warn_beyond_range(evidence)
-    allowed = warn_of_ceiling(evidence, accuracies)
-    tests = references(model, evidence)
+    allowed = warn_of_readings(evidence, accuracies)
+    tests = references(model, evidence, accuracies)
     warn_of_calibration_of(tests[MSPRT], evidence, accuracies)
     first = next(iter(tests))
+    allowed = warn_of_missed(f"the {first}", tests[first], allowed)
     span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
     found = decide_at_thresholds(model, evidence, tuned_thresholds(model, tests[first], **span))
+    found[CIRCUIT] = refined(model, evidence, found[CIRCUIT], allowed)
     lost = unreached(
-        model, found[CIRCUIT], tests[first], accuracies, name=model.circuit.name, before=intact
+        model, found[CIRCUIT], tests[first], allowed, name=model.circuit.name, before=intact
     )
-    warn_of_own_ceiling(model.circuit.name, found[CIRCUIT], [a for a in allowed if a not in lost])
+    shared = [accuracy for accuracy in allowed if accuracy not in lost]
+    for name, decided in found.items():
+        shared = warn_of_missed(model.circuit.name if name == CIRCUIT else name, decided, shared)
     pairs = [(name, reference) for reference in tests for name in found]
     again = with_other_noise(model, evidence, found[CIRCUIT]) if noise_ceiling else None
     if again is not None:
         tests[OTHER_NOISE] = again
         pairs.append((CIRCUIT, OTHER_NOISE))
     for name in baselines:
-        found[name] = tradeoff(BASELINES[name]().run(evidence), evidence)
-        warn_of_own_ceiling(name, found[name], allowed)
+        trace = BASELINES[name]().run(evidence)
+        found[name] = tradeoff(trace, evidence, accuracies=accuracies)
+        warn_of_missed(name, found[name], allowed)
         pairs.append((name, MSPRT))
     weights = resampled(evidence.trials, resamples, stream(seed, "bootstrap"), groups)
     curves = _curves(tests | found, weights)
@@ -236,6 +241,8 @@ def compare(
         unedited = replace(model, circuit=intact)
         levels = tuned_thresholds(unedited, tests[first], **span)
         before = decide_at_thresholds(unedited, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        before = refined(unedited, evidence, before, shared)
+        warn_of_missed(f"{intact.name} before its edits", before, shared)
         found[MINUS_INTACT] = found[CIRCUIT]
         pairs.append((MINUS_INTACT, first))
     parts = []

@@ -28,6 +28,8 @@ OTHERS: tuple[Look, ...] = (
     {"color": PALETTE[4], "ls": ":"},
     {"color": PALETTE[5], "ls": (0, (3, 1, 1, 1, 1, 1))},
 )
+RISEN = 0.98
+"""Panel a ends where the last model has made this share of its rise in accuracy."""
 MANY = 2000
 """Number of trials above which panel b is a density."""
 
@@ -52,7 +54,7 @@ def draw(curves: pd.DataFrame, pairs: pd.DataFrame, table: pd.DataFrame, chance:
 
 def _curves(ax: Axes, curves: pd.DataFrame, chance: float) -> None:
     """Draw speed-accuracy curves with pointwise 95 % intervals."""
-    others = iter(OTHERS * len(curves))
+    others, latest_ms = iter(OTHERS * len(curves)), 0.0
     for name, rows in curves.groupby("model", sort=False):
         style = LOOKS.get(str(name)) or next(others)
         ax.plot(
@@ -60,8 +62,15 @@ def _curves(ax: Axes, curves: pd.DataFrame, chance: float) -> None:
         )
         band: Look = {"color": style["color"], "alpha": 0.15, "lw": 0}
         ax.fill_between(rows["mean_ms"], rows["low"], rows["high"], **band)
+        low, high = rows["accuracy"].min(), rows["accuracy"].max()
+        risen = rows["accuracy"] >= low + RISEN * (high - low)
+        latest_ms = max(latest_ms, float(rows.loc[risen, "mean_ms"].min()))
     ax.axhline(chance, color=GREY, lw=0.8, ls=":")
     ax.set(xlabel="Mean decision time (ms)", ylabel="Expected accuracy")
+    # Later, accuracy hardly varies; below the hastiest decisions there is nothing.
+    low, high = curves["accuracy"].min(), curves["accuracy"].max()
+    ax.set_xlim(0, 1.1 * latest_ms)
+    ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
     ax.set_title("a  Speed and accuracy")
     _legend_below(ax, columns=2 if len(ax.get_legend_handles_labels()[0]) > 4 else 1)
 

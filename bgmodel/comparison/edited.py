@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import warn_of_ceiling
+from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
 from bgmodel.comparison.matched import ACCURACIES, checked_accuracies, matched_measures
 from bgmodel.comparison.thresholds import (
     MSPRT,
@@ -25,7 +25,14 @@ from bgmodel.comparison.thresholds import (
 from bgmodel.deciding.tradeoff import Tradeoff, margin
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, silent_nats
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    HIGHEST,
+    LOWEST,
+    decide_at_thresholds,
+    refined,
+    silent_nats,
+)
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError
@@ -94,13 +101,16 @@ def compare_edits(
         EditWarning.warn(f"{', '.join(alike)}: the edit changes nothing in this circuit")
     model = model.adapted_to(evidence)
     model.warn_beyond_range(evidence)
-    warn_of_ceiling(evidence, accuracies)
-    tests = references(model, evidence)
+    allowed = warn_of_readings(evidence, accuracies)
+    tests = references(model, evidence, accuracies)
     warn_of_calibration_of(tests[MSPRT], evidence, accuracies)
-    test = next(iter(tests.values()))
+    first, test = next(iter(tests.items()))
+    allowed = warn_of_missed(f"the {first}", test, allowed)
     lowest = min(LOWEST, *accuracies)
     levels = tuned_thresholds(model, test, max(highest, *accuracies), lowest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+    intact = refined(model, evidence, intact, allowed)
+    levels = intact.settings
     parts, lost = [], list(accuracies)
     for name, circuit in {before: model.circuit, **edited}.items():
         changed = replace(model, circuit=circuit)
@@ -111,8 +121,11 @@ def compare_edits(
             both = both[both > silent_nats(circuit)]
             found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
             tuned = found.at(np.isin(found.settings, decided_by_evidence(changed, both)))
+            tuned = refined(changed, evidence, tuned, allowed) if tuned.settings.size else tuned
         called = name if name in edited else circuit.name
-        refused = unreached(changed, tuned, test, accuracies, name=called, before=model.circuit)
+        refused = unreached(changed, tuned, test, allowed, name=called, before=model.circuit)
+        if tuned.settings.size:
+            warn_of_missed(called, tuned, [a for a in allowed if a not in refused])
         # An accuracy that the unedited circuit does not reach has no threshold and no change.
         lost = refused if circuit is model.circuit else lost
         for kind, minus in (("value", None), ("change", intact)):

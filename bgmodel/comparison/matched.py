@@ -1,8 +1,8 @@
 """Algorithm and circuit compared trial by trial on the same evidence.
 
 A ``Tradeoff`` holds the decisions of one integrator at many settings, usually thresholds. Two on
-the same evidence are compared at equal accuracy: their settings are matched, then their decisions
-are paired by trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of
+the same evidence are compared at equal accuracy (``Tradeoff.at_accuracy``), and their decisions are
+paired by trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of
 trials, so that one expression gives the value and its resamples.
 """
 
@@ -16,7 +16,7 @@ import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.comparison.pairs import side_by_side
-from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
+from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, time_at
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
 from circuits.errors import InputError, require
@@ -187,21 +187,18 @@ def _measures(
     if latency_ms is None:
         late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
     sides = [test, other, *([] if again is None else [again])]
-    reached = [curve(one, weights[:1])[0][0] for one in sides]
     for accuracy in accuracies:
-        at = _matched(reached, accuracy)
-        j = at[1]
-        chosen = [one.choices(k) for one, k in zip(sides, at, strict=True)]
+        matched = at_equal_accuracy(sides, accuracy)
+        chosen = [one.choices(0) for one in matched]
         third = chosen[2] if again is not None else None
         values = side_by_side(chosen[0], chosen[1], truth, weights, again=third)
-        values["forced"] = weights @ other.forced[j] / weights.sum(axis=1)
+        values["forced"] = weights @ matched[1].forced[0] / weights.sum(axis=1)
         values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
-        values["threshold"] = np.full(len(weights), other.settings[j])
-        missed = max(abs(curve[k] - accuracy) for curve, k in zip(reached, at, strict=True))
+        values["threshold"] = np.full(len(weights), matched[1].settings[0])
         # Trials decided by the deadline do not cross a threshold.
-        at_end = max(one.forced[k].mean() for one, k in zip(sides, at, strict=True))
-        if missed > margin(accuracy) or at_end > MOST_FORCED:
+        at_end = max(one.forced.mean() for one in matched)
+        if not all(one.reaches(accuracy) for one in sides) or at_end > MOST_FORCED:
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
         found |= {(accuracy, name): value for name, value in values.items()}
     return found
@@ -216,27 +213,26 @@ def paired(test: Tradeoff, other: Tradeoff, accuracies: Sequence[float]) -> pd.D
         One row per accuracy and trial: accuracy, trial, test_choice, test_ms, circuit_choice,
         circuit_ms.
     """
-    reached = [curve(one, np.ones((1, one.trials)))[0][0] for one in (test, other)]
     parts = []
     for accuracy in accuracies:
-        i, j = _matched(reached, accuracy)
+        first, second = at_equal_accuracy((test, other), accuracy)
         columns = {
             "accuracy": accuracy,
             "trial": np.arange(test.trials),
-            "test_choice": test.choice[i],
-            "test_ms": test.time_ms[i],
-            "circuit_choice": other.choice[j],
-            "circuit_ms": other.time_ms[j],
+            "test_choice": first.choice[0],
+            "test_ms": first.time_ms[0],
+            "circuit_choice": second.choice[0],
+            "circuit_ms": second.time_ms[0],
         }
         parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=PAIRED)
 
 
-def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
-    """Return the setting of the first nearest to an accuracy, and of the others nearest to it."""
-    first = int(np.abs(reached[0] - accuracy).argmin())
-    others = [int(np.abs(one - reached[0][first]).argmin()) for one in reached[1:]]
-    return [first, *others]
+def at_equal_accuracy(sides: Sequence[Tradeoff], accuracy: float) -> list[Tradeoff]:
+    """Return the decisions of each at an accuracy, or at the nearest that the first reaches."""
+    reached = sides[0].reached
+    nearest = float(np.clip(accuracy, reached[0], reached[-1]))
+    return [one.at_accuracy(nearest) for one in sides]
 
 
 def _gap(

@@ -34,7 +34,7 @@ CEILING = (
 NOT_REACHED = "not reached"
 UNREACHED = (
     f"{NOT_REACHED}: no threshold at which evidence decides has this accuracy, or the deadline "
-    "decides most trials there; ask for other accuracies (--accuracies), or give more readings"
+    "decides most trials there; a warning states the reason"
 )
 UNKNOWN = {
     "pearson_r": "all times are equal",

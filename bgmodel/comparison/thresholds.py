@@ -10,7 +10,7 @@ import pandas as pd
 from bgmodel.comparison.cautions import listed
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.deciding.calibration import warn_of_calibration
-from bgmodel.deciding.tradeoff import Tradeoff, curve, margin, tradeoff
+from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds, rest_out
@@ -25,25 +25,30 @@ from circuits.errors import InputError, RangeWarning
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
 
-def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Tradeoff]:
+def references(
+    model: BasalGanglia, evidence: Evidence, accuracies: Sequence[float]
+) -> dict[str, Tradeoff]:
     """Return the reference tests of a circuit; without nats, only the full MSPRT."""
-    found = msprt_tradeoffs(evidence, model.gain)
+    found = msprt_tradeoffs(evidence, model.gain, accuracies)
     return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
 
 
-def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
+def msprt_tradeoffs(
+    evidence: Evidence, gain: float, accuracies: Sequence[float] = ()
+) -> dict[str, Tradeoff]:
     """Return the two references: the MSPRT at the circuit's gain, and at full gain."""
+    tests = {MSPRT_AT_GAIN: Msprt(gain), MSPRT: Msprt()}
     return {
-        MSPRT_AT_GAIN: tradeoff(Msprt(gain).run(evidence), evidence),
-        MSPRT: tradeoff(Msprt().run(evidence), evidence),
+        name: tradeoff(test.run(evidence), evidence, accuracies=accuracies)
+        for name, test in tests.items()
     }
 
 
 def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Sequence[float]) -> None:
     """Warn if the test's posteriors do not match accuracy at the highest accuracy requested."""
     if evidence.truth is not None:
-        k = int(np.argmin(np.abs(test.settings - test.setting(max(accuracies)))))
-        warn_of_calibration(test.posterior[k], test.choice[k] == evidence.truth)
+        one = test.at_accuracy(max(accuracies))
+        warn_of_calibration(one.posterior[0], one.choice[0] == evidence.truth)
 
 
 def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
@@ -75,40 +80,49 @@ def unreached(
     name: str,
     before: Circuit | None = None,
 ) -> list[float]:
-    """Return the accuracies at which evidence does not decide, and warn with the reason.
+    """Return the accuracies at which evidence does not decide, and warn with each reason.
 
     There the test decides at an OUT that is outside the range of the circuit's read-out, that its
     noise crosses at rest, or that the circuit does not approach. ``before`` is the circuit before
     its edits: an edit that shifts OUT also shifts the counterpart of the test's threshold.
     """
-    circuit = model.circuit
-    rest = f"OUT rests at {rest_out(circuit):.2f} {circuit.unit}"
-    if found.settings.size:
-        low, high = found.settings.min(), found.settings.max()
-        reached, known = (curve(one, np.ones((1, one.trials)))[0][0] for one in (found, test))
-        at = np.array([int(np.abs(known - accuracy).argmin()) for accuracy in accuracies])
-        due = test.settings[at]
-        if before is not None:
-            due = due + moved(before, circuit, due)
-        near = [int(np.abs(reached - accuracy).argmin()) for accuracy in accuracies]
-        missed = np.abs(reached[near] - accuracies) > [margin(a) for a in accuracies]
-        if circuit.unit == NATS:
-            missed |= (due < low) | (due > high)
-        # If the deadline decides, other thresholds do not help; the page reports this elsewhere.
-        late = np.maximum(found.forced[near].mean(axis=1), test.forced[at].mean(axis=1))
-        missed &= late <= MOST_FORCED
-        lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
-        why = (
-            f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest accuracy "
-            f"that it reaches is {listed(reached[near][missed])}; evidence decides at its "
-            f"thresholds of {low:.2f} to {high:.2f} ({rest}, is resolved from "
-            f"{circuit.readable_nats[0]:.2f} on, and noise must not cross them at rest)"
-        )
-    else:
-        lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
-    if lost:
-        RangeWarning.warn(f"no comparison is possible at accuracy {listed(lost)}: {why}")
-    return lost
+    lost: dict[str, list[float]] = {}
+    for accuracy in accuracies:
+        why = _out_of_range(model, found, test, accuracy, before)
+        if why:
+            lost.setdefault(why, []).append(accuracy)
+    for why, some in lost.items():
+        RangeWarning.warn(f"no comparison is possible at accuracy {listed(some)}: {name} {why}")
+    return [accuracy for some in lost.values() for accuracy in some]
+
+
+def _out_of_range(
+    model: BasalGanglia, found: Tradeoff, test: Tradeoff, accuracy: float, before: Circuit | None
+) -> str:
+    """Return why a circuit cannot decide by evidence at an accuracy; "" if it can."""
+    circuit, rest = model.circuit, rest_out(model.circuit)
+    if not found.settings.size:
+        return f"decides without evidence (OUT rests at {rest:.2f} {circuit.unit})"
+    mine, known = (one.at_accuracy(accuracy) for one in (found, test))
+    # If the deadline decides, other thresholds do not help: ``warn_of_missed`` reports it.
+    if max(mine.forced.mean(), known.forced.mean()) > MOST_FORCED:
+        return ""
+    due, low, high = known.settings, found.settings.min(), found.settings.max()
+    if before is not None:
+        due = due + moved(before, circuit, due)
+    if circuit.unit == NATS and not low <= due <= high:
+        why = f"evidence decides at its thresholds of {low:.2f} to {high:.2f}"
+        if due >= rest:
+            why = f"OUT rests at {rest:.2f}"
+        elif due < circuit.readable_nats[0]:
+            why = f"its read-out resolves no OUT below {circuit.readable_nats[0]:.2f}"
+        elif due > high and model.engine.noisy:
+            why = f"noise at rest crosses thresholds above {high:.2f}"
+        return f"would have to decide at an OUT of {due[0]:.3g} nats, but {why} nats"
+    if found.reaches(accuracy):
+        return ""
+    reached = " to ".join(f"{one:.3f}" for one in found.reached[[0, -1]])
+    return f"has {reached} at its thresholds of {low:.2f} to {high:.2f} {circuit.unit}"
 
 
 def without_accuracies(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFrame:

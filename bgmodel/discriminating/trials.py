@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHER, Recorded
 from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.recording import Recording
@@ -108,7 +108,11 @@ class Trials:
                 t_max=TUNING_READINGS, step_ms=self.space.step_ms, seed=rng,
             )  # fmt: skip
             swept = self.models[k].swept(evidence, seed=self._noise("tuning"), workers=self.workers)
-            self.kept[key] = _matched(swept, self._accuracies())
+            self.kept[key] = {
+                accuracy: float(swept.at_accuracy(accuracy).settings[0])
+                for accuracy in self._accuracies()
+                if swept.reaches(accuracy)
+            }
             self.kept["gain", *key[1:]] = self.models[k].gain_on(evidence)
         found: dict[float, float] = self.kept[key]
         return found
@@ -166,15 +170,3 @@ class Trials:
     def _noise(self, kind: str) -> int:
         """Return the seed of the noise of cells in one kind of trials."""
         return int(stream(self.seed, "discriminate", "noise", kind).integers(2**31))
-
-
-def _matched(swept: Tradeoff, accuracies: list[float]) -> dict[float, float]:
-    """Return the threshold at each accuracy that is reached, between those that were tried."""
-    reached = curve(swept, np.ones((1, swept.trials)))[0][0]
-    found = np.interp(accuracies, reached, swept.settings)
-    low, high = reached.min(), reached.max()
-    return {
-        a: float(level)
-        for a, level in zip(accuracies, found, strict=True)
-        if low - margin(a) <= a <= high + margin(a)
-    }

@@ -103,7 +103,7 @@ def compared(asked: Asked, channels: int, accuracy: float) -> pd.DataFrame:
         count = max(200, round(sitting.share * COMPARED))
         evidence = sitting.drawn(Task(name="", about="", channels=channels), count, "compared")
         levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
-        test = tradeoff(Msprt().run(evidence), evidence)
+        test = tradeoff(Msprt().run(evidence), evidence, accuracies=(accuracy,))
         with quiet():
             found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
             again = with_other_noise(model, evidence, found) if model.engine.noisy else None

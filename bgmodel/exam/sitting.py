@@ -12,14 +12,14 @@ import pandas as pd
 from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin
+from bgmodel.deciding.tradeoff import Tradeoff, decides_without_evidence
 from bgmodel.evidence import Evidence
 from bgmodel.exam.examinee import Examinee, once, refused
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, Tables, Unanswered
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import CIRCUIT, behaviour_of, decide_at_thresholds
+from bgmodel.integrators.deciding import behaviour_of, refined
 from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
@@ -35,8 +35,6 @@ DRAWN = 4000
 """Trials that are drawn for each kind of task: a task takes the first of them, so that those with
 the same number share their readings, whatever the number of trials."""
 TUNING_TRIALS = 500
-FINER = 41
-"""Thresholds between two, where the grid is too coarse for an accuracy."""
 TUNING = "tuning"
 """Name of the stream of trials on which thresholds and gains are chosen."""
 FOREPERIOD_MS = 500.0
@@ -108,29 +106,18 @@ class Sitting:
             If it reaches it at no threshold, or by the deadline.
         """
         model, swept = self.tuned(channels)
-        reached = _reached(swept)
-        near = np.abs(reached - accuracy).min() <= margin(accuracy)
-        if not near and reached.min() < accuracy < reached.max():
-            swept = self._finer(model, swept, accuracy)
-            reached = _reached(swept)
-        k = int(np.abs(reached - accuracy).argmin())
-        missed = swept.forced[k].mean()
-        if abs(reached[k] - accuracy) > margin(accuracy) or missed > MOST_MISSED:
+        usual = self.drawn(Task(name="", about="", channels=channels), TUNING_TRIALS, TUNING)
+        with quiet():
+            swept = refined(model, usual, swept, (accuracy,))
+        found = swept.at_accuracy(accuracy)
+        missed = found.forced.mean()
+        if not swept.reaches(accuracy) or missed > MOST_MISSED:
             raise Failed(
                 f"with {channels} alternatives it does not reach an accuracy of {accuracy:g} by "
-                f"evidence: the nearest is {reached[k]:.2f}, {missed:.0%} decided by the deadline"
+                f"evidence: the nearest is {found.posterior.mean():.2f}, {missed:.0%} decided by "
+                "the deadline"
             )
-        return float(swept.settings[k])
-
-    def _finer(self, model: BasalGanglia, swept: Tradeoff, accuracy: float) -> Tradeoff:
-        """Return decisions at thresholds between the two that lie about an accuracy."""
-        above = int(np.flatnonzero(_reached(swept) >= accuracy)[0])
-        ends = swept.settings[max(0, above - 1)], swept.settings[above]
-        usual = Task(name="", about="", channels=model.circuit.channels)
-        evidence = self.drawn(usual, TUNING_TRIALS, TUNING)
-        levels = np.linspace(*ends, FINER)
-        with quiet():
-            return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        return float(found.settings[0])
 
     def drawn(self, task: Task, trials: int, *names: str) -> Evidence:
         """Return the first trials of a task; tasks of one kind share their random numbers."""
@@ -259,12 +246,6 @@ class Sitting:
                     undone[f"{kind} {name}"] = reason
         whole = {kind: pd.concat(some, ignore_index=True) for kind, some in parts.items() if some}
         return Tables(**whole, abstract=self.abstract), undone
-
-
-def _reached(swept: Tradeoff) -> Array:
-    """Return the expected accuracy at each threshold, made monotone, (K,)."""
-    reached, _ = curve(swept, np.ones((1, swept.trials)))
-    return np.asarray(reached[0])
 
 
 def _added(task: Task, evidence: Evidence) -> Array:

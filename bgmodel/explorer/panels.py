@@ -41,8 +41,6 @@ from circuits.show import html as tables_of
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
 
-THRESHOLDS = 40
-"""Number of thresholds of the MSPRT's curve."""
 LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
 KEPT = 3
@@ -164,9 +162,7 @@ def msprt_curve(evidence: Evidence, gain: float) -> pd.DataFrame:
     DataFrame
         Columns mean_ms and accuracy, of trials that the deadline does not decide, in order of time.
     """
-    chance = 1 / evidence.hypotheses
-    levels = -np.log(np.linspace(0.995, chance + 0.02, THRESHOLDS))
-    swept = tradeoff(Msprt(gain).run(evidence), evidence, levels)
+    swept = tradeoff(Msprt(gain).run(evidence), evidence)
     rows = []
     for k in range(len(swept.settings)):
         decided = ~swept.forced[k]
@@ -181,8 +177,13 @@ def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
     values = rows["value"].to_dict()
     accuracy, mean_ms = float(values["accuracy"]), float(values["mean_ms"])
     rising = test.sort_values("accuracy")
-    within = len(rising) and rising["accuracy"].min() <= accuracy <= rising["accuracy"].max()
-    if not within or not np.isfinite(mean_ms):
+    lowest, highest = rising["accuracy"].min(), rising["accuracy"].max()
+    if accuracy < lowest:
+        return (
+            f"{name}: less accurate ({known(accuracy)}) than the optimal test is after one reading "
+            f"({lowest:.3f})."
+        )
+    if not accuracy <= highest or not np.isfinite(mean_ms):
         return (
             f"{name}: at none of its thresholds does the optimal test have this accuracy "
             f"({known(accuracy)}) by the deadline."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from bgmodel.deciding.calibration import posterior_at
 from bgmodel.deciding.decision import Decision, any_crossing
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
+from bgmodel.deciding.tradeoff import Tradeoff, margin, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.criterion import check_threshold, deciding_thresholds, rest_out
@@ -24,6 +25,8 @@ from circuits.errors import InputError
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
+FINER = 41
+"""Thresholds between two where these are too far apart for an accuracy."""
 LOWEST_NATS = 1e-3
 LOWEST, HIGHEST = 0.80, 0.98
 """Default range of accuracies for which thresholds are tried."""
@@ -63,7 +66,9 @@ def thresholds_of(
     if circuit.unit != NATS:
         least = max(circuit.readable_nats[0], silent_nats(circuit))
         return np.linspace(rest_out(circuit), least, THRESHOLDS + 2)[1:-1]
-    about = thresholds_about(test, highest, lowest)
+    about, least = thresholds_about(test, highest, lowest), circuit.readable_nats[0]
+    if about.min() < least < about.max():
+        about = np.append(about[about > least], least)
     found = deciding_thresholds(circuit, about)
     if not found.size:
         raise InputError(
@@ -140,6 +145,23 @@ def decide_at_thresholds(
         first += part.trials
         advance(part.trials)
     return found
+
+
+def refined(
+    model: BasalGanglia, evidence: Evidence, found: Tradeoff, accuracies: Sequence[float]
+) -> Tradeoff:
+    """Run a circuit at more thresholds if those about an accuracy are too far apart for it."""
+    finer = [found.settings[:0]]
+    for accuracy in accuracies:
+        k = int(np.searchsorted(found.reached, accuracy))
+        if 0 < k < len(found.settings):
+            apart = found.reached[k] - found.reached[k - 1]
+            between = np.linspace(found.settings[k - 1], found.settings[k], FINER)[1:-1]
+            finer += [between] if apart > 2 * margin(accuracy) else []
+    levels = np.unique(np.concatenate(finer))
+    if not levels.size:
+        return found
+    return found | decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
 
 def silent_nats(circuit: Circuit) -> float:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import BasalGanglia, Msprt, stream
-from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ceiling
+from bgmodel.comparison.cautions import accuracy_after, warn_of_missed, warn_of_readings
 from bgmodel.comparison.compare import compare
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
@@ -45,16 +45,16 @@ def silent(call, *arguments):
 def test_the_ceiling_is_the_accuracy_of_all_readings():
     evidence = drawn(4000, 12)
     right = (evidence.posterior[:, -1].argmax(axis=1) == evidence.truth).mean()
-    assert abs(ceiling(evidence) - right) < 4 * np.sqrt(right * (1 - right) / 4000)
+    assert abs(accuracy_after(evidence) - right) < 4 * np.sqrt(right * (1 - right) / 4000)
 
 
 def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
-    top = f"{ceiling(evidence):.3f}"
+    top = f"{accuracy_after(evidence):.3f}"
     said = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
     with pytest.warns(DeadlineWarning, match=said):
-        assert warn_of_ceiling(evidence, (0.7, 0.9, 0.99)) == [0.7]
-    assert silent(warn_of_ceiling, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
+        assert warn_of_readings(evidence, (0.7, 0.9, 0.99)) == [0.7]
+    assert silent(warn_of_readings, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
 
 
 def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
@@ -63,9 +63,9 @@ def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_ow
     with pytest.warns(
         DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
     ):
-        warn_of_own_ceiling("LCA", leaky, (0.6, 0.99))
+        warn_of_missed("LCA", leaky, (0.7, 0.99))
     test = tradeoff(Msprt().run(evidence), evidence)
-    silent(warn_of_own_ceiling, "MSPRT", test, (0.6, 0.99))
+    silent(warn_of_missed, "MSPRT", test, (0.7, 0.99))
 
 
 @pytest.mark.parametrize("hypotheses", [2, 4])

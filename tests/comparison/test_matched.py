@@ -10,13 +10,12 @@ from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
-from bgmodel.comparison.matched import _matched, equivalent, latency, matched_measures
+from bgmodel.comparison.matched import at_equal_accuracy, equivalent, latency, matched_measures
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import (
     Tradeoff,
     curve,
     decides_without_evidence,
-    levels,
     margin,
     tradeoff,
 )
@@ -151,7 +150,6 @@ def test_thresholds_fall_and_accuracy_rises():
     assert (np.diff(accuracy) >= 0).all()
     assert (np.diff(time) >= 0).all()
     assert abs(TEST.posterior[TEST.settings == TEST.setting(0.9)].mean() - 0.9) < 0.01
-    assert len(levels(TRACE, 50)) <= 50
 
 
 def test_parts_join_to_the_whole():
@@ -197,27 +195,39 @@ def staircase(reached, name):
     return Tradeoff(settings, np.zeros(shape, dtype=int), times, none, none, posterior)
 
 
-def test_others_are_matched_to_what_the_test_reaches_not_to_what_was_asked_for():
-    """Asked for 0.9 the test reaches 0.892: its nearest is 0.893 of one and 0.8915 of another."""
+def test_all_are_matched_at_the_accuracy_asked_for_between_their_settings():
+    """Asked for 0.9, each divides its trials between the two settings about it."""
     test = staircase([0.80, 0.87, 0.892, 0.96], "test")
     other = staircase([0.85, 0.893, 0.9001, 0.95], "other")
-    again = staircase([0.84, 0.88, 0.8915, 0.8932, 0.9, 0.95], "again")
-    again.time_ms[2] = other.time_ms[1]
-    found = matched_measures(
-        test, other, again=again, rng=stream(1, "b"), accuracies=(0.9,), resamples=20
-    ).set_index("measure")["value"]
-    assert found["test_ms"] == pytest.approx(200)
-    assert found["threshold"] == other.settings[1]
-    # The other with itself, at the setting where both have the same times.
-    assert found["r_noise_corrected"] == pytest.approx(found["pearson_r"])
+    found = matched_measures(test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
+    found = found.set_index("measure")["value"]
+    share = (0.9 - 0.892) / (0.96 - 0.892), (0.9 - 0.893) / (0.9001 - 0.893)
+    assert found["test_ms"] == pytest.approx(100 * (2 + share[0]), abs=3)
+    assert found["extra_ms"] == pytest.approx(100 * (1 + share[1] - 2 - share[0]), abs=3)
+    assert found["threshold"] == pytest.approx(
+        other.settings[1] + share[1] * (other.settings[2] - other.settings[1])
+    )
 
 
-@given(st.lists(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), min_size=1))
-def test_a_match_is_the_nearest_there_is(reached):
-    at = _matched(reached, 0.9)
-    of_test = reached[0][at[0]]
-    for k, one, wanted in zip(at, reached, [0.9, *[of_test] * (len(at) - 1)], strict=True):
-        assert abs(one[k] - wanted) == min(abs(one - wanted))
+def test_at_the_end_of_the_range_of_the_test_others_are_matched_to_it():
+    """Asked for 0.9 the test reaches 0.894, within the margin: so does the other then."""
+    test, other = staircase([0.80, 0.894], "test"), staircase([0.84, 0.88, 0.9], "other")
+    matched = at_equal_accuracy((test, other), 0.9)
+    assert [one.posterior.mean() for one in matched] == pytest.approx([0.894] * 2, abs=1e-3)
+    assert [test.reaches(a) for a in (0.77, 0.791, 0.9, 0.906)] == [False, True, True, False]
+
+
+@given(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), st.floats(0.4, 1), st.data())
+def test_decisions_at_an_accuracy_have_it(reached, accuracy, data):
+    """Or that of the nearest end; a setting between neighbours shares their trials."""
+    swept = staircase(np.sort(reached), "any")
+    found = swept.at_accuracy(accuracy)
+    wanted = np.clip(accuracy, reached.min(), reached.max())
+    # The division of 100 trials is even to within a few of them.
+    assert found.posterior.mean() == pytest.approx(wanted, abs=0.04 * np.ptp(reached) + 1e-6)
+    above = np.searchsorted(np.sort(reached), wanted - 1e-6)
+    near = swept.settings[max(above - 1, 0) :]
+    assert near.min() - 1e-9 <= found.settings[0] <= near.max() + 1e-9
 
 
 def test_trials_that_are_alike_in_a_group_make_the_interval_wider():

@@ -18,6 +18,7 @@ from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, Rate
 from circuits.laws.controls import linear_stn, shuffled_stn
+from tests.comparison.deadlines import Task, changed, compared
 
 pytestmark = pytest.mark.validate
 SCORING_SEED = 40_002
@@ -106,3 +107,9 @@ def test_a_circuit_without_what_computes_agrees_less():
     assert change.loc[("linear", "extra_ms"), "low"] < baseline.loc["extra_ms", "high"]
     assert change.loc[("linear", "extra_ms"), "high"] > baseline.loc["extra_ms", "low"]
     assert np.isnan(change.loc[("shuffled", "agreement"), "value"])
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_a_later_deadline_changes_no_comparison(seed):
+    """Random tasks, engines and deadlines: what is reported stays within its interval."""
+    assert changed(compared(Task.drawn(seed))).empty

@@ -1,0 +1,76 @@
+"""The law of a deadline: what a comparison reports does not change if trials may last longer."""
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bgmodel import BasalGanglia, compare, gaussian_evidence, stream
+from circuits.anatomy import load_circuit
+from circuits.errors import BgmodelWarning
+from tests.helpers import cues
+
+MEASURES = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_gap", "forced")
+KEYS = ["model", "reference", "accuracy", "measure"]
+NEGLIGIBLE = 0.002
+"""Largest share of trials decided by the deadline for which the law must hold."""
+TRIALS = 200
+
+
+@dataclass(frozen=True)
+class Task:
+    """A random task; ``readings`` are the shorter and the longer deadline."""
+
+    kind: str
+    engine: str
+    channels: int
+    d_prime: float
+    readings: tuple[int, int]
+    seed: int
+
+    @classmethod
+    def drawn(cls, seed):
+        """Draw a task whose shorter deadline comes late."""
+        rng = stream(seed, "deadlines")
+        d_prime = float(np.exp(rng.uniform(np.log(0.7), np.log(3))))
+        short = int(rng.uniform(30, 45) / d_prime**2) + 10
+        readings = short, int(short * rng.uniform(1.3, 2.5)) + 1
+        kind = str(rng.choice(["gaussian", "gaussian", "cues"]))
+        channels = 2 if kind == "cues" else int(rng.integers(2, 5))
+        engine = str(rng.choice(["algebra", "rate", "population"], p=[0.1, 0.45, 0.45]))
+        return cls(kind, engine, channels, d_prime, readings, seed)
+
+    def evidence(self):
+        """Return the evidence until the longer deadline."""
+        if self.kind == "gaussian":
+            given = {"d_prime": self.d_prime, "channels": self.channels, "seed": self.seed}
+            return gaussian_evidence(TRIALS, t_max=self.readings[1], **given)
+        return cues(TRIALS, self.readings[1], self.d_prime, self.seed)
+
+
+def compared(task):
+    """Return the measures under both deadlines, one row per model, reference and accuracy.
+
+    Rows are those at whose accuracy the shorter deadline decides next to nothing for any model.
+    """
+    whole = task.evidence()
+    model = BasalGanglia(load_circuit("macaque", task.channels), task.engine, seed=task.seed)
+    tables = []
+    for readings in task.readings:
+        part = replace(whole, log_likelihood=whole.log_likelihood[:, :readings])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", BgmodelWarning)
+            table = compare(model, part, baselines=["max vs average"], resamples=200).table
+        rows = table[table["measure"].isin(MEASURES)]
+        tables.append(rows)
+    both = tables[0].merge(tables[1], on=KEYS, suffixes=("_short", "_long"))
+    late = both[both["measure"] == "forced"].groupby("accuracy")["value_short"].max()
+    return both[~(both["accuracy"].map(late) > NEGLIGIBLE)]
+
+
+def changed(both):
+    """Return the rows that break the law: known under one deadline, or outside the interval."""
+    short, long = both["value_short"], both["value_long"]
+    # Where no trial differs, intervals have no width: times are then equal to within rounding.
+    outside = (long < both["low_short"] - 1e-4) | (long > both["high_short"] + 1e-4)
+    return both[(short.notna() != long.notna()) | outside]
