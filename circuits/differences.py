@@ -14,7 +14,7 @@ from circuits.declaration.row_edits import NAMES, OF_CELL, Row
 from circuits.declaration.rows import Population
 from circuits.errors import InputError
 
-FOR_READERS = ("cite", "published_hz")
+FOR_READERS = ("cite", "cite_more", "published_hz")
 """Fields that change no run."""
 
 
@@ -50,8 +50,10 @@ def differences(first: Circuit, second: Circuit) -> Edits:
 
 def _rows(circuit: Circuit) -> list[Row]:
     """Return all rows by name, without what is for readers."""
-    rows: list[Row] = [replace(row, cite="", published_hz=()) for row in circuit.populations]
-    rows += [replace(row, cite="") for row in circuit.projections]
+    rows: list[Row] = [
+        replace(row, cite="", cite_more="", published_hz=()) for row in circuit.populations
+    ]
+    rows += [replace(row, cite="", cite_more="") for row in circuit.projections]
     return sorted(rows, key=lambda row: row.name)
 
 

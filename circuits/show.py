@@ -47,7 +47,7 @@ def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
             "receptor": p.receptor,
             "heterogeneity": p.heterogeneity,
             "intact": _intact(p),
-            "source": p.cite or ASSUMED,
+            "source": _source(p),
         }
         for p in circuit.populations
     ]
@@ -68,7 +68,7 @@ def pathways(circuit: CircuitTable) -> pd.DataFrame:
             "intact": _intact(p),
             "f": p.transfer,
             "receptor": p.receptor,
-            "source": p.cite or ASSUMED,
+            "source": _source(p),
         }
         for p in circuit.projections
     ]
@@ -211,6 +211,11 @@ def _text(table: pd.DataFrame) -> str:
     }
     lines = table.to_string(index=False, float_format="{:.4g}".format, formatters=words)
     return "\n".join(line.rstrip() for line in lines.splitlines())
+
+
+def _source(row: Population | Projection) -> str:
+    """Return the sources of a row's numbers."""
+    return "; ".join(filter(None, (row.cite, row.cite_more))) or ASSUMED
 
 
 def _intact(p: Population | Projection) -> str:

@@ -25,6 +25,8 @@ MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OF_TWO = f"pacemaker, CV assumed; rate of 2 channels {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
+EXACT = "weight from OUT = -ln P"
+"""Given the weights that are tuned or assumed."""
 D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 {SHEN}"
 MOST_LEAD_NATS = {
@@ -103,14 +105,16 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
     ), (
-        # The heterogeneity of the cells' rates is assumed; their mean is that of the line.
-        "name       heterogeneity published_hz",
-        ("ctx",     0.3,   ()),
-        ("D1",      0.3,   (0.0, 1.0)),
-        ("D2",      0.3,   (0.0, 1.0)),
-        ("STN",     0.3,   (15.2, 22.8)),
-        ("GPe",     0.3,   (55.7, 74.5)),
-        ("SNr",     0.3,   (59.1, 79.5)),
+        # The mean of the cells' rates is that of the line.
+        "name       heterogeneity published_hz  cite_more",
+        ("ctx",     0.3,   (),           "heterogeneity, tau assumed; cells tuned"),
+        ("ctx_inh", 0.0,   (),           "tau assumed"),
+        ("D1",      0.3,   (0.0, 1.0),   "heterogeneity, pivot assumed"),
+        ("D2",      0.3,   (0.0, 1.0),   "heterogeneity, pivot assumed"),
+        ("STN",     0.3,   (15.2, 22.8), "heterogeneity, cells, tau assumed"),
+        ("GPe",     0.3,   (55.7, 74.5), "heterogeneity, cells assumed"),
+        ("GPe_ctx", 0.0,   (),           "tau tuned"),
+        ("SNr",     0.3,   (59.1, 79.5), "heterogeneity assumed; cells tuned"),
     ))
     projections = rows(Projection, (
         "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",
@@ -127,6 +131,17 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        D2_GABA),
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
         ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        TO_CTX),
+    ), (
+        "source     target     cite_more",
+        ("ctx",     "D1",      EXACT),
+        ("ctx",     "D2",      "weight assumed"),
+        ("ctx",     "STN",     EXACT),
+        ("D1",      "SNr",     EXACT),
+        ("D2",      "GPe",     "weight assumed"),
+        ("STN",     "GPe",     f"{EXACT}; pivot: GPe's input at rest, assumed"),
+        ("STN",     "SNr",     EXACT),
+        ("STN",     "GPe_ctx", "weight, delay assumed"),
+        ("GPe_ctx", "ctx",     "weight assumed"),
     ), (
         # Dopamine weakens the loop at its terminals; GPe's activity is 0 at rest.
         "source target receptor operating_point_nats",

@@ -71,6 +71,9 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         ("STN",    "exp",       5,      "",       0.0,        log(s0) - top + 0.1 * (top - 0.3)),
         ("GPe",    "linear",    0.0,    "",       0.0,        -slope * s0),
         ("SNr",    "linear",    0.0,    "",       0.0,        top - s0 - (top - 0.65)),
+    ), (
+        "name      cite_more",
+        ("ctx",    "cells, tau assumed"),
     ))
     projections = rows(Projection, (
         "source    target    weight     pattern    delay_ms  tau_ms  cite",

@@ -149,6 +149,7 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
         identity = {"source": source, "target": target} if arrow else {"name": name}
         if like is not None:
             given.setdefault("cite", _as(like, given))
+            like = replace(like, cite_more="")
         if isinstance(like, Population):
             like = replace(like, **WHOLE, published_hz=())
         return _row(kind, like, given, identity)

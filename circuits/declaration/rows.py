@@ -94,6 +94,8 @@ class Population:
     published_hz : tuple of float
         Lowest and highest published resting rate of the nucleus, Hz; empty if unknown. For
         display only: it affects neither the simulation nor the circuit's hash.
+    cite_more : str
+        Source of numbers that ``cite`` does not name; for display only, as ``published_hz``.
     """
 
     name: str
@@ -114,6 +116,7 @@ class Population:
     intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
     published_hz: tuple[float, ...] = ()
+    cite_more: str = ""
 
     def __post_init__(self) -> None:
         _check_name(self.name)
@@ -186,6 +189,9 @@ class Projection:
         Factors on ``intact`` in each target channel; empty means 1 in all.
     cite : str
         Source of the numbers.
+    cite_more : str
+        Source of numbers that ``cite`` does not name. For display only: it affects neither the
+        simulation nor the circuit's hash.
     """
 
     source: str
@@ -202,6 +208,7 @@ class Projection:
     intact: float = 1.0
     intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
+    cite_more: str = ""
 
     def __post_init__(self) -> None:
         _check_name(self.source)

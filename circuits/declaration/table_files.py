@@ -30,7 +30,7 @@ TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
     "projections": Projection,
     "courses": Course,
 }
-NOT_HASHED = ("published_hz",)
+NOT_HASHED = ("published_hz", "cite_more")
 """Fields of rows for display only, which are not part of the hash."""
 SPARE = ("courses",)
 """Tables that are omitted from a file if they are empty."""

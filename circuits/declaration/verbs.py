@@ -18,7 +18,7 @@ from circuits.declaration.rows import OF_CELLS, OF_TIME, Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import EditWarning, InputError, shown
 
-NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "published_hz")
+NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "cite_more", "published_hz")
 """Fields of rows that do not affect the fixed point."""
 
 

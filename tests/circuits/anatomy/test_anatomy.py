@@ -1,11 +1,14 @@
 """What holds for every table."""
 
 import math
+import re
+from dataclasses import fields
 
 import pytest
 
-from circuits import anatomy
+from circuits import anatomy, show
 from circuits.declaration import table_files
+from circuits.declaration.rows import Population
 from circuits.declaration.table_files import digest
 from circuits.errors import EditWarning
 from tests.helpers import refused
@@ -18,9 +21,55 @@ def test_a_table_has_two_or_more_channels(table, channels):
         table(channels)
 
 
+OF_RATES = r"\brates?\b|\brest\b"
+WORDS = {
+    "weight": "weight|share",
+    "delay_ms": "delay",
+    "tau_ms": r"\btau\b|\btime",
+    "neurons": r"(?<!no )\bcells",
+    "cell": "CV",
+    "heterogeneity": "heterogeneity",
+    "operating_point_nats": "pivot",
+    **dict.fromkeys(("baseline_hz", "gain_hz_per_nat", "bias_nats"), OF_RATES),
+}
+"""Words by which a citation names the numbers of a row."""
+SOURCE = re.compile(r"\b\d{4}\b|assumed|tuned|fit|from OUT = -ln P")
+"""A publication's year, or a word that says where else a number is from."""
+
+
+def without_source(row, named):
+    """Return the fields with a number that no part of the row's citation names with its source.
+
+    A part that names no field gives the source of the whole row, unless each must be ``named``.
+    """
+    text = f"{row.cite}; {row.cite_more}"
+    parts = [part for part in text.split(";") if SOURCE.search(part)]
+    whole = [part for part in parts if not re.search("|".join(WORDS.values()), part)]
+    if text == "assumed; " or (whole and not named):
+        return []
+    numbers = [
+        field.name
+        for field in fields(row)
+        if field.name in WORDS and getattr(row, field.name) != field.default
+    ]
+    if isinstance(row, Population) and not fields(row.cell)[0].type.startswith("float"):
+        numbers.remove("cell")
+    return [k for k in numbers if not any(re.search(WORDS[k], part) for part in parts)]
+
+
 def test_every_number_has_a_source(circuit):
-    for row in (*circuit.populations, *circuit.projections):
-        assert row.cite, row.name
+    rows = (*circuit.populations, *circuit.projections)
+    assert {row.name: row.cite for row in rows if not row.cite} == {}
+    found = {row.name: without_source(row, circuit.name == anatomy.DEFAULT) for row in rows}
+    assert {name: missing for name, missing in found.items() if missing} == {}
+
+
+def test_the_source_of_a_weight_is_shown_and_belongs_to_no_hash_and_to_no_row_like_it():
+    table = anatomy.macaque(2)
+    row = table["D1->SNr"]
+    assert row.cite_more in show.text(table)
+    assert digest(table.with_projection("D1", "SNr", cite_more="")) == digest(table)
+    assert table.edited("add D1->GPe like=D1->SNr")["D1->GPe"].cite_more == ""
 
 
 HASHES = {
