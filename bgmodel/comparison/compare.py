@@ -39,6 +39,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError
 
@@ -112,7 +113,7 @@ class Comparison(Facts):
         by = ["reference", "model", "accuracy"]
         wide = rows.pivot(index=by, columns="measure", values="value").reset_index()
         order = rows[by].drop_duplicates().merge(wide, on=by)
-        return order[[*by, *(name for name in SUMMARY if name in order)]].round(3)
+        return Readable(order[[*by, *(name for name in SUMMARY if name in order)]].round(3))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""

@@ -120,7 +120,7 @@ class Decision(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return accuracy, mean time and numbers of trials, one row per threshold."""
-        import pandas as pd
+        from bgmodel.support.tables import Readable
 
         decided = np.atleast_2d(self.choice != UNDECIDED)
         accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)
@@ -132,7 +132,7 @@ class Decision(Facts):
             "forced": np.atleast_2d(self.forced).sum(axis=1),
             "premature": np.atleast_2d(self.premature).sum(axis=1),
         }
-        return pd.DataFrame(found)
+        return Readable(found)
 
     def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Figure:
         """Draw the distribution of decision times; of several thresholds, accuracy against time.

@@ -20,6 +20,7 @@ from bgmodel.discriminating.space import AXES, Space
 from bgmodel.exam.numbers import Z95
 from bgmodel.support.files import provenance, replacing
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import require
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ class Discrimination(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return the trials that the best task needs; see ``sequential``."""
-        return self.sequential
+        return Readable(self.sequential)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""

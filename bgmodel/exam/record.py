@@ -16,6 +16,7 @@ from bgmodel.exam.numbers import Z95, Number
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, outcome_of
 from bgmodel.support.files import provenance, replacing
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,7 +120,7 @@ class ExamRecord(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return the totals of each domain, see ``totals``; there is no total over domains."""
-        return totals(self.table)
+        return Readable(totals(self.table))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""

@@ -42,6 +42,7 @@ from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.declaration.table_files import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
@@ -288,15 +289,15 @@ class Outcome(Facts):
         for name in CONDITIONS:
             rows = shown[shown["condition"] == name].set_index("measure")
             found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
-        return pd.DataFrame(found).round(3)
+        return Readable(found).round(3)
 
     def verdicts(self) -> pd.DataFrame:
         """Return each prediction with the observed change, the verdict and its reason."""
-        return outcomes(self.experiment, self.measures)
+        return Readable(outcomes(self.experiment, self.measures))
 
     def published(self) -> pd.DataFrame:
         """Return each published effect with the corresponding effect in the circuit."""
-        return beside_published(self.experiment, self.measures)
+        return Readable(beside_published(self.experiment, self.measures))
 
     def text(self) -> str:
         """Return the report that the command prints."""

@@ -29,6 +29,7 @@ from bgmodel.fitting.simulated.error import Simulation, simulation_error, withou
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import FitWarning
 
 if TYPE_CHECKING:
@@ -92,9 +93,10 @@ class Fit(Facts):
     def summary(self) -> pd.DataFrame:
         """Return the numbers of the fit with their errors and intervals, as a table to read."""
         table = self.parameters().set_index("parameter").drop(columns="simulation_error")
-        return table.dropna(axis="columns", how="all").map(
+        shown = table.dropna(axis="columns", how="all").map(
             lambda value: value if isinstance(value, (bool, np.bool_)) else float(f"{value:.4g}")
         )
+        return Readable(shown)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``parameters()``."""

@@ -19,6 +19,7 @@ from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import DataWarning, InputError
 
 FEWEST_STOPS = 50
@@ -162,7 +163,7 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
         mean = failed.mean() if len(failed) else np.nan
         rows.append((delay, len(times), p, low, high, mean, ssrt))
     names = ["ssd_ms", "trials", "p_respond", "low", "high", "failed_ms", "ssrt_ms"]
-    return pd.DataFrame(rows, columns=names)
+    return Readable(rows, columns=names)
 
 
 def ssrt_by_delay(table: pd.DataFrame) -> float:

@@ -15,6 +15,7 @@ import pandas as pd
 from bgmodel.support.checks import path_of
 from bgmodel.support.processes import end_if_imported, processes
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
@@ -158,7 +159,7 @@ class SweepOutcome(Facts):
         wide = chosen.pivot_table(
             index=list(self.plan.axes), columns="measure", values="value", sort=False, dropna=False
         )
-        return wide[list(self.plan.show)].round(3)
+        return Readable(wide[list(self.plan.show)].round(3))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""

@@ -30,6 +30,7 @@ from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.support.arrays import Array
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import FitWarning, InputError
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class GroupFit(Facts):
             "rhat": rhat.max(axis=0),
             "effective_sample_size": effective.min(axis=0),
         }
-        return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
+        return Readable(columns, index=pd.Index(self.parameters, name="parameter"))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return each person's parameters: participant, parameter, median, low, high."""

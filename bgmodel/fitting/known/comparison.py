@@ -30,7 +30,7 @@ def compared(fits: Mapping[str, KnownFit]) -> pd.DataFrame:
     low (that minus 1.64 times the simulation error of both), nats_per_reading (log likelihood
     relative to the best model, per reading before the response).
     """
-    import pandas as pd
+    from bgmodel.support.tables import Readable
 
     scores = {name: fit.score for name, fit in fits.items()}
     best = max(scores, key=lambda name: scores[name].log_evidence)
@@ -52,7 +52,7 @@ def compared(fits: Mapping[str, KnownFit]) -> pd.DataFrame:
                 "nats_per_reading": apart / max(int(likelihood.trials.seen.sum()), 1),
             }
         )
-    return pd.DataFrame(rows)
+    return Readable(rows)
 
 
 def verdict(table: pd.DataFrame) -> str:

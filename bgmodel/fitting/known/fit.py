@@ -14,6 +14,7 @@ from bgmodel.fitting.known.kernels import ALIGNED, DATA, POSITIONS, kernel
 from bgmodel.fitting.known.likelihood import KnownLikelihood
 from bgmodel.fitting.known.optimum import KnownOptimum, Score, known_optimum, score_of
 from bgmodel.support.reprs import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import FitWarning
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class KnownFit(Facts):
         """Return the parameters as a table to read."""
         table = self.parameters().set_index("parameter")
         numbers = ["value", "standard_error"]
-        return table.assign(**{n: [float(f"{x:.4g}") for x in table[n]] for n in numbers})
+        return Readable(table.assign(**{n: [float(f"{x:.4g}") for x in table[n]] for n in numbers}))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``parameters()``."""
