@@ -103,11 +103,12 @@ def _verdict(rows: pd.Series, same: bool) -> str:
     """Return a sentence on the values of measures at one accuracy."""
     if rows.isna().all():
         return NOT_REACHED
-    equal = f"as accurate in equal time (within {MARGIN:g})"
+    equal = f"as accurate once its mean delay is subtracted (within {MARGIN:g})"
     if not same:
-        equal = f"equal accuracy in equal time is not established (within {MARGIN:g})"
-    chance = rows["agreement_chance"]
-    return f"same choice {rows['agreement']:.3f} ({chance:.3f} by chance), {equal}"
+        equal = f"not shown to be {equal}"
+    late, chance = rows["extra_ms"], rows["agreement_chance"]
+    later = f", {abs(late):.0f} ms {'later' if late > 0 else 'earlier'}" if late == late else ""
+    return f"same choice {rows['agreement']:.3f} ({chance:.3f} by chance){later}; {equal}"
 
 
 def _accuracies_in(text: str) -> list[str]:
