@@ -22,6 +22,7 @@ from circuits.plots import (
     mark_onset,
     one_panel,
     styled,
+    titled,
 )
 
 if TYPE_CHECKING:
@@ -70,12 +71,12 @@ def output(
     time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating], ax: Axes | None = None
 ) -> Figure:
     """Draw OUT (ticks, hypotheses) of a trial against the time from the onset of evidence."""
-    figure, ax = one_panel(ax)
+    given, (figure, ax) = ax is not None, one_panel(ax)
     for hypothesis, values in enumerate(out_nats.T):
         ax.plot(np.asarray(time_ms), values, label=f"Hypothesis {hypothesis}", **look(hypothesis))
     mark_onset(ax)
     ax.set(xlabel=FROM_ONSET, ylabel="OUT (nats)")
-    legend_above(ax)
+    legend_above(ax, given=given)
     return figure
 
 
@@ -87,13 +88,13 @@ def posteriors(
     ax: Axes | None = None,
 ) -> Figure:
     """Draw posteriors (readings, hypotheses) of a trial; the true hypothesis is the thick line."""
-    figure, ax = one_panel(ax)
+    given, (figure, ax) = ax is not None, one_panel(ax)
     for hypothesis, values in enumerate(posterior.T):
         label = f"Hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
         width = 2.5 if hypothesis == truth else 1.0
         ax.step(time_ms, values, where="post", lw=width, label=label, **look(hypothesis))
     ax.set(xlabel=FROM_ONSET, ylabel="Posterior probability", ylim=(-0.02, 1.02))
-    legend_above(ax)
+    legend_above(ax, given=given)
     return figure
 
 
@@ -122,7 +123,7 @@ def choice_times(
         Hatched parts are trials that the deadline decided. The title has the proportion correct of
         decided trials with Wilson's 95 % interval, and the numbers of trials.
     """
-    figure, ax = one_panel(ax)
+    given, (figure, ax) = ax is not None, one_panel(ax)
     chosen, times, late = np.asarray(choice), np.asarray(time_ms), np.asarray(forced, dtype=bool)
     decided = chosen >= 0
     ax.set(xlabel=FROM_ONSET.replace("Time", "Decision time"), ylabel="Trials")
@@ -145,7 +146,7 @@ def choice_times(
     if not decided.all():
         said.append(f"{int((~decided).sum())} undecided")
     if not decided.any():
-        ax.set_title(", ".join(said))
+        titled(ax, ", ".join(said), given=given)
         ax.text(0.5, 0.5, "No trial was decided", transform=ax.transAxes, ha="center", color=GREY)
         ax.set(xticks=[], yticks=[])
         return figure
@@ -170,7 +171,7 @@ def choice_times(
     ax.axhline(0, color="k", lw=0.8)
     ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     ax.locator_params(axis="y", integer=True)
-    legend_above(ax, title=", ".join(said))
+    legend_above(ax, title=", ".join(said), given=given)
     return figure
 
 
@@ -224,7 +225,7 @@ def tradeoff(
     ax : Axes, optional
         Axes to draw on; by default those of a new figure.
     """
-    figure, ax = one_panel(ax)
+    given, (figure, ax) = ax is not None, one_panel(ax)
     order = np.argsort(mean_ms)
     x, k, n = (np.asarray(values, dtype=float)[order] for values in (mean_ms, correct, decided))
     low, high = wilson(k, n)
@@ -234,7 +235,8 @@ def tradeoff(
     if len(n):
         least, most = int(n.min()), int(n.max())
         many = f"{most}" if least == most else f"{least} to {most}"
-        ax.set_title(f"{many} decided trials per threshold; bars: 95 % intervals")
+        said = f"{many} decided trials per threshold; bars: 95 % intervals"
+        titled(ax, said, given=given)
     return figure
 
 
@@ -255,13 +257,13 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
 
     The dashed line is equality: weights are calibrated if the points lie along it.
     """
-    figure, ax = one_panel(ax)
+    given, (figure, ax) = ax is not None, one_panel(ax)
     known, found = np.ravel(exact), np.ravel(learned)
     ax.plot(known, found, ".", ms=3, alpha=0.5, color=PALETTE[0])
     ends = [float(known.min()), float(known.max())]
     ax.plot(ends, ends, "--", color=GREY, lw=1, label="Equal")
     ax.set(xlabel="Exact log-likelihood ratio (nats)", ylabel="Learned ratio (nats)")
-    legend_above(ax)
+    legend_above(ax, given=given)
     return figure
 
 

@@ -25,6 +25,7 @@ from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from bgmodel.tactile.source import Folds, Source, folds
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
@@ -95,7 +96,7 @@ class Story:
 
     def summary(self) -> pd.DataFrame:
         """Return the numbers as a table: measure and value."""
-        return pd.DataFrame(self.numbers.items(), columns=["measure", "value"])
+        return Readable(self.numbers.items(), columns=["measure", "value"])
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all tables as one, with a column ``part`` that names the table of each row."""
@@ -316,10 +317,12 @@ def _psychometric(ax: Axes, of: Story) -> None:
     ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o", ms=4,
                 color=PALETTE[0], label="Observed (mean, range over folds)")  # fmt: skip
     ax.plot(rows["stimulus"], rows["claimed"], "k:", lw=1, label="Stated by the posterior")
-    accuracy_axis(ax, 1 / of.numbers["hypotheses"])
+    chance = 1 / of.numbers["hypotheses"]
+    accuracy_axis(ax, chance)
+    ax.set_ylim(chance - 0.35 * (1 - chance), 1.03)  # the legend is below chance
     ax.set(xlabel=of.axis[:1].upper() + of.axis[1:], ylabel="Proportion correct",
            title="Single reading")  # fmt: skip
-    ax.legend(frameon=False, fontsize=7, loc="lower right", bbox_to_anchor=(1, 0.12))
+    ax.legend(frameon=False, fontsize=7, loc="lower right")
 
 
 def _speed(ax: Axes, of: Story) -> None:

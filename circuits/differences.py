@@ -50,10 +50,9 @@ def differences(first: Circuit, second: Circuit) -> Edits:
 
 def _rows(circuit: Circuit) -> list[Row]:
     """Return all rows by name, without what is for readers."""
-    rows: list[Row] = [
-        replace(row, cite="", cite_more="", published_hz=()) for row in circuit.populations
-    ]
-    rows += [replace(row, cite="", cite_more="") for row in circuit.projections]
+    rows: list[Row] = [replace(row, published_hz=()) for row in circuit.populations]
+    rows += circuit.projections
+    rows = [replace(row, cite="", cite_more="") for row in rows]
     return sorted(rows, key=lambda row: row.name)
 
 

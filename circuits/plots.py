@@ -136,8 +136,17 @@ def look(channel: int) -> Look:
     }
 
 
-def legend_above(ax: Axes, columns: int = 3, title: str = "", **options: Any) -> None:
-    """Put the legend of Axes above them, where it covers no data, and a title above both."""
+def legend_above(
+    ax: Axes, columns: int = 3, title: str = "", *, given: bool = False, **options: Any
+) -> None:
+    """Put the legend of Axes above them, where it covers no data, and a title above both.
+
+    On Axes that the user has ``given``, the space above is for one title: the legend is inside.
+    """
+    if given:
+        ax.legend(loc="best", handlelength=1.4, **options)
+        titled(ax, title, given=True)
+        return
     handles, labels = ax.get_legend_handles_labels()
     columns = min(columns, max(1, len(labels)))
     ax.legend(
@@ -154,6 +163,14 @@ def legend_above(ax: Axes, columns: int = 3, title: str = "", **options: Any) ->
     if title:
         rows = -(-len(labels) // columns)
         ax.set_title(title, pad=6 + 11 * rows)
+
+
+def titled(ax: Axes, title: str, *, given: bool) -> None:
+    """Give Axes a title; on Axes that the user has ``given``, one that the user's replaces."""
+    if not given:
+        ax.set_title(title)
+    elif not ax.get_title():
+        ax.set_title(title, loc="center")
 
 
 def mark_onset(ax: Axes, **options: Any) -> None:

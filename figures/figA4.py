@@ -64,8 +64,8 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
         ax.set(ylabel=label, xlabel="fraction of STN lost (%)")
     letter(lower[0], f"c  time, {SHOWN}")
     letter(lower[1], f"d  accuracy, {SHOWN}")
-    key(figure, grid[0, 0], lower[0], ncols=3, columnspacing=1.5)
     _early(lower[2], anticipation)
+    key(figure, grid[0, 0], *lower[::2], ncols=3, columnspacing=1.5)
     letter(lower[2], "e  before the onset")
     say_if_older(figure, behaved, ahead)
     return figure
@@ -129,7 +129,7 @@ def _early(ax: Any, table: pd.DataFrame) -> None:
     for task, line in zip(SLOW, ("-", "--"), strict=True):
         for most, colour in RAMPS.items():
             whole = where(table, evidence=task, most_nats=most, lost=1).sort_values("rebound_nats")
-            label = f"{task.split(', ')[1]}, up to {most:g} nats"
+            label = f"e: {task.split(', ')[1]}, up to {most:g} nats"
             fill = colour if line == "-" else "w"
             style: dict[str, Any] = {"fmt": "o", "ls": line, "color": colour, "mfc": fill}
             bars(ax, whole["rebound_nats"], whole, "anticipatory", ms=3, lw=1, label=label, **style)
@@ -137,10 +137,9 @@ def _early(ax: Any, table: pd.DataFrame) -> None:
     intact = table[table["state"] == INTACT]["anticipatory"].max()
     # One line for all of them, at the highest.
     level = max(partly, intact)
-    ax.axhline(level, color="0.6", lw=0.8, zorder=0, label="maximum of intact and partial loss")
-    ax.set(xlabel="rebound of SNr (nats)", ylabel="share of responses", ylim=(-0.03, 1.75))
+    ax.axhline(level, color="0.6", lw=0.8, zorder=0, label="e: maximum of intact and partial loss")
+    ax.set(xlabel="rebound of SNr (nats)", ylabel="share of responses", ylim=(-0.03, 1.03))
     ax.set_yticks(np.arange(0, 1.1, 0.25))
-    ax.legend(loc="upper right", ncols=1)
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ def _errors(ax: Any, table: pd.DataFrame) -> None:
     ax.fill_between(ends, ends, 1, color="0.9", lw=0)
     ax.set(xscale="log", yscale="log", xlim=ends, ylim=(1e-3, 0.5))
     ax.set(xlabel="errors allowed, 1 − P", ylabel="errors made")
-    ax.legend(loc="upper left")
+    ax.legend(loc="upper left", ncols=3, columnspacing=1, handlelength=1.2)
 
 
 def _calibration(ax: Any, table: pd.DataFrame) -> None:

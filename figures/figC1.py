@@ -127,7 +127,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 def _circuit(ax: Any) -> Any:
     draw_circuit(CIRCUIT, ax)
     for text in ax.texts:  # boxes are smaller here than in a figure of their own
-        text.set_fontsize(5.5)
+        text.set_fontsize(4.8)
     return ax
 
 
@@ -139,7 +139,7 @@ def _stn(ax: Any, below: Any, table: pd.DataFrame) -> None:
     x, found, law = (table[name] for name in ("input_nats", "rate_hz", "law_hz"))
     ax.plot(x, law, color="0.6", lw=1, label=f"{STN.gain_hz_per_nat:g} Hz · exp(input)")
     ax.plot(x, found, "o", ms=3, mfc="none", color="C1", label="STN cells, counted")
-    ax.set(yscale="log", ylabel="rate (Hz)")
+    ax.set(yscale="log", ylabel="rate (Hz)", ylim=(0.4, 8 * found.max()))  # room for the legend
     ax.legend(loc="upper left")
     off = 100 * (found / law - 1)
     below.axhline(0, color="0.6", lw=1)

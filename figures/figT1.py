@@ -19,7 +19,7 @@ from figures.common import Settings, run
 
 STEP_MS = 50.0
 AXES = {"simulated": "period of the grating (mm)", "real": "turn of the edge (deg)"}
-
+ROWS = {"simulated": "Simulated sensor", "real": "Real sensor"}
 LETTERS = {"simulated": ("a  ", "b  ", "c  ", "d  "), "real": ("e  ", "f  ", "g  ", "h  ")}
 
 
@@ -52,6 +52,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         rows = table[table["sensor"] == name]
         one = Story.from_dataframe(rows, AXES[name], STEP_MS)
         one.draw(axes[row], LETTERS[name])
+        axes[row, 0].set_ylabel(f"{ROWS[name]}\n{axes[row, 0].get_ylabel()}")
     return figure
 
 

@@ -67,7 +67,9 @@ def shrink(drawn: Path, kept: Path) -> None:
     with Image.open(drawn) as picture, replacing(kept) as partial:
         size = (min(WIDTH, picture.width), round(picture.height * min(1, WIDTH / picture.width)))
         small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        palette = small.quantize(COLOURS, dither=Image.Dither.NONE)
+        # Few pixels of a line have its colour: the usual choice of colours would change it.
+        every = Image.Quantize.MAXCOVERAGE
+        palette = small.quantize(COLOURS, method=every, kmeans=2, dither=Image.Dither.NONE)
         palette.save(partial, "PNG", optimize=True, pnginfo=stamped)
 
 

@@ -37,7 +37,7 @@ def test_times_are_drawn_by_choice_and_the_undecided_are_counted(ax):
     assert plots.choice_times([0, 2, -1, 0], TIMES, np.zeros(4), ax=ax) is ax.figure
     assert texts(ax) == ["Chose 0 (n = 2)", "Chose 2 (n = 1)"]
     assert heights(ax, 2) == [2, 1]
-    assert ax.get_title("left") == "n = 4, 1 undecided"
+    assert ax.get_title() == "n = 4, 1 undecided"
 
 
 def test_errors_are_below_correct_decisions_and_those_of_the_deadline_are_hatched(ax):
@@ -46,7 +46,7 @@ def test_errors_are_below_correct_decisions_and_those_of_the_deadline_are_hatche
     assert texts(ax) == ["Correct (n = 2)", "Error (n = 1)", "At the deadline (n = 1)"]
     assert heights(ax, 4) == [1, -1, 1, 0]
     assert [bars[0].get_hatch() for bars in ax.containers[:3]] == [None, None, "/////"]
-    assert ax.get_title("left").startswith("Accuracy 0.667 [0.208, 0.939], n = 4")
+    assert ax.get_title().startswith("Accuracy 0.667 [0.208, 0.939], n = 4")
 
 
 def test_a_high_bar_of_the_deadline_is_cut_off_and_has_its_number(ax):

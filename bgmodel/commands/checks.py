@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_type_hints
 
 from bgmodel.support import files, progress
+from bgmodel.support.toml_files import template
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.declaration.edits import Edits
 
+T = TypeVar("T", bound=type)
 COMPILES = "compiling, once for this kind of circuit"
 """Message while an engine compiles; the result is cached on disk."""
 OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
@@ -141,6 +145,27 @@ def circuit_file(name: str) -> Path | None:
 def check_ending(name: str, path: Path, *allowed: str) -> None:
     """Raise ValueError unless the file of an option ends in one of those allowed."""
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
+
+
+def showing(package: str) -> Callable[[T], T]:
+    """Return a decorator that shows a whole file, a package's template, in a command's help."""
+
+    def shown(command: T) -> T:
+        text = textwrap.indent(template(package), "    ")
+        about = inspect.cleandoc(command.__doc__ or "")
+        command.__doc__ = f"{about}\n\nA whole file, which --template writes:\n\n{text}"
+        return command
+
+    return shown
+
+
+def write_template(package: str, path: str | Path) -> None:
+    """Write a package's template to a new file, which is never one that exists."""
+    new = Path(path).suffix == ".toml" and not Path(path).exists()
+    require(new, "file", "must be a new .toml file, into which --template writes", str(path))
+    files.check_writable(Path(path).parent)
+    Path(path).write_text(template(package), encoding="utf-8")
+    print(f"-> {path}")
 
 
 def check_outputs(command: Writes) -> None:

@@ -17,6 +17,8 @@ from bgmodel.commands.checks import (
     check_whole,
     recorded,
     say_before,
+    showing,
+    write_template,
 )
 from bgmodel.names import EngineName
 from bgmodel.support import files
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from bgmodel.experiments.experiment import Experiment, Outcome
 
 
+@showing("bgmodel.experiments")
 @dataclass(frozen=True)
 class ExperimentRun(Shows):
     """Run an experiment, control and manipulation, and test its published predictions.
@@ -37,6 +40,7 @@ class ExperimentRun(Shows):
     Without predictions, there is a report and no verdict.
 
     Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
+    bgmodel experiment mine.toml --template;
     bgmodel experiment mine.toml outcome.csv --trials 200 --engine population
     """
 
@@ -54,12 +58,17 @@ class ExperimentRun(Shows):
     workers: int = 2
     """Threads, for engines that can use several; the results do not depend on it."""
     shown: Annotated[bool, tyro.conf.arg(name="show")] = False
-    """Print the file of a shipped experiment, as a template for your own, and run nothing."""
+    """Print the file of a shipped experiment, and run nothing."""
+    template: bool = False
+    """Write the file above to FILE, to start from, and run nothing."""
 
     def __call__(self) -> None:
         """Run the command."""
-        if not self.file:
+        if not self.file and not self.template:
             self._list()
+            return
+        if self.template:
+            write_template("bgmodel.experiments", self.file)
             return
         if self.shown:
             self._print()

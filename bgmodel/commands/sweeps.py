@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
+from bgmodel.commands.checks import (
+    check_whole,
+    recorded,
+    say,
+    say_of_edits,
+    showing,
+    write_template,
+)
 from bgmodel.support import files
 from bgmodel.support.processes import processes
 from circuits.errors import InputError, require
@@ -36,6 +43,7 @@ FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": 
 PART = re.compile(r"(\d+)/(\d+)")
 
 
+@showing("bgmodel.sweeps")
 @dataclass(frozen=True)
 class SweepRun:
     """Run a circuit at every point of a grid or a list, and gather the results.
@@ -44,7 +52,8 @@ class SweepRun:
     the task, the engine, the posterior at which it decides. Finished parts are never computed
     again; the same command resumes after it was stopped or killed.
 
-    Examples: bgmodel sweep mine.toml; bgmodel sweep mine.toml --workers 8;
+    Examples: bgmodel sweep mine.toml --template; bgmodel sweep mine.toml;
+    bgmodel sweep mine.toml --workers 8;
     bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
     """
 
@@ -66,12 +75,17 @@ class SweepRun:
     """Folder of a profile for SLURM, instead of the shipped one."""
     dry_run: bool = False
     """Print what would be done, and do nothing."""
+    template: bool = False
+    """Write the file above to FILE, to start from, and run nothing."""
 
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.sweeps.shards import check_room
         from bgmodel.sweeps.sweep import Sweep
 
+        if self.template:
+            write_template("bgmodel.sweeps", self.file)
+            return
         check_whole(workers=self.workers, parts=self.parts)
         part = self._part()
         sweep = Sweep.from_toml(self.file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,10 @@ GROUPS = {
     "Change (no unit)": ("boundary_separation",),
 }
 """Measures that share an axis, by its label."""
+COLUMNS = (8, 104)
+"""Places of the values and of the verdict, points from the right end of the Axes."""
+TITLE = 105
+"""Most characters of a line of the title."""
 
 
 @styled
@@ -73,8 +78,7 @@ def forest(
     for ax, (label, rows) in zip(axes[:, 0], groups.items(), strict=True):
         _panel(ax, rows, effects)
         ax.set_xlabel(label, labelpad=1)
-    for x, text in ((1.03, "Control → manipulation"), (1.42, "Verdict")):
-        axes[0, 0].text(x, -0.95, text, **_right_of(axes[0, 0]))
+    _beside(axes[0, 0], -0.95, "Control → manipulation", "Verdict" if len(verdicts) else "")
     shown = [k for k in MARKERS if k in set(change["outcome"].fillna(""))]
     handles = [_entry(ls="", **MARKERS[k]) for k in shown]
     if len(verdicts):
@@ -84,7 +88,8 @@ def forest(
     if len(effects):
         handles.append(_entry(ls="", marker="D", ms=4, color=GREY, mfc="w", label="Published"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=1.2)
-    figure.suptitle(f"{title}\n", x=0.01, ha="left")  # the second line is for the headings
+    axes[0, 0].set_title(" ")  # room for the headings
+    figure.suptitle(textwrap.fill(title, TITLE), x=0.01, ha="left")
     return figure
 
 
@@ -95,10 +100,12 @@ def _entry(**style: Any) -> Any:
     return Line2D([], [], **style)
 
 
-def _right_of(ax: Axes) -> Look:
-    """Return the options of a text in the row of a measure, on the right of the Axes."""
-    style = {"va": "center", "fontsize": 7, "in_layout": False}
-    return {"transform": ax.get_yaxis_transform(), **style}
+def _beside(ax: Axes, y: float, *texts: str) -> None:
+    """Write the texts of the columns on the right of the Axes, in the row of a measure."""
+    style: Look = {"va": "center", "fontsize": 7, "in_layout": False, "annotation_clip": False}
+    for x_points, text in zip(COLUMNS, texts, strict=True):
+        at: Look = {"xytext": (x_points, 0), "textcoords": "offset points"}
+        ax.annotate(text, (1, y), xycoords=ax.get_yaxis_transform(), **at, **style)
 
 
 def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
@@ -126,8 +133,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
             ax.errorbar(e["published"], y + 0.28, xerr=np.nan_to_num(span), **style)
         form = ".0f" if str(name).endswith("_ms") else ".3f"
         numbers = f"{row['from']:{form}} → {row['to']:{form}}"
-        ax.text(1.03, y, numbers, **_right_of(ax))
-        ax.text(1.42, y, said.capitalize(), **_right_of(ax))
+        _beside(ax, y, numbers, said.capitalize())
     ax.axvline(0, color=GREY, lw=0.8, zorder=1)
     ax.set_yticks(range(len(rows)), [LABELS[str(name)] for name in rows.index])
     ax.tick_params(axis="y", length=0)

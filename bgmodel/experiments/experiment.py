@@ -89,6 +89,11 @@ class Experiment(ExperimentRecord):
     ``bgmodel experiment NAME --show`` prints an included one.
     """
 
+    @staticmethod
+    def template() -> str:
+        """Return a whole file of an experiment, to start from, as text."""
+        return toml_files.template("bgmodel.experiments")
+
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:
         """Read an experiment from a TOML file, or an included one by its name.

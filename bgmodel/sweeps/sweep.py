@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.processes import end_if_imported, processes
 from bgmodel.support.reprs import Facts
@@ -44,6 +45,11 @@ class Sweep:
 
     plan: Plan
     folder: Path = Path()
+
+    @staticmethod
+    def template() -> str:
+        """Return a whole file of a sweep, to start from, as text."""
+        return toml_files.template("bgmodel.sweeps")
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Sweep:

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from bgmodel.support.tables import MOST_ROWS, Readable
 from tests.helpers import ROOT
 
-NAMES = st.lists(
-    st.from_regex(r"[a-z]{3,16}", fullmatch=True), min_size=1, max_size=24, unique=True
-)
+NAME = st.from_regex(r"[a-z]{3,16}", fullmatch=True)
+NAMES = st.lists(NAME, min_size=1, max_size=24, unique=True)
 
 
 def columns_in(text):
@@ -51,9 +50,9 @@ def returned(tree):
     """Yield what each method that returns a table to read returns, with its name."""
     methods = [part for node in tree.body if isinstance(node, ast.ClassDef) for part in node.body]
     for node in methods:
-        if getattr(node, "name", "") in ("summary", "verdicts", "published"):
-            if ast.unparse(node.returns) == "pd.DataFrame":
-                yield node.name, ast.unparse(node.body[-1])
+        wanted = getattr(node, "name", "") in ("summary", "verdicts", "published")
+        if wanted and ast.unparse(node.returns) == "pd.DataFrame":
+            yield node.name, ast.unparse(node.body[-1])
 
 
 def test_every_summary_is_a_table_to_read():

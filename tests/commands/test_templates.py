@@ -1,0 +1,55 @@
+"""Help shows a whole file, which the command writes, and which runs."""
+
+import re
+import textwrap
+import tomllib
+from itertools import takewhile
+
+import pytest
+
+import bgmodel as bg
+from tests.helpers import run
+
+KINDS = {"experiment": bg.Experiment, "sweep": bg.Sweep}
+
+
+@pytest.fixture(params=KINDS)
+def command(request):
+    return request.param
+
+
+def help_of(command, capsys):
+    with pytest.raises(SystemExit):
+        run(command, "--help")
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("columns", ["60", "200"])
+def test_help_shows_a_file_that_can_be_copied(command, columns, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", columns)
+    after = help_of(command, capsys).partition("--template writes:\n")[2].splitlines()
+    shown = "\n".join(takewhile(lambda line: not line or line.startswith("    "), after))
+    whole = KINDS[command].template()
+    assert tomllib.loads(textwrap.dedent(shown)) == tomllib.loads(whole)
+    lines = [line for line in whole.splitlines() if line]
+    assert [line.strip() for line in shown.splitlines() if line.strip()] == lines
+
+
+def test_the_file_is_written_as_shown_and_runs(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mine.toml"
+    assert run(command, path, "--template") == 0
+    assert path.read_text() == KINDS[command].template()
+    assert KINDS[command].from_toml(path)
+    path.write_text(re.sub(r"trials = \d+", "trials = 100", path.read_text()))
+    assert run(command, path, "--workers", "1") == 0
+
+
+@pytest.mark.parametrize("name", ["mine.toml", "mine.txt", "", "none/mine.toml"])
+def test_no_file_is_written_over(command, name, tmp_path, monkeypatch, refusal):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("mine")
+    force = ["--force"] if command == "experiment" else []
+    said = refusal(command, name, "--template", *force)
+    assert "must be a new .toml file" in said or "none" in said
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
