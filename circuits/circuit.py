@@ -18,8 +18,12 @@ from circuits.errors import InputError
 from circuits.laws.homeostasis import balanced_weight, biases
 
 if TYPE_CHECKING:
+    import brian2
+    import numpy.typing as npt
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from circuits.engines import Brian2
 
 
 class Circuit(EditableTable):
@@ -73,6 +77,63 @@ class Circuit(EditableTable):
             One panel.
         """
         return draw(self, ax, reference)
+
+    def to_brian2(
+        self,
+        drive: npt.ArrayLike,
+        *,
+        step_ms: float,
+        seed: int,
+        trial: int = 0,
+        engine: Brian2 | None = None,
+    ) -> brian2.Network:
+        """Return the Brian2 network of a trial, which the ``brian2`` engine runs, to go on from.
+
+        ``network["STN"]`` is the group of a nucleus, ordered by channel, ``network["spikes_STN"]``
+        its spike monitor, and ``network["samples"]`` has ``window_hz`` and ``out_hz`` of every
+        channel of every nucleus. The first reading comes after ``engine.settle_ms`` at rest.
+
+        Parameters
+        ----------
+        drive : array (trials, steps, channels), nats
+            As for the engines: accumulated evidence, each reading held until the next.
+        step_ms : float
+            Time from one reading to the next, ms.
+        seed, trial : int
+            Key of the noise, and number of the first trial.
+        engine : Brian2, optional
+            Times and monitors; by default those of ``Brian2()``, with the spikes of every nucleus.
+
+        Raises
+        ------
+        InputError
+            If a cell type has no Brian2 code, or the drive, a time or a name does not fit.
+        """
+        from circuits.engines.brian2.run import in_numpy, network_of
+
+        network = network_of(self, drive, step_ms, seed, trial, engine)
+        with in_numpy() as brian:
+            objects: brian2.Network = network.assembled(brian)
+        return objects
+
+    def to_brian2_script(
+        self,
+        drive: npt.ArrayLike,
+        *,
+        step_ms: float,
+        seed: int,
+        trial: int = 0,
+        engine: Brian2 | None = None,
+    ) -> str:
+        """Return a Python script that reproduces a trial spike for spike without bgmodel.
+
+        It imports Brian2 and NumPy only, and builds the network of ``to_brian2``, whose parameters
+        and errors it has; ``drive`` is that of one trial.
+        """
+        from circuits.engines.brian2.run import network_of
+        from circuits.engines.brian2.script import script
+
+        return script(network_of(self, drive, step_ms, seed, trial, engine), seed, trial)
 
     def add(self, *rows: Population | Projection | Course | str, keep_rest: bool = False) -> Self:
         """Return the circuit with new nuclei, pathways or courses.

@@ -1,4 +1,4 @@
-"""Commands on circuits: show the table, run it on evidence."""
+"""Commands on circuits: show the table, run it on evidence, export a trial."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.conditions import STREAM, Condition
 from bgmodel.deciding.decision import Decision
-from bgmodel.names import MACAQUE, CircuitName
+from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
@@ -122,6 +122,47 @@ def _scatter(table: Circuit, posterior: float) -> str:
         f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, "
         f"linear theory); shares of its variance: {shares}"
     )
+
+
+@dataclass(frozen=True)
+class CircuitExport(Writes):
+    """Write one trial as a Brian2 script that needs no bgmodel, and has the spikes of this circuit.
+
+    The trial is that of `circuit run` with the same options, which runs on to its end.
+
+    Examples: bgmodel circuit export trial.py --t-max 10;
+    bgmodel circuit export lesioned.py --trial 3 --edits "lesion STN 10%"
+    """
+
+    output: Positional[Path]
+    """File for the script, .py."""
+    condition: OmitArgPrefixes[Condition] = field(
+        default_factory=lambda: Condition(engine=EngineName("brian2"))
+    )
+    trial: int = 0
+    """Number of the trial, from 0."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        asked = self.condition
+        check_ending("output", self.output, ".py")
+        asked.task.check_idle(Stimuli())
+        for name, only in (("engine", "brian2"), ("posterior", None), ("threshold", None)):
+            given = getattr(asked, name)
+            require(given == only, name, "has no effect on a script: leave it out", given)
+        trials = range(asked.trials)
+        require(self.trial in trials, "trial", f"must be within 0..{len(trials) - 1}", self.trial)
+        evidence = asked.drawn(STREAM).evidence
+        model = asked.model(evidence.hypotheses).adapted_to(evidence)
+        model.check_strength(evidence)
+        drive, step_ms = model.driven(evidence[self.trial : self.trial + 1])
+        model.check_memory(1, drive.shape[1], step_ms)
+        text = model.circuit.to_brian2_script(
+            drive, step_ms=step_ms, seed=asked.seed, trial=self.trial
+        )
+        with files.replacing(self.output) as partial:
+            partial.write_text(text, encoding="utf-8")
+        print(f"trial {self.trial} of {model.circuit.name} -> {self.output}")
 
 
 @dataclass(frozen=True)

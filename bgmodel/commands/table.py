@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bgmodel.commands.bench import BenchRun
-from bgmodel.commands.circuit import CircuitRun, CircuitShow
+from bgmodel.commands.circuit import CircuitExport, CircuitRun, CircuitShow
 from bgmodel.commands.comparing import CircuitCompareEdits, Compare
 from bgmodel.commands.data import Data
 from bgmodel.commands.decisions import Decide, GapLearn
@@ -27,6 +27,7 @@ from bgmodel.commands.weights import WeightsLearn
 CIRCUIT = {
     "show": CircuitShow,
     "run": CircuitRun,
+    "export": CircuitExport,
     "compare-edits": CircuitCompareEdits,
     "designed": CircuitDesigned,
     "learn": CircuitLearn,
@@ -44,8 +45,8 @@ COMMANDS: dict[str, Any] = {
     "learn": GapLearn,
     "learn-weights": WeightsLearn,
     "circuit": (
-        "A basal ganglia circuit: show its table, run it, lesion it, compare it with theories, "
-        "let dopamine learn. Example: bgmodel circuit show",
+        "A basal ganglia circuit: show its table, run it, lesion it, export it to Brian2, compare "
+        "it with theories, let dopamine learn. Example: bgmodel circuit show",
         CIRCUIT,
     ),
     "stop": StopRun,

@@ -196,7 +196,7 @@ class BasalGanglia(Facts):
             totals = np.concatenate([before, totals + expected[:, -1:, None]], axis=1)
         return self.gain * totals
 
-    def _driven(self, evidence: Evidence) -> tuple[Array, float]:
+    def driven(self, evidence: Evidence) -> tuple[Array, float]:
         """Return the drive with the further inputs of the circuit, and the time between its steps.
 
         Raises
@@ -390,7 +390,7 @@ class BasalGanglia(Facts):
         ``checked`` is false: for a part of evidence to all of which the model is adapted.
         """
         model = self._checked(evidence) if checked else self
-        return model.run_drive(*model._driven(evidence), first_trial)
+        return model.run_drive(*model.driven(evidence), first_trial)
 
     def _checked(self, evidence: Evidence) -> BasalGanglia:
         """Return the model adapted to evidence, after the checks that concern all of it."""
@@ -527,7 +527,7 @@ class BasalGanglia(Facts):
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with quiet(RangeWarning):  # not once per batch: ``warn_beyond_range`` warns once
-                activity = self.run_drive(*self._driven(part), first_trial + first)
+                activity = self.run_drive(*self.driven(part), first_trial + first)
             yield part, activity, self.trace(activity, part)
 
     def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:

@@ -1,13 +1,18 @@
 """The commands `circuit show` and `circuit run`."""
 
 import importlib.util
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.conditions import Condition
 from bgmodel.integrators import steady
+from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import read_provenance
+from circuits.declaration.edits import Edits
 from tests.helpers import long_table, run, some_evidence
 
 
@@ -158,3 +163,47 @@ def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
     assert "there.csv" in capsys.readouterr().err
     assert there.read_text() == "mine\n"
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_an_exported_trial_has_the_spikes_of_that_trial_in_a_run(tmp_path):
+    """The run is of another engine, which takes all trials."""
+    script, spikes = tmp_path / "trial.py", tmp_path / "spikes.csv"
+    given = ["--circuit", "spiking_msprt", "--edits", "neurons 8", "lesion STN 25%", "--seed", 4]
+    given += ["--t-max", 1, "--step-ms", 10]
+    assert run("circuit", "export", script, "--trial", 2, *given) == 0
+    command = [sys.executable, script.name, "own.csv"]
+    subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
+    given += ["--engine", "ensemble", "--trials", 3, "--spikes", spikes]
+    assert run("circuit", "run", tmp_path / "d.csv", *given) == 0
+    columns = ["population", "channel", "neuron", "time_ms"]
+    both = pd.read_csv(tmp_path / "own.csv"), pd.read_csv(spikes, comment="#").query("trial == 2")
+    own, ours = (table[columns].sort_values(columns, ignore_index=True) for table in both)
+    assert len(own) > 20
+    pd.testing.assert_frame_equal(own, ours)
+
+
+def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
+    edits = ["neurons 8", "lesion STN 25%"]
+    given = ["--seed", 4, "--trials", 3, "--t-max", 2, "--gain", 0.4, "--edits", *edits]
+    for trial in (0, 2):
+        path = tmp_path / f"{trial}.py"
+        assert run("circuit", "export", path, "--trial", trial, *given) == 0
+        task = Stimuli(trials=3, t_max=2)
+        asked = Condition(edits=Edits(edits), engine="brian2", gain=0.4, seed=4, task=task)
+        evidence = asked.drawn("circuit run").evidence
+        drive = asked.model(2).drive(evidence)[trial : trial + 1]
+        key = {"seed": 4, "trial": trial}
+        text = asked.table(2).to_brian2_script(drive, step_ms=evidence.step_ms, **key)
+        assert path.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("trial", 100), ("posterior", 0.9), ("threshold", 0.1), ("engine", "rate")],
+)
+def test_an_option_without_effect_on_an_export_is_refused_by_its_name(
+    option, value, tmp_path, refusal
+):
+    given = [f"--{option}", value, "--trials", 100]
+    assert option in refusal("circuit", "export", tmp_path / "trial.py", *given)
+    assert not list(tmp_path.iterdir())

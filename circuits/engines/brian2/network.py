@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from keyword import iskeyword
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,17 @@ from circuits.dynamics import noise
 from circuits.dynamics.ticks import Clock
 from circuits.engines.brian2 import text as brian_text
 from circuits.engines.brian2.layout import Columns, Layout, Values
-from circuits.engines.brian2.noise import functions, load_brian, looked_up
+from circuits.engines.brian2.noise import functions
+from circuits.errors import require
 
 ORDER = {"line": -6, "shared_inputs": -4, "own_inputs": -4, "blocks": -2}
 """Order of the groups within a tick; cells follow at 0, 1 and 2."""
-WIDE = ("stream", "key", "block")
-"""Variables of 64 bits."""
+Group = dict[str, Any]
+"""Arguments and values of a group, as ``assembled`` takes them."""
 
 
 class Network:
-    """All trials of a circuit as one network.
+    """All trials of a circuit as groups and connections of a network.
 
     Parameters
     ----------
@@ -37,41 +39,27 @@ class Network:
         The array layout.
     clock : Clock
         Times of the run.
+    drive : array (trials, steps, columns), nats
+        As for the engines.
+    start : dict
+        Initial values, from ``Layout.start``.
     spikes : names
         Populations whose spikes are recorded.
 
     Raises
     ------
     ValueError
-        If one has no cells, or a cell type has no Brian2 code.
+        If one has no cells, a cell type has no Brian2 code, or a nucleus has the name of a group.
     """
 
-    def __init__(self, layout: Layout, clock: Clock, spikes: Iterable[str] = ()) -> None:
-        recorded = layout.wiring.circuit.spiking(spikes)
-        self.brian, self.layout, self.clock = load_brian(), layout, clock
-        self.ms = self.brian.ms
-        self.tick = self.brian.Clock(clock.dt_ms * self.ms, name="tick")
-        self.word_tick = self.brian.Clock(
-            noise.TICKS_A_WORD * clock.dt_ms * self.ms, name="word_tick"
-        )
-        none = np.zeros((clock.steps, layout.trials * layout.wiring.blocks))
-        self.reading = self.brian.TimedArray(none, dt=clock.step_ms * self.ms, name="reading")
-        self.names = {
-            **functions(),
-            "reading": self.reading,
-            "onset": clock.settle_ticks * clock.dt_ms * self.ms,
-            "settle_ticks": clock.settle_ticks,
-            "sample_ticks": clock.sample_ticks,
-            "out_decay": layout.scheme.readout_decay,
-            "dt_s": clock.dt_ms / 1000,
-            "word_ticks": noise.TICKS_A_WORD,
-        }
-        if layout.courses:
-            self.names["factors"] = looked_up(layout.courses.factors)
-            self.names["added"] = looked_up(layout.courses.nats)
-        self.objects: list[Any] = []
-        self.groups: dict[str, Any] = {}
-        self.spikes: dict[str, Any] = {}
+    def __init__(
+        self, layout: Layout, clock: Clock, drive: Array, start: Values, spikes: Iterable[str] = ()
+    ) -> None:
+        self.layout, self.clock, self.drive = layout, clock, drive
+        self.spikes = layout.wiring.circuit.spiking(spikes)
+        self.values = layout.fixed() | start
+        self.groups: dict[str, Group] = {}
+        self.connections: list[dict[str, Any]] = []
         for name in layout.units:
             self._units(name)
         self._blocks()
@@ -79,46 +67,47 @@ class Network:
             self._line()
         for name in layout.populations:
             self._cells(name)
-        for name in recorded:
-            self.spikes[name] = self.brian.SpikeMonitor(self.groups[name], name=f"spikes_{name}")
         self.sample_ticks = int(np.gcd(clock.settle_ticks, clock.sample_ticks))
-        self.samples = self.brian.StateMonitor(
-            self.groups["blocks"],
-            ["window_hz", "out_hz"],
-            record=True,
-            dt=self.sample_ticks * clock.dt_ms * self.ms,
-            when="end",
-            name="samples",
-        )
-        self.network = self.brian.Network(self.objects, self.samples, *self.spikes.values())
-        self.set(layout.fixed())
+        x = layout.wiring.drive(drive)
+        readings = np.moveaxis(x, 1, 0).reshape(clock.steps, -1)
+        self.timed = {"reading": (readings, clock.step_ms)}
+        if layout.courses:
+            self.timed["factors"] = layout.courses.factors.T, clock.dt_ms
+            self.timed["added"] = layout.courses.nats.T, clock.dt_ms
+        self.names = {
+            "settle_ticks": clock.settle_ticks,
+            "sample_ticks": clock.sample_ticks,
+            "out_decay": layout.scheme.readout_decay,
+            "dt_s": clock.dt_ms / 1000,
+            "word_ticks": noise.TICKS_A_WORD,
+        }
 
-    # ---- building
+    def assembled(self, brian: Any) -> Any:
+        """Return the network as Brian2's."""
+        monitored = [object_name(name) for name in self.spikes]
+        return assembled(
+            brian, self.groups, self.connections, self.names, self.timed, monitored,
+            self.clock.dt_ms, self.sample_ticks,
+        )  # fmt: skip
 
-    def _group(
-        self, name: str, state: str, names: dict[str, Any] | None = None, **other: Any
-    ) -> Any:
-        group = self.brian.NeuronGroup(
-            self.layout.trials * self.layout.size(name),
-            state,
-            name=re.sub(r"\W", "_", f"group_{name}"),
-            clock=self.tick,
-            order=ORDER.get(name, 0),
-            namespace=self.names | (names or {}),
-            dtype={n: np.int64 for n in WIDE if re.search(rf"\b{n} : integer( \(c|\n|$)", state)},
-            **other,
-        )
-        self.groups[name] = group
-        self.objects.append(group)
-        return group
+    # ---- groups and connections
 
-    def _every_tick(self, group: Any, code: str, what: str = "tick", **other: Any) -> None:
-        given = {"clock": self.tick, "when": "groups", "order": group.order} | other
-        self.objects.append(group.run_regularly(code, name=f"{group.name}_{what}", **given))
-
-    def _link(self, group: Any, variable: str, source: str, theirs: str, index: Any) -> None:
-        linked = self.brian.linked_var(self.groups[source], theirs, index=index)
-        setattr(group, variable, linked)
+    def _group(self, name: str, model: str, about: Any = "", **more: Group) -> Group:
+        own = object_name(name)
+        require(own not in self.groups, "name", "must differ from other groups of the network", own)
+        values = {v: value for (owner, v), value in self.values.items() if owner == name}
+        group = {
+            "about": about,
+            "size": self.layout.trials * self.layout.size(name),
+            "order": ORDER.get(name, 0),
+            "model": model,
+            "spikes": {},
+            "names": {},
+            "values": values,
+            "links": {},
+        }
+        self.groups[own] = group | more
+        return self.groups[own]
 
     def _connect(
         self, source: str, target: str, columns: Columns, add: str, value: str = ""
@@ -126,23 +115,12 @@ class Network:
         """Connect two groups by a sum, ``a = b``, or by increments at spikes, ``a += b``."""
         if not columns:
             return
-        model = f"{value} : 1 (constant)\n" if value else ""
-        spikes = "+=" in add
-        synapses = self.brian.Synapses(
-            self.groups[source],
-            self.groups[target],
-            model + ("" if spikes else f"{add} : 1 (summed)"),
-            on_pre=add if spikes else None,
-            name=re.sub(r"\W", "_", f"{source}_to_{target}"),
-            clock=self.tick,
-        )
-        synapses.connect(i=columns[0], j=columns[1])
-        if value:
-            setattr(synapses, value, columns[2])
+        ends = {"source": object_name(source), "target": object_name(target)}
+        found = {**ends, "add": add, "values": {value: columns[2]} if value else {}}
+        found |= {"i": columns[0], "j": columns[1]}
         if len(columns) > 3:
-            # Spikes arriving in this slot take effect one tick later.
-            synapses.delay = (columns[3] - 1) * self.clock.dt_ms * self.ms
-        self.objects.append(synapses)
+            found["delay_ticks"] = columns[3]
+        self.connections.append(found)
 
     def _texts(self, state: str, ticks: tuple[str, str], laws: list[str]) -> tuple[str, str]:
         """Return the equations and the code of a tick, with courses if there are any."""
@@ -155,12 +133,16 @@ class Network:
         state, tick = self._texts(brian_text.UNIT_STATE, ticks, self.layout.unit_laws(name))
         if name == "own_inputs":
             state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
-        self._every_tick(self._group(name, state), tick)
+        w, first = self.layout.wiring, dict[str, int]()
+        for place, u in enumerate(self.layout.units[name]):
+            first.setdefault(w.projection(u).name, place)
+        about = ", ".join(f"{path} from {place}" for path, place in first.items())
+        self._group(name, state, about)["code"] = [(ORDER[name], 1, tick)]
 
     def _blocks(self) -> None:
         ticks = brian_text.BLOCK_TICK, brian_text.TIMED_BLOCK_TICK
         state, tick = self._texts(brian_text.BLOCK_STATE, ticks, self.layout.block_laws)
-        self._every_tick(self._group("blocks", state), tick)
+        self._group("blocks", state)["code"] = [(ORDER["blocks"], 1, tick)]
         if self.layout.shared_inputs:
             self._connect(
                 "shared_inputs", "blocks", self.layout.shared_to_blocks(), "nats_post = sent_pre"
@@ -169,10 +151,13 @@ class Network:
     def _line(self) -> None:
         layout, line = self.layout, self._group("line", brian_text.LINE_STATE)
         block = np.repeat(list(layout.line), list(layout.line.values()))
-        after = np.minimum(np.arange(len(line)) + 1, len(line) - 1)
-        self._link(line, "now_hz", "blocks", "rate_hz", layout.index("blocks", block).ravel())
-        self._link(line, "next_hz", "line", "value_hz", after)
-        self._every_tick(line, brian_text.LINE_TICK)
+        after = np.minimum(np.arange(line["size"]) + 1, line["size"] - 1)
+        blocks = layout.index("blocks", block).ravel()
+        line["links"] = {
+            "now_hz": ("blocks", "rate_hz", blocks),
+            "next_hz": ("line", "value_hz", after),
+        }
+        line["code"] = [(ORDER["line"], 1, brian_text.LINE_TICK)]
         add = "heard_post = nats_per_hz*value_hz_pre"
         self._connect("line", "shared_inputs", layout.line_to_shared(), add, "nats_per_hz")
 
@@ -192,13 +177,14 @@ class Network:
             names |= {n: getattr(row, n) for n in ("baseline_hz", "gain_hz_per_nat")}
         heard = "hz" if "block_hz" in hear else "x"
         state.append(f"block_{heard} : 1 (linked)")
-        cells = self._group(name, "\n".join(state), names, threshold=text.spike, reset=text.reset)
-        self._link(cells, "key", "blocks", "key", "block")
-        self._link(cells, f"block_{heard}", "blocks", heard, "block")
-        self._every_tick(cells, "word = byte_counts(cell, key)", "word", clock=self.word_tick)
+        spikes = {"threshold": text.spike, "reset": text.reset}
+        about = f"{row.neurons} cells in each channel: {row.cite}"
+        cells = self._group(name, "\n".join(state), about, names=names, spikes=spikes)
+        links = {"key": "key", f"block_{heard}": heard}
+        cells["links"] = {n: ("blocks", theirs, "block") for n, theirs in links.items()}
         # The gather is separate: within the tick it would prevent vectorisation.
-        self._every_tick(cells, hear, "hear", order=1)
-        self._every_tick(cells, text.tick, "tick", order=2)
+        draw = (0, noise.TICKS_A_WORD, "word = byte_counts(cell, key)")
+        cells["code"] = [draw, (1, 1, hear), (2, 1, text.tick)]
         self._connect(
             name, "blocks", layout.cells_to_blocks(name), "rate_hz_post += a_spike", "a_spike"
         )
@@ -208,46 +194,94 @@ class Network:
             add = "arrived_post += a_spike"
             self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
 
-    # ---- running
+    # ---- results
 
-    def set(self, values: Values) -> None:
-        """Set variables."""
-        for (group, variable), value in values.items():
-            setattr(self.groups[group], variable, value)
-
-    def readings(self, drive: Array) -> Array:
-        """Return the values of ``reading``, (steps, trials x blocks), for a drive."""
-        x = self.layout.wiring.drive(drive)
-        return np.moveaxis(x, 1, 0).reshape(self.clock.steps, -1)
-
-    def run(self) -> None:
-        """Run one tick more than the clock's, because blocks count their spikes a tick later."""
-        self.network.run((self.clock.ticks + 1) * self.clock.dt_ms * self.ms, namespace={})
-
-    def activity(self, seed: int, first_trial: int) -> Activity:
-        """Return the recorded activity of the run with a seed."""
+    def activity(self, network: Any, seed: int, first_trial: int) -> Activity:
+        """Return the recorded activity of Brian2's network after its run with a seed."""
         w, clock = self.layout.wiring, self.clock
         last = clock.settle_ticks + clock.sample_ticks * (1 + np.arange(clock.samples))
-        spikes = {name: self._spike_table(name) for name in self.spikes}
+        spikes = {name: self._spike_table(network, name) for name in self.spikes}
         return Activity.from_blocks(
             w,
-            self._sampled("window_hz", last),
+            self._sampled(network, "window_hz", last),
             clock.time_ms,
             engine="brian2",
-            output_hz=self._sampled("out_hz", last)[..., w.blocks_of(w.circuit.readout)],
+            output_hz=self._sampled(network, "out_hz", last)[..., w.blocks_of(w.circuit.readout)],
             spikes=spikes or None,
             about=clock.about(seed, first_trial),
         )
 
-    def _sampled(self, variable: str, ticks: npt.NDArray[np.int64]) -> Array:
-        rows = np.array(getattr(self.samples, variable))[:, ticks // self.sample_ticks]
+    def _sampled(self, network: Any, variable: str, ticks: npt.NDArray[np.int64]) -> Array:
+        samples = np.array(getattr(network["samples"], variable))
+        rows = samples[:, ticks // self.sample_ticks]
         return rows.reshape(self.layout.trials, -1, len(ticks)).transpose(0, 2, 1)
 
-    def _spike_table(self, name: str) -> pd.DataFrame:
+    def _spike_table(self, network: Any, name: str) -> pd.DataFrame:
         neurons = self.layout.wiring.circuit.population(name).neurons
-        monitor = self.spikes[name]
-        tick = np.round(np.array(monitor.t / (self.clock.dt_ms * self.ms))).astype(np.int64)
+        monitor = network[f"spikes_{object_name(name)}"]
+        tick = np.round(np.array(monitor.t / monitor.clock.dt)).astype(np.int64)
         kept = (tick >= self.clock.settle_ticks) & (tick < self.clock.ticks)
         trial, place = np.divmod(np.array(monitor.i[:])[kept], self.layout.size(name))
         late = tick[kept] - self.clock.settle_ticks
         return spike_table(trial, place // neurons, place % neurons, late, self.clock.dt_ms)
+
+
+def object_name(name: str) -> str:
+    """Return a population's name as Brian2 allows it: "STN" stays as it is."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return plain if plain[0].isalpha() and not iskeyword(plain) else f"n_{plain}"
+
+
+def assembled(
+    brian: Any,
+    groups: dict[str, Group],
+    connections: list[dict[str, Any]],
+    names: dict[str, Any],
+    timed: dict[str, tuple[Array, float]],
+    monitored: list[str],
+    dt_ms: float,
+    sample_ticks: int,
+) -> Any:
+    """Return a Brian2 network: groups, synapses, spike monitors, and samples of the blocks.
+
+    Scripts hold the source of this function and the values of its arguments.
+    """
+    ms, clocks = brian.ms, {n: brian.Clock(n * dt_ms * brian.ms) for n in (1, names["word_ticks"])}
+    arrays = {n: brian.TimedArray(values, dt=apart * ms) for n, (values, apart) in timed.items()}
+    shared = functions(brian) | arrays | names
+    numpy = {"codeobj_class": brian.NumpyCodeObject}  # what the functions have code for
+    on_tick = {"clock": clocks[1]} | numpy
+    wide = dict.fromkeys(("stream", "key", "block"), np.int64)
+    made, others = {}, []
+    for name, part in groups.items():
+        made[name] = brian.NeuronGroup(
+            part["size"], part["model"], name=name, order=part["order"], dtype=wide, **on_tick,
+            namespace=shared | part["names"], **part["spikes"],
+        )  # fmt: skip
+        for variable, value in part["values"].items():
+            setattr(made[name], variable, value)
+    for name, part in groups.items():
+        for variable, (source, theirs, index) in part["links"].items():
+            setattr(made[name], variable, brian.linked_var(made[source], theirs, index=index))
+        for order, ticks, code in part["code"]:
+            made[name].run_regularly(code, clock=clocks[ticks], when="groups", order=order)
+    for part in connections:
+        # By increments at spikes, or by a sum.
+        add, values = part["add"], part["values"]
+        model = "".join(f"{variable} : 1 (constant)\n" for variable in values)
+        kind = {"on_pre": add} if "+=" in add else {"model": f"{model}{add} : 1 (summed)"}
+        ends = made[part["source"]], made[part["target"]]
+        synapses = brian.Synapses(*ends, **{"model": model} | kind, **on_tick)
+        synapses.connect(i=part["i"], j=part["j"])
+        for variable, value in values.items():
+            setattr(synapses, variable, value)
+        if "delay_ticks" in part:
+            # Spikes arriving in this slot take effect one tick later.
+            synapses.delay = (part["delay_ticks"] - 1) * dt_ms * ms
+        others.append(synapses)
+    for name in monitored:
+        others.append(brian.SpikeMonitor(made[name], name=f"spikes_{name}", **numpy))
+    recorded = ["window_hz", "out_hz"]
+    every = {"dt": sample_ticks * dt_ms * ms, "when": "end", "name": "samples"}
+    samples = brian.StateMonitor(made["blocks"], recorded, record=True, **every, **numpy)
+    return brian.Network(*made.values(), *others, samples)

@@ -1,4 +1,8 @@
-"""``circuits.dynamics.noise`` as functions of Brian2, for arrays of keys."""
+"""``circuits.dynamics.noise`` as functions of Brian2, for arrays of keys.
+
+Scripts hold the source of these functions (``script``): the names are those of no other function
+that they call.
+"""
 
 from __future__ import annotations
 
@@ -9,62 +13,49 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Array, Integers
-from circuits.cells import single as arithmetic
-from circuits.dynamics import noise
+from circuits.arrays import Integers
+from circuits.cells.single import choose, exponential, fused, single
+from circuits.dynamics.noise import GOLDEN, TICKS_A_WORD, byte_counts, lowbias32, mix_all
 
 
-def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+def unsigned(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    """Return whole numbers as an array of 32 bits each."""
     return np.atleast_1d(np.asarray(values)).astype(np.uint32)
 
 
-def tick_key(stream: Integers, tick: Integers) -> Integers:
-    """Return ``noise.tick_key`` as one int64, for arrays of streams (int64) and ticks."""
+def keys_at(stream: Integers, tick: Integers) -> Integers:
+    """Return the key of each stream at a tick, both halves as one int64 (``noise.tick_key``)."""
     z = np.atleast_1d(tick).astype(np.uint64) + np.uint64(1)
-    z = np.atleast_1d(stream).astype(np.uint64) + z * np.uint64(noise.GOLDEN)
-    return noise.mix_all(z).astype(np.int64)
+    z = np.atleast_1d(stream).astype(np.uint64) + z * np.uint64(GOLDEN)
+    return mix_all(z).astype(np.int64)
 
 
 def random_word(cell: Integers, key: Integers) -> Integers:
-    """Return ``noise.words`` as int32, for arrays of cells and of keys."""
-    return noise.lowbias32(_u32(cell), _u32(np.asarray(key) >> 32), _u32(key)).astype(np.int32)
+    """Return the random word of each cell under its key, int32 (``noise.words``)."""
+    halves = unsigned(np.asarray(key) >> 32), unsigned(key)
+    return lowbias32(unsigned(cell), *halves).astype(np.int32)
 
 
-def byte_counts(cell: Integers, key: Integers) -> Integers:
-    """Return ``noise.byte_counts`` of the words: noise of four ticks, for ``gauss``."""
-    return noise.byte_counts(_u32(random_word(cell, key))).astype(np.int32)
+def noise_bytes(cell: Integers, key: Integers) -> Integers:
+    """Return the ones in each byte of the cells' random words: the noise of four ticks."""
+    return byte_counts(unsigned(random_word(cell, key))).astype(np.int32)
 
 
-def ones(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
+def ones_at(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
     """Return the number of ones in the byte of a tick."""
-    shift = (8 * (np.asarray(tick) % noise.TICKS_A_WORD)).astype(np.uint32)
-    return ((_u32(counts) >> shift) & np.uint32(15)).astype(np.float64)
-
-
-def single(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Round to single precision; Brian2 stores the result in double."""
-    return np.asarray(arithmetic.single(x), dtype=np.float64)
-
-
-def fused(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return ``a b + c`` of single-precision numbers, rounded once."""
-    return np.asarray(arithmetic.fused(a, b, c), dtype=np.float64)
-
-
-def exponential(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return the single-precision exponential."""
-    return np.asarray(arithmetic.exponential(x), dtype=np.float64)
+    shift = (8 * (np.asarray(tick) % TICKS_A_WORD)).astype(np.uint32)
+    return ((unsigned(counts) >> shift) & np.uint32(15)).astype(np.float64)
 
 
 _INT, _FLOAT = "integer", "float"
 FUNCTIONS: dict[str, tuple[Any, tuple[str, ...], str]] = {
-    "tick_key": (tick_key, (_INT, _INT), _INT),
-    "byte_counts": (byte_counts, (_INT, _INT), _INT),
-    "ones": (ones, (_INT, _INT), _FLOAT),
+    "tick_key": (keys_at, (_INT, _INT), _INT),
+    "byte_counts": (noise_bytes, (_INT, _INT), _INT),
+    "ones": (ones_at, (_INT, _INT), _FLOAT),
     "single": (single, (_FLOAT,), _FLOAT),
     "fused": (fused, (_FLOAT, _FLOAT, _FLOAT), _FLOAT),
     "exponential": (exponential, (_FLOAT,), _FLOAT),
-    "chosen": (np.where, ("boolean", _FLOAT, _FLOAT), _FLOAT),
+    "chosen": (choose, ("boolean", _FLOAT, _FLOAT), _FLOAT),
 }
 """Functions available to the Brian2 code, with the types of their arguments and results."""
 
@@ -79,22 +70,14 @@ def load_brian() -> ModuleType:
     return module
 
 
-def functions() -> dict[str, Any]:
-    """Return the functions that the code calls, as Brian2 functions by name."""
-    return {name: _function(*given) for name, given in FUNCTIONS.items()}
+def functions(brian: Any) -> dict[str, Any]:
+    """Return the functions that the code calls, as functions of the module ``brian2`` by name."""
+    return {name: as_brian(brian, *given) for name, given in FUNCTIONS.items()}
 
 
-def looked_up(table: Array) -> Any:
-    """Return a table (rows, ticks) as a Brian2 function of row and tick; the last tick persists."""
-
-    def at(row: Integers, tick: Integers) -> Array:
-        return np.asarray(table[row, np.minimum(tick, table.shape[1] - 1)])
-
-    return _function(at, (_INT, _INT), _FLOAT)
-
-
-def _function(function: Any, arguments: tuple[str, ...], result: str) -> Any:
-    made = load_brian().Function(
+def as_brian(brian: Any, function: Any, arguments: tuple[str, ...], result: str) -> Any:
+    """Return a function of NumPy arrays as one of Brian2."""
+    made = brian.Function(
         function,
         arg_units=[1] * len(arguments),
         return_unit=1,

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import numpy.typing as npt
 
@@ -32,9 +32,7 @@ from circuits.dynamics.timed import timed
 from circuits.engines.brian2.layout import Layout
 from circuits.engines.brian2.network import Network
 from circuits.engines.brian2.noise import load_brian
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import Brian2
+from circuits.engines.shipped import Brian2
 
 
 def run(
@@ -53,6 +51,29 @@ def run(
     ValueError
         If the drive, a time or a name does not fit the circuit.
     """
+    network = network_of(circuit, drive, step_ms, seed, first_trial, engine)
+    with in_numpy() as brian:
+        objects = network.assembled(brian)
+        # One tick more than the clock's, because blocks count their spikes a tick later.
+        objects.run((network.clock.ticks + 1) * engine.dt_ms * brian.ms, namespace={})
+        return network.activity(objects, seed, first_trial)
+
+
+def network_of(
+    circuit: CircuitTable,
+    drive: npt.ArrayLike,
+    step_ms: float,
+    seed: int,
+    first_trial: int,
+    engine: Brian2 | None,
+) -> Network:
+    """Return the network of a run; arguments and errors are those of ``run``.
+
+    Without an engine, its defaults apply, and the spikes of all cells are recorded.
+    """
+    if engine is None:
+        cells = tuple(row.name for row in circuit.populations if row.spiking)
+        engine = Brian2(spikes=cells)
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
     trials, steps, _ = drive.shape
@@ -61,21 +82,16 @@ def run(
     scheme = Scheme(wired(circuit), engine.dt_ms)
     courses = timed(scheme.wiring, clock)
     layout = Layout(scheme, trials, engine.explicit, None if courses.still else courses)
-    with _in_numpy():
-        network = Network(layout, clock, engine.spikes)
-        network.reading.values[:] = network.readings(drive)
-        network.set(layout.start(seed, first_trial))
-        network.run()
-        return network.activity(seed, first_trial)
+    return Network(layout, clock, drive, layout.start(seed, first_trial), engine.spikes)
 
 
 @contextmanager
-def _in_numpy() -> Iterator[None]:
-    """Have Brian2 run its code in NumPy, whatever the user's preferences are."""
-    prefs = load_brian().prefs
-    before = prefs.codegen.target
-    prefs.codegen.target = "numpy"
+def in_numpy() -> Iterator[ModuleType]:
+    """Yield Brian2, which runs its code in NumPy meanwhile, whatever the user's preferences are."""
+    brian = load_brian()
+    before = brian.prefs.codegen.target
+    brian.prefs.codegen.target = "numpy"
     try:
-        yield
+        yield brian
     finally:
-        prefs.codegen.target = before
+        brian.prefs.codegen.target = before

@@ -45,7 +45,7 @@ sent = weight*({law})
 # Effects of courses on units (dopamine) and blocks: rows of tables, 0 for none.
 COURSE_STATE = "course : integer (constant)\n"
 
-TIMED_UNIT_TICK = UNIT_TICK.replace("({law})", "(({law})*factors(course, t_in_timesteps))")
+TIMED_UNIT_TICK = UNIT_TICK.replace("({law})", "(({law})*factors(t, course))")
 
 # A variable called delay would hide the delay of the synapses that end here.
 OWN_INPUT_STATE = """
@@ -83,7 +83,7 @@ BLOCK_TICK = """
 first = int((t_in_timesteps - 1 - settle_ticks) % sample_ticks == 0)
 window_hz = (1 - first)*window_hz + rate_hz/sample_ticks
 out_hz = out_decay*out_hz + (1 - out_decay)*rate_hz
-evidence = reading(t - onset, i)*int(t_in_timesteps >= settle_ticks)
+evidence = reading(t - settle_ticks*dt, i)*int(t_in_timesteps >= settle_ticks)
 x = decay*x + gain*(nats + bias + evidence)
 line_hz = baseline_hz + gain_hz_per_nat*({law})
 hz = line_hz*int(line_hz > lowest_hz)
@@ -91,9 +91,7 @@ rate_hz = (1 - spiking)*hz
 key = tick_key(stream, t_in_timesteps // word_ticks)
 """
 
-TIMED_BLOCK_TICK = BLOCK_TICK.replace(
-    "bias + evidence", "bias + evidence + added(course, t_in_timesteps)"
-)
+TIMED_BLOCK_TICK = BLOCK_TICK.replace("bias + evidence", "bias + evidence + added(t, course)")
 
 # ---- cells
 
