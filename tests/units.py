@@ -7,17 +7,9 @@ ENDINGS = {"ms": "ms", "s": "s", "hz": "Hz", "nats": "nats", "deg": "deg", "mm":
 READINGS = re.compile(r"(?:^|_)(?:steps|readings)$")
 LABELLED = re.compile(r"[(,] ?(ms|s|Hz|nats|deg|degrees|mm|readings)\)?$|^(?:\w+ )*(readings)$")
 SAME = {"degrees": "deg"}
-KEEPING = ("mean", "median", "nanmean", "asarray", "array", "sort", "unique", "abs", "min", "max")
-KEEPING += (
-    "to_numpy",
-    "ravel",
-    "round",
-    "sum",
-    "std",
-    "concatenate",
-    "smoothed",
-    "astype",
-    "where",
+KEEPING = (
+    *("mean", "median", "nanmean", "asarray", "array", "sort", "unique", "abs", "min", "max"),
+    *("to_numpy", "ravel", "round", "sum", "std", "concatenate", "smoothed", "astype", "where"),
 )
 TIMED = ("decide", "first_crossing", "run")
 """Calls whose results draw themselves over ms."""

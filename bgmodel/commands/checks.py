@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_type_hints
 
 from bgmodel.support import files, progress
-from bgmodel.support.toml_files import template
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -147,24 +146,23 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
 
 
-def showing(package: str) -> Callable[[T], T]:
-    """Return a decorator that shows a whole file, a package's template, in a command's help."""
+def showing(whole: str) -> Callable[[T], T]:
+    """Return a decorator that shows a whole file in a command's help."""
 
     def shown(command: T) -> T:
-        text = textwrap.indent(template(package), "    ")
-        about = inspect.cleandoc(command.__doc__ or "")
+        about, text = inspect.cleandoc(command.__doc__ or ""), textwrap.indent(whole, "    ")
         command.__doc__ = f"{about}\n\nA whole file, which --template writes:\n\n{text}"
         return command
 
     return shown
 
 
-def write_template(package: str, path: str | Path) -> None:
-    """Write a package's template to a new file, which is never one that exists."""
+def write_template(whole: str, path: str | Path) -> None:
+    """Write the file of a command's help to a new file, which is never one that exists."""
     new = Path(path).suffix == ".toml" and not Path(path).exists()
     require(new, "file", "must be a new .toml file, into which --template writes", str(path))
     files.check_writable(Path(path).parent)
-    Path(path).write_text(template(package), encoding="utf-8")
+    Path(path).write_text(whole, encoding="utf-8")
     print(f"-> {path}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,8 +30,11 @@ if TYPE_CHECKING:
 
     from bgmodel.experiments.experiment import Experiment, Outcome
 
+SHIPPED = resources("bgmodel.experiments") / "shipped"
+WHOLE = (SHIPPED / "stn_lesion_partial.toml").read_text(encoding="utf-8")
 
-@showing("bgmodel.experiments")
+
+@showing(WHOLE)
 @dataclass(frozen=True)
 class ExperimentRun(Shows):
     """Run an experiment, control and manipulation, and test its published predictions.
@@ -68,7 +72,7 @@ class ExperimentRun(Shows):
             self._list()
             return
         if self.template:
-            write_template("bgmodel.experiments", self.file)
+            write_template(WHOLE, self.file)
             return
         if self.shown:
             self._print()

@@ -37,13 +37,14 @@ if TYPE_CHECKING:
 
     from bgmodel.sweeps.plan import Plan, Point, Shard
 
+WHOLE = (resources("bgmodel.sweeps") / "template.toml").read_text(encoding="utf-8")
 OUTCOME = "outcome.csv"
 FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
 """Endings of figure files, with the metadata that must be left out."""
 PART = re.compile(r"(\d+)/(\d+)")
 
 
-@showing("bgmodel.sweeps")
+@showing(WHOLE)
 @dataclass(frozen=True)
 class SweepRun:
     """Run a circuit at every point of a grid or a list, and gather the results.
@@ -84,7 +85,7 @@ class SweepRun:
         from bgmodel.sweeps.sweep import Sweep
 
         if self.template:
-            write_template("bgmodel.sweeps", self.file)
+            write_template(WHOLE, self.file)
             return
         check_whole(workers=self.workers, parts=self.parts)
         part = self._part()

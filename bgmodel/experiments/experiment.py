@@ -57,42 +57,14 @@ SHIPPED = resources("bgmodel.experiments") / "shipped"
 class Experiment(ExperimentRecord):
     """A control, a manipulation and predictions; all other settings are shared.
 
-    As a file::
-
-        name = "STN lesion"
-        note = "why the manipulation models the published one"
-        circuit = "macaque"
-
-        [task]
-        d_prime = 0.5
-        trials = 1000
-        t_max = 120
-
-        [stop]                       # optional: stop signals in a share of the trials
-        share = 0.25
-        delay_ms = 60
-
-        [learning]                   # optional: what readings mean is learned from reward
-        trials = 3000
-
-        [control]                    # optional
-        edits = []
-
-        [manipulation]
-        edits = ["lesion STN 10%", "dopamine 0.9"]
-
-        [[predictions]]              # made before the run; optional
-        measure = "accuracy"
-        direction = "down"           # "up", or "none": within +-at_least
-        at_least = 0.01              # least change that counts, in the measure's unit
-
-    ``bgmodel experiment NAME --show`` prints an included one.
+    ``template()`` returns a whole file, without the optional tables ``[control]``, ``[stop]`` (stop
+    signals) and ``[learning]``.
     """
 
     @staticmethod
     def template() -> str:
         """Return a whole file of an experiment, to start from, as text."""
-        return toml_files.template("bgmodel.experiments")
+        return shipped_text("stn_lesion_partial")
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:

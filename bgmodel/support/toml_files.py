@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import fields
 from functools import cache
-from importlib.resources import files as resources
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
@@ -48,11 +47,6 @@ def read_text(text: str, kind: type[T], name: str) -> T:
         As for ``read``.
     """
     return decoded(parsed_toml(text, name), kind, name)
-
-
-def template(package: str) -> str:
-    """Return a whole file of the kind that a package reads, to start from, as text."""
-    return (resources(package) / "template.toml").read_text(encoding="utf-8")
 
 
 def gives(path: str | Path, key: str) -> bool:

@@ -6,13 +6,13 @@ import re
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files as resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.processes import end_if_imported, processes
 from bgmodel.support.reprs import Facts
@@ -49,7 +49,7 @@ class Sweep:
     @staticmethod
     def template() -> str:
         """Return a whole file of a sweep, to start from, as text."""
-        return toml_files.template("bgmodel.sweeps")
+        return (resources("bgmodel.sweeps") / "template.toml").read_text(encoding="utf-8")
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Sweep:

@@ -27,6 +27,9 @@ OF_TWO = f"pacemaker, CV assumed; rate of 2 channels {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
 EXACT = "weight from OUT = -ln P"
 """Given the weights that are tuned or assumed."""
+BENT = f"{EXACT}; pivot: GPe's input at rest, assumed"
+GUESSED = "weight assumed"
+WIRE = "weight, delay assumed"
 D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 {SHEN}"
 MOST_LEAD_NATS = {
@@ -117,36 +120,25 @@ def macaque(channels: int = 2) -> Circuit:
         ("SNr",     0.3,   (59.1, 79.5), "heterogeneity assumed; cells tuned"),
     ))
     projections = rows(Projection, (
-        "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",
-        ("ctx",     "D1",      to_d1 / rest, "channel", 7,        4,      "linear",        AMPA),
-        ("ctx",     "D2",      1,            "channel", 7,        4,      "linear",        AMPA),
-        ("ctx",     "STN",     direct,       "channel", 3,        4,      "linear",        AMPA),
-        ("ctx",     "ctx_inh", 1 / channels, "diffuse", 1,        2,      "linear",        ASSUMED),
-        ("ctx_inh", "ctx",     -fast,        "diffuse", 1,        3,      "linear",        ASSUMED),
-        ("D1",      "SNr",     -1,           "channel", 11,       6,      "linear",        KERNEL),
-        ("D2",      "GPe",     -indirect,    "channel", 7,        4,      "linear",        GABA_A),
-        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", D2_BENT),
-        ("STN",     "SNr",     1,            "diffuse", 3,        19,     "linear",        KERNEL),
-        ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        TO_SLOW),
-        ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        D2_GABA),
-        ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
-        ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        TO_CTX),
-    ), (
-        "source     target     cite_more",
-        ("ctx",     "D1",      EXACT),
-        ("ctx",     "D2",      "weight assumed"),
-        ("ctx",     "STN",     EXACT),
-        ("D1",      "SNr",     EXACT),
-        ("D2",      "GPe",     "weight assumed"),
-        ("STN",     "GPe",     f"{EXACT}; pivot: GPe's input at rest, assumed"),
-        ("STN",     "SNr",     EXACT),
-        ("STN",     "GPe_ctx", "weight, delay assumed"),
-        ("GPe_ctx", "ctx",     "weight assumed"),
+        "source     target     weight        pattern    delay_ms  tau_ms  cite     cite_more",
+        ("ctx",     "D1",      to_d1 / rest, "channel", 7,        4,      AMPA,    EXACT),
+        ("ctx",     "D2",      1,            "channel", 7,        4,      AMPA,    GUESSED),
+        ("ctx",     "STN",     direct,       "channel", 3,        4,      AMPA,    EXACT),
+        ("ctx",     "ctx_inh", 1 / channels, "diffuse", 1,        2,      ASSUMED, ""),
+        ("ctx_inh", "ctx",     -fast,        "diffuse", 1,        3,      ASSUMED, ""),
+        ("D1",      "SNr",     -1,           "channel", 11,       6,      KERNEL,  EXACT),
+        ("D2",      "GPe",     -indirect,    "channel", 7,        4,      GABA_A,  GUESSED),
+        ("STN",     "GPe",     1,            "diffuse", 3,        3,      D2_BENT, BENT),
+        ("STN",     "SNr",     1,            "diffuse", 3,        19,     KERNEL,  EXACT),
+        ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      TO_SLOW, WIRE),
+        ("GPe",     "STN",     -share,       "channel", 10,       4,      D2_GABA, ""),
+        ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      SHARED,  ""),
+        ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    TO_CTX,  GUESSED),
     ), (
         # Dopamine weakens the loop at its terminals; GPe's activity is 0 at rest.
-        "source target receptor operating_point_nats",
-        ("STN", "GPe", "D2",    from_stn),
-        ("GPe", "STN", "D2",    0.0),
+        "source target receptor operating_point_nats transfer",
+        ("STN", "GPe", "D2",    from_stn,            "s_minus_log_s"),
+        ("GPe", "STN", "D2",    0.0,                 "linear"),
     ))
     # fmt: on
     return Circuit(

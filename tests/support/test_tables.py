@@ -5,7 +5,7 @@ import re
 
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.support.tables import MOST_ROWS, Readable
@@ -27,6 +27,7 @@ def width(request, monkeypatch):
 
 
 @given(names=NAMES, rows=st.integers(1, MOST_ROWS))
+@settings(max_examples=25)
 @pytest.mark.parametrize("columns", [40, 80, 200])
 def test_every_column_and_row_is_printed_in_lines_of_the_terminal(columns, names, rows):
     with pytest.MonkeyPatch.context() as patch:
