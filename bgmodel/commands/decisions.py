@@ -12,7 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from bgmodel.commands.checks import Shows, Writes, check_ending, check_whole, options_of, say
 from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
-from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.policies import BernoulliPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
@@ -195,7 +195,8 @@ class GapLearn(Writes):
         check_xi(self.xi)
         check_start(self.start_delta)
         check_learning_memory(self.runs, self.learner.episodes)
-        policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
+        # The range of the Gaussian one depends on the best gap.
+        policy = BernoulliPolicy() if self.policy == "bernoulli" else None
         asked = Stimuli(
             task=self.task, period_mm=self.period_mm, step_deg=self.step_deg, taps=self.taps,
             fold=self.fold,

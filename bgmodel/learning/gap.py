@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.reward import mean_reward
-from bgmodel.learning.policies import DELTA_RANGE, Policy
+from bgmodel.learning.policies import DELTA_RANGE, GaussianPolicy, Policy
 from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
@@ -21,9 +21,11 @@ from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
-from circuits.errors import InputError
+from circuits.errors import InputError, RangeWarning
 
 FRESH_TRIALS = 100_000
+WIDER = 1.25
+"""Greatest gap that is explored by default, over the best one, if that is not below 8 nats."""
 RUN_COLUMNS = ["period_mm", "start_delta", "fold", "repeat", "learned_delta", "regret"]
 RUN_COLUMNS += ["optimal_delta", "optimal_cost", "start_regret"]
 
@@ -89,6 +91,20 @@ def check_start(start_delta: float, field: str = "start_delta") -> None:
     low, high = DELTA_RANGE
     if not low <= start_delta <= high:
         raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_delta)
+
+
+def policy_for(policy: Policy | None, optima: Sequence[Optimum]) -> Policy:
+    """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
+    best, (least, most) = max(optimum.delta for optimum in optima), DELTA_RANGE
+    if policy is None:
+        return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
+    top = float(policy.mean(policy.bounded(policy.start(np.array([np.inf]))))[0])
+    if best >= top:
+        RangeWarning.warn(
+            f"the best gap, {best:.2f} nats, is outside the range that the policy can learn, up to "
+            f"{top:.2f} nats: regret includes this; give a lower xi or another policy"
+        )
+    return policy
 
 
 def learn_sources(
@@ -167,12 +183,13 @@ def learn_folds(
         optimal_delta, optimal_cost and start_regret.
     """
     sources = fold_sources(taps, period_mm)
+    optima = [optimal_delta(*increments(one), xi, t_max=t_max) for one in sources]
     options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": period_mm}
     learned = learn_sources(
         sources,
         starts=starts,
         repeats=repeats,
-        policy=policy,
+        policy=policy_for(policy, optima),
         learner=learner,
         **options,
     )
@@ -182,7 +199,8 @@ def learn_folds(
     for fold, readings in enumerate(sources):
         count = len(starts) * repeats
         own = slice(fold * count, (fold + 1) * count)
-        scores = _scored(learned.learned[own], readings, np.repeat(starts, repeats), **options)
+        given = learned.learned[own], readings, np.repeat(starts, repeats), optima[fold]
+        scores = _scored(*given, **options)
         runs = scores.assign(fold=fold, repeat=np.tile(np.arange(repeats), len(starts)))
         rows.append(
             runs.loc[runs.index.repeat(keep), RUN_COLUMNS].assign(
@@ -196,6 +214,7 @@ def _scored(
     learned: Array,
     readings: Source,
     starts: Array,
+    optimum: Optimum,
     *,
     xi: float,
     t_max: int,
@@ -203,12 +222,10 @@ def _scored(
     name: float,
 ) -> pd.DataFrame:
     """Return learned gaps of one fold with its optimum and their starts, one row per run."""
-    pair = increments(readings)
-    optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
     regret = regret_on_fresh_trials(
         learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
-    start_cost = -reward_curve(*pair, starts, xi, t_max=t_max)
+    start_cost = -reward_curve(*increments(readings), starts, xi, t_max=t_max)
     return pd.DataFrame(
         {
             "period_mm": name,
@@ -252,7 +269,7 @@ def learn_gap(
         learned_delta and regret of each run, optimal_delta, optimal_cost.
     """
     check_start(start_delta)
-    optimum = optimal_delta(*increments(readings), xi, t_max=t_max, bounds=DELTA_RANGE)
+    optimum = optimal_delta(*increments(readings), xi, t_max=t_max)
     learned = learn_sources(
         [readings],
         xi=xi,
@@ -261,7 +278,7 @@ def learn_gap(
         t_max=t_max,
         seed=seed,
         name=name,
-        policy=policy,
+        policy=policy_for(policy, [optimum]),
         learner=learner,
     )
     regret = regret_on_fresh_trials(

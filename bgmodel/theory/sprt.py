@@ -8,6 +8,7 @@ bounds at -delta/2 and delta/2, so delta = 0 decides by the sign of one reading.
 of readings ("steps").
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,10 @@ __all__ = [
     "walk",
 ]
 
+WIDTH = 8.0
+"""Greatest gap that is searched first, nats: that of the exhaustive search of Burguete et al."""
+FLAT = 1e-9
+"""Costs are equal if their relative difference is smaller."""
 OVERSHOOT = 0.5825971579390107  # -zeta(1/2) / sqrt(2 pi), in sd of an increment (Siegmund, 1979)
 
 
@@ -185,13 +190,30 @@ def reward_curve(
     return reward_of(test.error_rate, test.mean_steps, cost)
 
 
+def widened(cost: Callable[[Array], Array], grid: Array) -> tuple[Array, Array]:
+    """Double the range of a grid of gaps (K,) until the best is not in its last quarter.
+
+    Returns the grid and the costs. The best gap grows like 2 ln(xi): doubling finds it soon.
+    """
+    costs = np.asarray(cost(grid))
+    while grid[least(costs)] > 0.75 * grid[-1]:
+        more = grid[-1] + (grid[-1] - grid[0]) * np.arange(1, 33) / 32
+        grid, costs = np.append(grid, more), np.append(costs, cost(more))
+    return grid, costs
+
+
+def least(costs: Array) -> int:
+    """Return the index of the least cost, the first of those that differ by rounding alone."""
+    return int(np.argmax(costs <= costs.min() * (1 + FLAT)))
+
+
 def optimal_delta(
     increments_s1: Increments,
     increments_s2: Increments,
     xi: float,
     *,
     t_max: int | None,
-    bounds: tuple[float, float] = (0.0, 8.0),
+    bounds: tuple[float, float] | None = None,
     prior_s2: float = 0.5,
     cells: int = 256,
 ) -> Optimum:
@@ -206,8 +228,8 @@ def optimal_delta(
         As for `sprt`.
     xi : float
         Cost of an error, in readings.
-    bounds : tuple of two floats
-        Least and greatest delta in nats.
+    bounds : tuple of two floats, optional
+        Least and greatest delta in nats; by default 0 and as much as it takes (`widened`).
 
     Raises
     ------
@@ -216,7 +238,7 @@ def optimal_delta(
     """
     from scipy.optimize import minimize_scalar
 
-    low, high = bounds
+    low, high = bounds or (0.0, WIDTH)
     require(0 <= low < high < np.inf, "bounds", "must be finite, rising and at least 0", bounds)
     pair = increments_s1, increments_s2
 
@@ -224,9 +246,9 @@ def optimal_delta(
         return -reward_curve(*pair, delta, xi, prior_s2=prior_s2, t_max=t_max, cells=cells)
 
     grid = np.linspace(low, high, 33)
-    costs = cost(grid)
-    best = int(np.argmin(costs))
-    around = grid[max(best - 1, 0)], grid[min(best + 1, 32)]
+    grid, costs = widened(cost, grid) if bounds is None else (grid, cost(grid))
+    best = least(costs)
+    around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     refined = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 1e-5})
     if refined.fun < costs[best]:
         return Optimum(float(refined.x), float(refined.fun))

@@ -9,13 +9,16 @@ from bgmodel.learning.gap import (
     fold_sources,
     increments,
     learn_folds,
+    policy_for,
     regret_on_fresh_trials,
     search_folds,
 )
+from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import optimal_delta, reward_curve
-from tests.helpers import refused
+from bgmodel.theory.sprt import Optimum, optimal_delta, reward_curve
+from circuits.errors import RangeWarning
+from tests.helpers import refused, unwarned
 
 TAPS = held_out_taps()
 
@@ -43,6 +46,23 @@ def test_regret_is_the_share_that_a_gap_costs_more():
     assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
     assert regret[0] > 0.3
     assert abs(regret[1]) < 0.03
+
+
+def test_by_default_the_best_gap_is_inside_the_range_that_is_learned():
+    """0 to 8 nats where that suffices, as in the paper."""
+    for best in (0.0, 4.0, 7.9):
+        assert policy_for(None, [Optimum(best, 1.0)]) == GaussianPolicy()
+    for best in (8.0, 10.6, 20.0):
+        low, high = policy_for(None, [Optimum(2.0, 1.0), Optimum(best, 1.0)]).bounds
+        assert low == 0 < best < high
+
+
+@pytest.mark.parametrize("policy", [GaussianPolicy(), BernoulliPolicy()])
+def test_a_policy_that_cannot_learn_the_best_gap_is_said_to(policy):
+    with pytest.warns(RangeWarning, match="the best gap, 9.00 nats"):
+        assert policy_for(policy, [Optimum(9.0, 1.0)]) is policy
+    with unwarned():
+        policy_for(policy, [Optimum(7.0, 1.0)])
 
 
 def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_learned(monkeypatch):

@@ -67,11 +67,37 @@ def test_the_optimal_threshold_is_tabulated_and_near_its_closed_form(d, xi, thet
     assert 0 <= at_closed_form - best.cost < 1e-3
 
 
-def test_where_errors_are_dear_the_best_gap_is_the_top_of_the_range_of_the_paper():
-    pair = gaussian_pair(1.0)
-    assert optimal_delta(*pair, 1e7, t_max=None).delta == pytest.approx(8, abs=1e-4)
-    # The cost still falls there: with a wider range the best one is wider.
-    assert optimal_delta(*pair, 1e7, t_max=None, bounds=(0, 12)).delta > 11.9
+@pytest.mark.parametrize("d", [0.5, 1.0, 2.0])
+def test_the_best_gap_grows_by_twice_the_logarithm_of_the_cost_of_an_error(d):
+    """Without end: sinh(theta) + theta = xi d^2 / 4 (Wald), theta being half the gap.
+
+    The optimum costs no more than any gap of a far wider grid, and is inside it.
+    """
+    costs = np.geomspace(200, 2e6, 3)
+    found = [optimal_delta(*gaussian_pair(d), xi, t_max=None) for xi in costs]
+    deltas = np.array([one.delta for one in found])
+    assert deltas == pytest.approx(2 * optimal_threshold(d, costs), abs=0.15)
+    slope = np.diff(deltas)[-1] / np.diff(np.log(costs))[-1]
+    assert slope == pytest.approx(2, rel=0.03)
+    wide = np.linspace(2, 38, 10)
+    for xi, one in zip(costs, found, strict=True):
+        assert one.cost <= -reward_curve(*gaussian_pair(d), wide, xi).max() + 1e-9
+    # At a gap of 8 an error of 3 000 readings costs far more.
+    at_8 = -reward_curve(*gaussian_pair(1.0), 8.0, 3000.0)
+    assert at_8 / optimal_delta(*gaussian_pair(1.0), 3000, t_max=None).cost > 2.3
+    # A range that is given is kept.
+    assert optimal_delta(*gaussian_pair(d), 2e6, t_max=None, bounds=(0, 8)).delta > 7.99
+
+
+def test_of_gaps_that_cost_the_same_the_least_is_the_best():
+    """Of five readings of a nat three decide: gaps of more than 4 and up to 6 are one test."""
+    p = 1 / (1 + np.exp(-1))
+    pair = Empirical([-1.0, 1.0], [p, 1 - p]), Empirical([-1.0, 1.0], [1 - p, p])
+    best = optimal_delta(*pair, 1e6, t_max=5)
+    assert 4 < best.delta < 4.3
+    every = -reward_curve(*pair, [4.1, 5.0, 6.0, 8.0, 100.0], 1e6, t_max=5)
+    assert every[:3] == pytest.approx(best.cost, rel=1e-12)
+    assert every[3:].min() > best.cost
 
 
 def test_one_reading_is_optimal_where_errors_are_cheap():

@@ -18,10 +18,11 @@ from bgmodel.learning.weights.loop import Loop
 from bgmodel.learning.weights.rules import Rule, rule_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from bgmodel.theory.sprt import widened
 from circuits.errors import InputError, require
 
 GAPS = 161
-"""Number of gaps over ``DELTA_RANGE`` among which the best one is found."""
+"""Number of gaps over ``DELTA_RANGE`` among which the best one is found, or of a wider range."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,11 @@ class LearnedTogether:
         xi : float
             Cost of an error in readings.
         """
-        gaps = np.linspace(*DELTA_RANGE, GAPS)
-        best = -float(mean_reward(exhaustive_search(features.exact, gaps), xi).max())
+
+        def exact(gaps: Array) -> Array:
+            return -mean_reward(exhaustive_search(features.exact, gaps), xi)
+
+        best = float(widened(exact, np.linspace(*DELTA_RANGE, GAPS))[1].min())
         cost = [
             -float(
                 mean_reward(exhaustive_search(self.weights.to_evidence(features, run), gap), xi)[0]

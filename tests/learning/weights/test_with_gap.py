@@ -31,6 +31,14 @@ def test_exact_weights_at_the_optimal_gap_have_no_regret():
     assert together(best + 3).regret(test, XI)[0] > 0.1
 
 
+def test_no_gap_beyond_the_range_of_the_paper_has_less_cost_than_the_optimum():
+    """Errors at 1e5 readings: the best gap of these trials is wider than 8 nats."""
+    test = CELLS.draw(8000, rng=2)
+    regret = np.array([together(gap).regret(test, 1e5)[0] for gap in (8.0, 12.0, 16.0)])
+    assert (regret >= 0).all()
+    assert regret[1:].min() < regret[0]
+
+
 def test_a_short_course_learns_both():
     learned = learn_weights_and_gap(
         CELLS, xi=XI, start_delta=1.0, seed=1, runs=3, learner=WeightLearner(trials=1500)
