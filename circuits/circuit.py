@@ -15,7 +15,7 @@ from circuits.declaration.table_files import digest
 from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
 from circuits.errors import InputError
-from circuits.laws.homeostasis import balanced_weight, biases
+from circuits.laws.homeostasis import balanced_factor, biases
 
 if TYPE_CHECKING:
     import brian2
@@ -203,8 +203,8 @@ class Circuit(EditableTable):
             If the pathway does not exist or is of a kind that the rule cannot act on, or if no
             weight of its sign works.
         """
-        weight = balanced_weight(self, source)
-        return self.with_projection(source, self.readout, weight=weight)
+        rows, factor = self.pathways(source, self.readout), balanced_factor(self, source)
+        return self._multiplied(rows, "weight", factor)
 
     def edited(self, *lines: str) -> Self:
         """Return the circuit with edits given as text.
@@ -224,7 +224,7 @@ class Circuit(EditableTable):
         circuit = self._called(edits.of("neurons", "connections", "heterogeneity"))
         circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
         circuit = circuit._set(edits.of("set"))
-        circuit = circuit._called(edits.of("lesion", "clamp", "cut", "scale", "dopamine"))
+        circuit = circuit._called(edits.of("lesion", "clamp", "cut", "block", "scale", "dopamine"))
         if not edits.compensates:
             return circuit
         rebound = {edit.row: float(edit.value) for edit in edits.of("rebound")}
@@ -234,8 +234,7 @@ class Circuit(EditableTable):
         """Return the circuit after edits that each correspond to a method, applied in turn."""
         circuit = self
         for edit in edits:
-            channel = {} if edit.channel is None else {"channel": edit.channel}
             with naming(edit.text):
                 made_by = getattr(circuit, VERBS[edit.verb].method or edit.verb)
-                circuit = made_by(*edit.arguments, **channel)
+                circuit = made_by(*edit.arguments, **edit.named)
         return circuit

@@ -73,7 +73,7 @@ def _lines(first: Circuit, second: Circuit) -> Iterator[str]:
 def _values(row: Row | Cell, old: Row | Cell | None) -> Iterator[tuple[str, Any]]:
     """Yield the fields of a row that differ from those of another, or from their defaults."""
     for field in fields(row):
-        if not field.init or field.name in (*NAMES, *FOR_READERS):
+        if not field.init or field.name in (*NAMES, "synapse", *FOR_READERS):
             continue
         value = getattr(row, field.name)
         if isinstance(row, Population) and field.name == "cell":

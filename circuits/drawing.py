@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -237,13 +238,13 @@ def draw(
     names = {p.name for p in circuit.populations}
     placed = boxes(circuit)
     ways = routes(circuit, placed)
-    drawn: dict[tuple[str, str], Projection] = {}
+    drawn: dict[tuple[str, str], tuple[Projection, ...]] = {}
     for p in _shown(circuit):
         pair = nucleus(p.source, names), nucleus(p.target, names)
-        if pair not in drawn or abs(p.weight) > abs(drawn[pair].weight):
-            drawn[pair] = p
-    for pair, p in drawn.items():
-        _pathway(ax, circuit, p, ways[pair], _differs(p, reference))
+        rows = circuit.pathways(p.source, p.target)
+        drawn[pair] = max(drawn.get(pair, rows), rows, key=_strength)
+    for pair, rows in drawn.items():
+        _pathway(ax, circuit, rows, ways[pair], any(_differs(p, reference) for p in rows))
     for name, box in placed.items():
         _nucleus(
             ax,
@@ -271,15 +272,22 @@ def _passes(circuit: CircuitTable, p: Projection) -> bool:
     return bool(alive and p.weight != 0)
 
 
-def _pathway(ax: Axes, circuit: CircuitTable, p: Projection, way: Curve, differs: bool) -> None:
-    """Draw one pathway, with a white border where it crosses another."""
+def _strength(rows: Iterable[Projection]) -> float:
+    """Return the weight of a pathway, the sum over its receptors."""
+    return sum(abs(p.weight) for p in rows)
+
+
+def _pathway(
+    ax: Axes, circuit: CircuitTable, rows: tuple[Projection, ...], way: Curve, differs: bool
+) -> None:
+    """Draw one pathway with all of its receptors, and a white border where it crosses another."""
     from matplotlib.patches import FancyArrowPatch
     from matplotlib.path import Path
     from matplotlib.patheffects import Normal, Stroke
 
-    source = circuit.population(p.source)
-    alive = _passes(circuit, p)
-    width = 0.6 + 1.0 * np.sqrt(min(abs(p.weight), 4.0))
+    source = circuit.population(rows[0].source)
+    alive = tuple(p for p in rows if _passes(circuit, p))
+    width = 0.6 + 1.0 * np.sqrt(min(_strength(alive or rows), 4.0))
     inhibits = source.transmitter == GABA
     colour = COLOURS[source.transmitter] if alive else LOST
     style: dict[str, Any] = {
@@ -293,12 +301,17 @@ def _pathway(ax: Axes, circuit: CircuitTable, p: Projection, way: Curve, differs
         color=colour,
         lw=width,
         ls="-" if alive else ":",
-        gid=p.name,
+        gid=rows[0].pair,
         zorder=2,
         **style,
     )
     arrow.set_path_effects([Stroke(linewidth=width + 2.5, foreground="w"), Normal()])
     ax.add_patch(arrow)
+    if len(rows) > 1:
+        x, y = along(way[None])[0][len(SAMPLES) // 3]
+        label = " + ".join(p.synapse or "other" for p in alive)
+        around = {"facecolor": "w", "edgecolor": "none", "pad": 0.3}
+        ax.text(x, y, label, ha="center", va="center", size=5, color=colour, zorder=4, bbox=around)
     if differs:
         x, y = along(way[None])[0][len(SAMPLES) // 2]
         _star(ax, x, y)
@@ -375,7 +388,8 @@ def _legend(ax: Axes, circuit: CircuitTable, reference: CircuitTable | None) -> 
         Line2D([], [], color=COLOURS["glutamate"], marker=">", ms=4, label="Excites (glutamate)"),
         Line2D([], [], color=COLOURS[GABA], marker="|", ms=6, mew=1.5, label="Inhibits (GABA)"),
     ]
-    if not all(_passes(circuit, p) for p in circuit.projections):
+    passing = {p.pair for p in circuit.projections if _passes(circuit, p)}
+    if any(p.pair not in passing for p in circuit.projections):
         handles.append(Line2D([], [], color=LOST, ls=":", label="Transmits nothing"))
     lost = [p for p in circuit.populations if not circuit.intact_of(p.name).any()]
     if lost:

@@ -59,6 +59,7 @@ def pathways(circuit: CircuitTable) -> pd.DataFrame:
     rows = [
         {
             "pathway": f"{p.source} -> {p.target}",
+            "synapse": p.synapse,
             "reaches": p.pattern,
             "weight": p.weight,
             "delay_ms": p.delay_ms,
@@ -72,9 +73,8 @@ def pathways(circuit: CircuitTable) -> pd.DataFrame:
         }
         for p in circuit.projections
     ]
-    return _dropping(
-        pd.DataFrame(rows), probability=1.0, by_channel="", intact="1", f="linear", receptor=""
-    )
+    usual = {"probability": 1.0, "intact": "1", "f": "linear"}
+    return _dropping(pd.DataFrame(rows), synapse="", by_channel="", receptor="", **usual)
 
 
 def courses(circuit: CircuitTable) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from circuits.cells import CELLS
 from circuits.checks import parsed_toml
 from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
-from circuits.declaration.rows import Population
+from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NOT_WRITTEN
 from circuits.declaration.table_files import FORMAT, SPARE, TABLES, TYPE
 from circuits.errors import InputError, within
@@ -157,7 +157,10 @@ class _Reader:
         with _placed(where):
             found = kind(**values)
         if found.name in self.places and kind is not Course:
-            raise InputError(f"{where}: there is already a row {found.name!r}", "row")
+            said = (
+                f"{where}: there is already a row {found.name!r}: it needs another name or synapse"
+            )
+            raise InputError(said, "synapse" if kind is Projection else "row")
         self.places[found.name] = where
         return found
 

@@ -38,9 +38,8 @@ def _held(name: str) -> Callable[[Circuit], Circuit]:
 def noise_alone(table: Circuit) -> Circuit:
     """Return the circuit whose nuclei hear nothing of the evidence, and rest as before."""
     deaf = table
-    for row in table.projections:
-        if row.source == table.input:
-            deaf = deaf.scale(row.source, row.target, FAINT)
+    for target in {row.target: None for row in table.projections if row.source == table.input}:
+        deaf = deaf.scale(table.input, target, FAINT)
     return deaf.compensate(table)
 
 

@@ -28,7 +28,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError, require
+from circuits.errors import BgmodelWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,8 +83,11 @@ class CircuitShow(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthis circuit has no spiking cells")
         elif self.rest:
+            from bgmodel.integrators.criterion import doubts
             from bgmodel.integrators.steady import resting_activity
 
+            for said in doubts(table):
+                BgmodelWarning.warn(said)
             print("\nwithout evidence, 4 trials of 5 s:")
             found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))

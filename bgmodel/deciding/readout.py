@@ -37,6 +37,8 @@ class ReadOut:
         "nats" for OUT = -ln P; "nats of log odds" for the SPRT; or another unit.
     warn_of_noise : callable, optional
         Warns if noise alone crosses a threshold.
+    advice : str
+        What to change so that OUT rests above its thresholds.
     """
 
     name: str
@@ -44,6 +46,7 @@ class ReadOut:
     rest: float = np.inf
     unit: str = NATS
     warn_of_noise: Callable[[float], None] | None = None
+    advice: str = ""
 
     @property
     def of_test(self) -> bool:
@@ -127,7 +130,7 @@ class ReadOut:
         return (
             f"{self.name} rests at OUT = {round(self.rest, 2) + 0.0:.2f}, which is not above the "
             f"threshold of {threshold:.2f} {self.unit}: it would decide without evidence"
-            f"{meant(threshold)}"
+            f"{self.advice and f'; {self.advice}'}{meant(threshold)}"
         )
 
     def _unread(self, threshold: float) -> str:

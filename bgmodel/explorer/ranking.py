@@ -28,7 +28,7 @@ def losses(state: State) -> list[str]:
     """Return the edits that are ranked: a lesion of each nucleus, and a cut of each pathway."""
     circuit = state.circuit
     lesions = [f"lesion {row.name} {LOSS}" for row in circuit.populations]
-    return lesions + [f"cut {row.name} {LOSS}" for row in circuit.projections]
+    return lesions + [f"cut {pair} {LOSS}" for pair in {row.pair: 0 for row in circuit.projections}]
 
 
 def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:

@@ -23,6 +23,7 @@ from bgmodel.integrators.criterion import (
     largest_lead,
     lead_of,
     readout_of,
+    unfiltered,
 )
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.session import Reader, Session
@@ -178,10 +179,12 @@ class BasalGanglia(Facts):
         Raises
         ------
         ValueError
-            If each channel gets its own evidence and that has no baseline, or if the foreperiod is
-            informative and the mean over channels is subtracted.
+            If each channel gets its own evidence and that has no baseline, the foreperiod is
+            informative and the mean over channels is subtracted, or noisy OUT is not filtered.
         """
         expected = check_evidence(evidence).expectancy_nats
+        if self.engine.noisy and (said := unfiltered(self.circuit)):
+            raise InputError(f"{self.circuit.name}: {said}", "readout_tau_ms", 0)
         if not self.raw:
             if expected is not None:
                 raise InputError(
@@ -489,7 +492,8 @@ class BasalGanglia(Facts):
             NoiseWarning.warn(
                 f"without evidence, noise takes OUT below the threshold of {threshold_nats:.2f} "
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
-                f"{out.std():.2f}"
+                f"{out.std():.2f}; give a lower threshold, or a longer readout_tau_ms "
+                f"({self.circuit.readout_tau_ms:g} ms) or more cells"
             )
 
     def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:

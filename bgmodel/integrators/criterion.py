@@ -10,6 +10,9 @@ import numpy as np
 
 from bgmodel.deciding.readout import ReadOut
 from bgmodel.support.arrays import Array
+from circuits.declaration.table import NATS
+from circuits.dynamics import loops
+from circuits.dynamics.fixed_point import resting_state, wired
 from circuits.engines import Algebra
 from circuits.errors import InputError
 
@@ -137,7 +140,47 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
 @lru_cache(maxsize=1024)
 def readout_of(circuit: Circuit) -> ReadOut:
     """Return the meaning of thresholds on a circuit's OUT: where it rests, how low it can go."""
-    return ReadOut(circuit.name, circuit.readable_nats[0], rest_out(circuit), circuit.unit)
+    low, advice = circuit.readable_nats[0], off_chance(circuit)
+    return ReadOut(circuit.name, low, rest_out(circuit), circuit.unit, advice=advice)
+
+
+def doubts(circuit: Circuit) -> list[str]:
+    """Return what keeps a circuit from deciding by its evidence, with the cures."""
+    loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
+    found = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
+    return [f"{circuit.name}: {said}" for said in found if said]
+
+
+def unfiltered(circuit: Circuit) -> str:
+    """Return that OUT is noise, of variance rate / (n dt), for lack of a filter, or ""."""
+    row = circuit.population(circuit.readout)
+    if circuit.readout_tau_ms or not row.spiking:
+        return ""
+    noise = f"OUT without a filter is the noise of {row.neurons} cells of {row.name} in one tick"
+    return f"{noise}, which depends on the engine: set readout_tau_ms, such as 30"
+
+
+def off_chance(circuit: Circuit) -> str:
+    """Return what lets OUT rest at chance, ln N; empty if it does, and after a lesion.
+
+    The rate is ``baseline + gain OUT``: input raises both, and a lower baseline keeps the rate.
+    """
+    row, chance, rest = (
+        circuit.population(circuit.readout),
+        np.log(circuit.channels),
+        rest_out(circuit),
+    )
+    usual = circuit.readable_nats[0] < rest < 1.05 * chance or circuit != circuit.unlesioned
+    if usual or circuit.unit != NATS or row.transfer != "linear" or np.isinf(rest):
+        return ""
+    wiring, x = wired(circuit.steady), resting_state(circuit.steady)[0]
+    more = chance - float(x[wiring.blocks_of(row.name)].min())
+    lower = row.baseline_hz - row.gain_hz_per_nat * more
+    kept = f", and {row.name}.baseline_hz {lower:.4g} to keep its rate" if lower >= 0 else ""
+    return (
+        f"set {row.name}.bias_nats {row.bias_nats + more:.4g}{kept}, so that OUT rests at that of "
+        f"chance, ln {circuit.channels} = {chance:.2f}, not at {rest:.2f}"
+    )
 
 
 def check_conditions(

@@ -1,7 +1,8 @@
 """Edits of a circuit as text, one per line, identical in Python, in files and in the terminal.
 
 ``VERBS`` lists them with examples. A nucleus is written ``STN``, a pathway ``GPe->STN``; ``GPe[0]``
-and ``ctx->D1[0]`` refer to one channel. A fraction is written ``10%`` or ``0.1``.
+and ``ctx->D1[0]`` refer to one channel. A fraction is written ``10%`` or ``0.1``. A pathway through
+one receptor is ``STN->SNr NMDA``; without it ``cut`` and ``scale`` act on all rows of a pathway.
 
 The order of the lines does not matter: edits of all nuclei are applied first, then rows are added
 and fields set, then nuclei are lesioned, pathways cut and scaled, and dopamine changed;
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
-NUCLEUS, PATHWAY = "nucleus", "pathway"
+NUCLEUS, PATHWAY, RECEPTOR = "nucleus", "pathway", "receptor"
 FRACTION, NUMBER, WHOLE_NUMBER = "fraction", "number", "whole number"
 
 
@@ -37,7 +38,7 @@ class Verb:
     about: str
     """Description of the edit."""
     of: str = ""
-    """What follows the verb: a nucleus, a pathway, or nothing."""
+    """What follows the verb: a nucleus, a pathway, either with a receptor, or nothing."""
     takes: str = ""
     """The number at the end: a fraction (optional, by default all), a number, or none."""
     method: str = ""
@@ -99,6 +100,14 @@ VERBS = {
         takes=FRACTION,
         changes="intact",
     ),
+    "block": Verb(
+        "block STN->SNr NMDA 50%",
+        "a fraction of the receptors of a pathway, or of all pathways onto a nucleus (GPe AMPA), "
+        "is blocked, with the tone that they transmit",
+        of=RECEPTOR,
+        takes=FRACTION,
+        changes="intact",
+    ),
     "scale": Verb(
         "scale STN->GPe 0.5",
         "the weight of a pathway is multiplied; the tone of its source stays",
@@ -136,7 +145,10 @@ SAME_NUMBER = {
     "factors": "weight",
 }
 """Fields of rows that in effect change another field."""
-SET = re.compile(r"([^\s=]+(?:\s*->\s*[^\s=]+)?)(?:\s*=\s*|\s+)(.*)")
+WITH_RECEPTOR = r"[^\s=>]+\s*->\s*[^\s=.]+\s+[^\s=.]+\.[^\s=]+"
+SET = re.compile(rf"({WITH_RECEPTOR}|[^\s=]+(?:\s*->\s*[^\s=]+)?)(?:\s*=\s*|\s+)(.*)")
+NAME = re.compile(r"[a-z]*[A-Z][^\s=]*")
+"""A receptor, which has a capital letter, unlike numbers and fields of rows."""
 AMOUNT = "amount"
 """The field that makes a row a course; courses of one nucleus add up."""
 
@@ -152,7 +164,7 @@ class Edit:
     verb : str
         A key of ``VERBS``.
     row : str
-        The nucleus or the pathway; empty for some verbs.
+        The nucleus or the pathway (``STN->SNr NMDA`` with its receptor); empty for some verbs.
     field : str
         The field to set.
     channel : int, optional
@@ -171,7 +183,18 @@ class Edit:
     @property
     def arguments(self) -> list[Any]:
         """The positional arguments of the verb's method."""
-        return [*(self.row.split("->") if self.row else ()), self.value]
+        if VERBS[self.verb].of == RECEPTOR:
+            return [*self.row.split(), self.value]
+        ends = self.row.partition(" ")[0]
+        return [*(ends.split("->") if ends else ()), self.value]
+
+    @property
+    def named(self) -> dict[str, Any]:
+        """The named arguments of the verb's method: the channel, and the receptor of a pathway."""
+        found: dict[str, Any] = {} if self.channel is None else {"channel": self.channel}
+        if VERBS[self.verb].of == PATHWAY and " " in self.row:
+            found["synapse"] = self.row.partition(" ")[2]
+        return found
 
     @property
     def is_course(self) -> bool:
@@ -191,14 +214,23 @@ class Edit:
         verbs = {self.verb, other.verb}
         if verbs == {"set"} or (self.is_course and other.is_course):
             return False
-        if "add" in verbs and verbs & {"lesion", "clamp", "cut", "scale"}:
+        if "add" in verbs and verbs & {"lesion", "clamp", "cut", "block", "scale"}:
             return False
         return self.meets(other) and bool(self._changes() & other._changes())
 
     def meets(self, other: Edit) -> bool:
         """Whether both are about the same row, and a channel in common."""
         apart = None not in (self.channel, other.channel) and self.channel != other.channel
-        return self.row == other.row and not apart
+        (one, at, mine), (two, there, theirs) = self._ends(), other._ends()
+        from_one = one == two or ("" in (one, two) and None not in (one, two))
+        return from_one and at == there and (mine == theirs or None in (mine, theirs)) and not apart
+
+    def _ends(self) -> tuple[str | None, str, str | None]:
+        """Return source ("": any; None: of a nucleus), target and receptor (None: any)."""
+        path, _, synapse = self.row.partition(" ")
+        source, arrow, target = path.rpartition("->")
+        every = not synapse and self.verb in ("cut", "scale")
+        return source if arrow or synapse else None, target, None if every else synapse
 
     def _changes(self) -> set[str]:
         """Return the fields of its row that it changes."""
@@ -335,9 +367,10 @@ def parsed(line: str) -> Edit:
 
 def _new_row(line: str, rest: str) -> Edit | None:
     names = _tidied(rest).split()
-    named = bool(names) and "=" not in names[0]
-    row, channel = _channel_of(line, names[0]) if named else ("", None)
-    return Edit(line, "add", row, channel=channel, value=rest) if named else None
+    if not names or "=" in names[0]:
+        return None
+    names[0], channel = _channel_of(line, names[0])
+    return Edit(line, "add", row_of(names), channel=channel, value=rest)
 
 
 def _new_value(line: str, rest: str) -> Edit | None:
@@ -351,9 +384,13 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
     kind = VERBS[verb]
     row, channel, left = "", None, [*words]
     if kind.of:
-        if not left or "=" in left[0] or ("->" in left[0]) != (kind.of == PATHWAY):
+        of = PATHWAY if "->" in "".join(left[:1]) else NUCLEUS
+        if not left or "=" in left[0] or kind.of not in (of, RECEPTOR):
             return None
-        row, channel = _channel_of(line, left.pop(0))
+        left[0], channel = _channel_of(line, left[0])
+        row = row_of(left, kind.of == RECEPTOR)
+        if kind.of == RECEPTOR and " " not in row:
+            return None
     if not left and kind.takes == FRACTION:
         return Edit(line, verb, row, channel=channel, value=1.0)
     if len(left) != 1 or (channel is not None and not kind.changes):
@@ -370,6 +407,13 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
         write = f"write {value:g}% or {value / 100:g}"
         raise InputError(f"{line!r}: a fraction is within 0..1: {write}", "edits")
     return Edit(line, verb, row, channel=channel, value=value)
+
+
+def row_of(words: list[str], receptor: bool = False) -> str:
+    """Take a row from words: a nucleus, or a pathway with its receptor, if one is given."""
+    row = words.pop(0)
+    named = words and (receptor or "->" in row) and NAME.fullmatch(words[0])
+    return f"{row} {words.pop(0)}" if named else row
 
 
 def _channel_of(line: str, name: str) -> tuple[str, int | None]:

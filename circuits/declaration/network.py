@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_types
-from circuits.declaration.rows import PATTERNS, SIGNS, Population, Projection
+from circuits.declaration.rows import PATTERNS, SIGNS, SYNAPSES, Population, Projection
 from circuits.errors import InputError, require, shown
 
 
@@ -39,9 +39,10 @@ class Network(Mapping[str, "Population | Projection"]):
         object.__setattr__(self, "_known", {p.name: p for p in self.populations})
         if len(self._known) != len(self.populations):
             raise InputError(f"{self.name}: two populations have the same name", "populations")
-        if len({p.name for p in self.projections}) != len(self.projections):
-            said = f"{self.name}: two projections join the same populations"
-            raise InputError(said, "projections")
+        names = [p.name for p in self.projections]
+        if twice := [name for name in names if names.count(name) > 1]:
+            said = f"{self.name}: two rows are {twice[0]}: each needs its own receptor"
+            raise InputError(f"{said} in synapse, such as AMPA and NMDA", "synapse")
         check_channels(self.channels)
         object.__setattr__(self, "channels", int(self.channels))
         for row in self.populations:
@@ -56,6 +57,8 @@ class Network(Mapping[str, "Population | Projection"]):
         if p.weight * SIGNS[what] < 0:
             must = f"the weight must be {'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
             raise InputError(f"{p.name}: {p.source} releases {what}, so {must}", "weight")
+        fits, must = SYNAPSES.get(p.synapse, what) == what, f"must bind {what}, which it releases"
+        require(fits, "synapse", must, p.synapse, owner=p.source)
         _check_counts(p, channels, "factors", "intact_by_channel")
 
     def population(self, name: str) -> Population:
@@ -71,22 +74,33 @@ class Network(Mapping[str, "Population | Projection"]):
             raise InputError(said, "nucleus", name)
         return self._known[name]
 
-    def projection(self, source: str, target: str) -> Projection:
-        """Return a row by its two ends; ValueError lists the known names."""
+    def projection(self, source: str, target: str, synapse: str = "") -> Projection:
+        """Return a row by its ends, and receptor if several have one; ValueError lists names."""
+        rows = self.pathways(source, target, synapse)
+        exact = [p for p in rows if p.synapse == synapse] or rows
+        must = f"must be one of {', '.join(p.synapse for p in rows)}"
+        require(len(exact) == 1, "synapse", must, synapse, owner=rows[0].pair)
+        return exact[0]
+
+    def pathways(self, source: str, target: str, synapse: str = "") -> tuple[Projection, ...]:
+        """Return the rows that join two populations through a receptor, by default through all."""
         if isinstance(source, str) and "->" in source:
             ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
             given = f"must be one nucleus, got {shown(source)}"
             said = f"source {given}: give the two ends one by one, as in cut({ends}, 0.5)"
             raise InputError(said, "source", source)
-        name = " ".join(f"{source}->{target}".split())
-        for p in self.projections:
-            if p.name == name:
-                return p
-        valid = ", ".join(p.name for p in self.projections)
-        raise InputError(f"{self.name} has no pathway {name}: {valid}", "pathway")
+        pair, _, named = " ".join(f"{source}->{target}".split()).partition(" ")
+        synapse = synapse or named
+        rows = tuple(p for p in self.projections if p.pair == pair)
+        found = tuple(p for p in rows if synapse in ("", p.synapse))
+        if found:
+            return found
+        valid = ", ".join(p.name for p in rows or self.projections)
+        said = f"{self.name} has no pathway {pair} {synapse}".rstrip()
+        raise InputError(f"{said}: {valid}", "synapse" if rows else "pathway")
 
     def row(self, name: str) -> Population | Projection:
-        """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""
+        """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""
         if not isinstance(name, str) or "->" not in name:
             return self.population(name)
         source, _, target = name.partition("->")

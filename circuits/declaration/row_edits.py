@@ -6,12 +6,15 @@ A new value must have the field's declared type::
     STN.cell.cv 0.2                     a constant of its cell
     STN.cell Phase                      another type of cell, with its constants as cell.NAME
     STN->GPe.delay_ms 4                 a field of a pathway
+    STN->GPe.synapse AMPA               its receptor; the row is then called STN->GPe AMPA
+    STN->GPe NMDA.weight 0.3            a field of one receptor of a pathway
 
 A new row consists of its name and fields. Missing fields take their defaults, or the values of the
 row given as ``like``; a row with an amount is a course. A value with blanks needs quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
     D1->GPe like=D1->SNr weight=-0.1    a pathway like another, existing or newly added
+    STN->SNr NMDA weight=0.2 tau_ms=100 another receptor of a pathway
     TRN like=STN bias_nats=-1           a population like another, without its lesions
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
@@ -31,7 +34,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from circuits.cells import CELLS, Cell
 from circuits.declaration.courses import DOPAMINE, Course
-from circuits.declaration.edits import Edit
+from circuits.declaration.edits import Edit, row_of
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
@@ -71,8 +74,8 @@ def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited
     return new
 
 
-def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> list[Row]:
-    """Return the rows changed by edits that set fields.
+def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> dict[str, Row]:
+    """Return the rows changed by edits that set fields, by their names before the edits.
 
     All fields of a row are set together, so their order does not matter.
 
@@ -84,9 +87,9 @@ def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> list[Row]:
     by_row: dict[str, list[Edit]] = {}
     for edit in edits:
         with naming(edit.text):
-            circuit.row(edit.row)
-        by_row.setdefault(edit.row, []).append(edit)
-    return [_changed(circuit.row(name), own) for name, own in by_row.items()]
+            name = circuit.row(edit.row).name
+        by_row.setdefault(name, []).append(edit)
+    return {name: _changed(circuit.row(name), own) for name, own in by_row.items()}
 
 
 def _changed(row: Row, edits: Sequence[Edit]) -> Row:
@@ -139,8 +142,9 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
         if name == DOPAMINE or any(field in OF_COURSES for field in given):
             return _course(name, given)
         if name in known:
-            raise InputError(f"{name} already exists: use set to change its fields", "add", name)
-        source, arrow, target = name.partition("->")
+            said = f"{name} already exists: use set, or another name or receptor"
+            raise InputError(said, "add", name)
+        source, arrow, target = name.partition(" ")[0].partition("->")
         kind = Projection if arrow else Population
         old = given.pop("like", None)
         like = None if old is None else known[old] if old in known else circuit.row(old)
@@ -182,7 +186,9 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
     """Return the name and the fields of a new row."""
     tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks around -> and =
     tidied = re.sub(r"^([^\s=\[]+)\s*\[\s*", r"\1[", tidied)
-    name, *words = shlex.split(tidied) or [""]
+    words = shlex.split(tidied) or [""]
+    name = row_of(words)
+    words += [f"synapse={receptor}" for receptor in name.split()[1:]]
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}
     if not name or "=" in name or len(given) < len(pairs):

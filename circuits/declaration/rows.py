@@ -30,6 +30,9 @@ MOST_HZ, USUAL_HZ = 1000.0, 200.0
 """Highest ``baseline_hz``, which is one spike per refractory period (1 ms), and the rate above
 which a warning is issued: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
+SYNAPSES = dict.fromkeys(("AMPA", "NMDA", "mGluR"), GLUTAMATE)
+SYNAPSES |= dict.fromkeys(("GABA-A", "GABA-B"), GABA)
+"""Receptors through which pathways act, with the transmitter that each binds."""
 OF_CELLS = ("neurons", "probability", "heterogeneity")
 """Fields of rows that act through cell numbers, connectivity and heterogeneity."""
 OF_TIME = ("delay_ms", "tau_ms")
@@ -178,6 +181,9 @@ class Projection:
         Factors on the weight in each target channel; empty means 1 in all.
     transfer : str
         Name of the dendritic transfer function of the summed, filtered activity.
+    synapse : str
+        Postsynaptic receptor, a name in ``SYNAPSES``; empty if not specified. Rows of two nuclei
+        that differ in it alone are the same axons: their sparse connections are the same.
     receptor : str
         "D1" or "D2" if dopamine at the terminals raises or lowers the weight.
     operating_point_nats : float
@@ -203,6 +209,7 @@ class Projection:
     probability: float = 1.0
     factors: tuple[float, ...] = ()
     transfer: str = "linear"
+    synapse: str = ""
     receptor: str = ""
     operating_point_nats: float = 0.0
     intact: float = 1.0
@@ -216,6 +223,7 @@ class Projection:
         check_types(self, self.name)
         transfer.named(self.transfer)
         _one_of("pattern", self.pattern, PATTERNS)
+        _one_of("synapse", self.synapse, ("", *SYNAPSES))
         _one_of("receptor", self.receptor, RECEPTORS)
         name = self.name
         check_finite(owner=name, weight=self.weight)
@@ -237,9 +245,14 @@ class Projection:
                 raise InputError(f"{said}, got {self.transfer!r}", "transfer")
 
     @property
-    def name(self) -> str:
-        """``source->target``."""
+    def pair(self) -> str:
+        """``source->target``, the same for all receptors."""
         return f"{self.source}->{self.target}"
+
+    @property
+    def name(self) -> str:
+        """``source->target``, followed by the receptor if it is specified: ``STN->SNr NMDA``."""
+        return f"{self.pair} {self.synapse}".rstrip()
 
 
 def _warn_of_times(owner: str, **times_ms: float) -> None:

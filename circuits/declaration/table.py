@@ -48,7 +48,7 @@ class CircuitTable(Network):
     drive_gain: float = 1.0
     """Factor on the drive that keeps OUT in nats."""
     readout_tau_ms: float = 0.0
-    """Time constant of the low-pass filter of the read-out, ms."""
+    """Time constant of the read-out's low-pass filter, ms; at 0 OUT is the rate of one tick."""
     exact: bool = False
     """Whether OUT is meant to be ``-ln P`` at the fixed point; editing a weight clears it."""
     range_nats: tuple[float, float] = (0.0, math.inf)

@@ -6,7 +6,7 @@ Edits that need a fixed point, such as compensation, are in ``circuits.circuit``
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from typing import Any, Self
 
@@ -18,8 +18,10 @@ from circuits.declaration.rows import OF_CELLS, OF_TIME, Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import EditWarning, InputError, shown
 
-NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "cite", "cite_more", "published_hz")
+NOT_COMPUTED = (*OF_CELLS, *OF_TIME, "synapse", "cite", "cite_more", "published_hz")
 """Fields of rows that do not affect the fixed point."""
+BY_CHANNEL = {"weight": "factors", "intact": "intact_by_channel"}
+"""Fields of a pathway, and the factors on them in each target channel."""
 
 
 class EditableTable(CircuitTable):
@@ -34,10 +36,10 @@ class EditableTable(CircuitTable):
         cell = with_fields(self.population(name).cell, constants, f"the cell of {name}")
         return self.with_population(name, cell=cell)
 
-    def with_projection(self, source: str, target: str, /, **fields: object) -> Self:
+    def with_projection(self, source: str, target: str, via: str = "", /, **fields: object) -> Self:
         """Return the circuit with fields of a projection changed: ``delay_ms=4``."""
-        row = self.projection(source, target)
-        return self._with(with_fields(row, fields, row.name))
+        row = self.projection(source, target, via)
+        return self._with(with_fields(row, fields, row.name), names=[row.name])
 
     def set(self, field: str, value: object) -> Self:
         """Return the circuit with one field of a row, or of its cells, set to a new value.
@@ -61,7 +63,7 @@ class EditableTable(CircuitTable):
         """Return the circuit with the fields of all edits set together."""
         rows = changed_rows(self, edits)
         with naming(*(edit.text for edit in edits)):
-            return self._with(*rows)
+            return self._with(*rows.values(), names=rows)
 
     def lesion(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of a nucleus lesioned.
@@ -125,7 +127,9 @@ class EditableTable(CircuitTable):
             raise InputError(said, "channel")
         check_channel(row.name, channel, self.channels)
 
-    def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
+    def scale(
+        self, source: str, target: str, factor: float, channel: int | None = None, synapse: str = ""
+    ) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.
 
         A pathway transmits deviations from its source's ``baseline_hz``; the tone of the baseline
@@ -140,57 +144,85 @@ class EditableTable(CircuitTable):
             At least 0.
         channel : int, optional
             The target's channel in which it is scaled; by default all.
+        synapse : str
+            The receptor whose row is scaled; by default all that join the two.
 
         Raises
         ------
         ValueError
-            For an unknown pathway or channel, a factor below 0, or, in one channel, a pathway that
-            is not linear.
+            For an unknown pathway, receptor or channel, a factor below 0, or, in one channel, a
+            pathway that is not linear.
         """
-        row = self.projection(source, target)
+        rows = self.pathways(source, target, synapse)
         check_range(0, math.inf, factor=factor)
-        if channel is None:
-            return self.with_projection(source, target, weight=row.weight * factor)
-        return self._multiplied(row, "factors", factor, channel)
+        return self._multiplied(rows, "weight", factor, channel)
 
     def cut(
-        self, source: str, target: str, fraction: float = 1.0, channel: int | None = None
-    ) -> Self:
-        """Return the circuit with a fraction of the axons of one pathway removed.
+        self, source: str, target: str, fraction: float = 1.0, channel: int | None = None,
+        synapse: str = "",
+    ) -> Self:  # fmt: skip
+        """Return the circuit with a fraction of the axons of one pathway removed, 0..1.
 
         The target loses both the source's signal and its tone; ``scale`` keeps the tone. Cutting
-        all pathways of a nucleus by a fraction is the same as lesioning it by that fraction.
+        all pathways of a nucleus by a fraction is the same as lesioning it by that fraction. Other
+        parameters and errors are those of ``scale``; the last pathway from the input to the
+        read-out cannot be cut.
+        """
+        check_range(0, 1, fraction=fraction)
+        rows = self.pathways(source, target, synapse)
+        return self._multiplied(rows, "intact", 1 - fraction, channel)
+
+    def block(
+        self, place: str, synapse: str, fraction: float = 1.0, channel: int | None = None
+    ) -> Self:
+        """Return the circuit with a fraction of receptors blocked, as by an antagonist.
+
+        The target loses the signal and the tone that they transmit, as after ``cut``.
 
         Parameters
         ----------
-        source, target : str
-            The two ends of the pathway.
+        place : str
+            A pathway, ``"STN->SNr"``, or a nucleus, ``"GPe"``: all pathways onto it.
+        synapse : str
+            The receptor: ``"NMDA"``.
         fraction : float
-            Fraction lost, 0..1.
+            Fraction blocked, 0..1.
         channel : int, optional
-            The target's channel in which it is cut; by default all.
+            The target's channel in which they are blocked; by default all.
 
         Raises
         ------
         ValueError
-            For an unknown pathway or channel, a fraction out of range, or if no pathway is left
-            from the input to the read-out.
+            As ``cut``, and for a receptor that none of the pathways has.
         """
-        row = self.projection(source, target)
         check_range(0, 1, fraction=fraction)
-        if channel is None:
-            return self.with_projection(source, target, intact=row.intact * (1 - fraction))
-        return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
+        source, arrow, target = str(place).rpartition("->")
+        into = self.population(target.strip()).name
+        onto = [p for p in self.projections if p.target == into]
+        rows = self.pathways(source, into) if arrow else onto
+        found = [p for p in rows if synapse and p.synapse == synapse]
+        if not found:
+            names = ", ".join(p.name for p in rows) or "no pathway"
+            said = f"{self.name}: no pathway of {place} has the receptor {shown(synapse)}: {names}"
+            declare = f"declare it, as in set {rows[0].pair if rows else place}.synapse {synapse}"
+            raise InputError(f"{said}; {declare}", "synapse", synapse)
+        return self._multiplied(found, "intact", 1 - fraction, channel)
 
-    def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Self:
-        """Return the circuit with a pathway's field multiplied in one target channel."""
-        count = self.channels_of(row.target)
-        check_channel(row.name, channel, count)
-        if factor == 1:
-            return self
-        values = list(getattr(row, field) or (1.0,) * count)
-        values[int(channel)] *= factor
-        return self.with_projection(row.source, row.target, **{field: tuple(values)})
+    def _multiplied(
+        self, rows: Sequence[Projection], field: str, factor: float, channel: int | None = None
+    ) -> Self:
+        """Return the circuit with a field of pathways multiplied, or one target channel of it."""
+        new = []
+        for row in rows:
+            name, value = field, getattr(row, field) * factor
+            if channel is not None:
+                count, name = self.channels_of(row.target), BY_CHANNEL[field]
+                check_channel(row.name, channel, count)
+                values = list(getattr(row, name) or (1.0,) * count)
+                values[int(channel)] *= factor
+                value = tuple(values)
+            new.append(with_fields(row, {name: value}, row.name))
+        return self if factor == 1 else self._with(*new)
 
     def dopamine(self, level: float) -> Self:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
@@ -220,7 +252,7 @@ class EditableTable(CircuitTable):
         circuit = replace(self, dopamine_edit=level)
         for p, change, nats in self.dopamine_changes(level):
             bias = circuit.population(p.target).bias_nats + nats
-            circuit = circuit.scale(p.source, p.target, 1 + change)
+            circuit = circuit._multiplied([p], "weight", 1 + change)
             circuit = circuit.with_population(p.target, bias_nats=bias)
         return circuit
 
@@ -306,9 +338,9 @@ class EditableTable(CircuitTable):
                 self.courses + tuple(row for row in new if isinstance(row, Course)),
             )
 
-    def _with(self, *rows: Population | Projection) -> Self:
-        """Return the circuit with these rows replacing those of the same names."""
-        new: dict[str, Any] = {row.name: row for row in rows}
+    def _with(self, *rows: Population | Projection, names: Iterable[str] = ()) -> Self:
+        """Return the circuit with rows in place of those of these names, by default their own."""
+        new: dict[str, Any] = dict(zip(names or [row.name for row in rows], rows, strict=True))
         return self._with_tables(
             tuple(new.get(p.name, p) for p in self.populations),
             tuple(new.get(p.name, p) for p in self.projections),
@@ -332,8 +364,9 @@ class EditableTable(CircuitTable):
         old, new = self.populations + self.projections, populations + projections
         exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
         exact = exact and tables[2] == self.courses
-        times = {row.name: _times(row) for row in new}
-        same = all(times.get(row.name) == _times(row) for row in old)
+        # Rows may be renamed, but stay in their places.
+        kept = populations[: len(self.populations)] + projections[: len(self.projections)]
+        same = [*map(_times, old)] == [*map(_times, kept)]
         return self._edited(
             populations=populations,
             projections=projections,

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Index
 from circuits.declaration.table import CircuitTable
+from circuits.dynamics import loops
 from circuits.dynamics.wiring import Wiring, wire
 from circuits.errors import require
 
@@ -154,4 +155,5 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
             return
     worst = int(np.nanargmax(np.where(np.isfinite(size), size, np.inf)))
     given = np.array2string(drive[worst], precision=3, max_line_width=1000, threshold=8)
-    raise ValueError(f"{wiring.circuit.name} has no fixed point at drive {given}")
+    what = f"{wiring.circuit.name} has no fixed point at drive {given}"
+    raise loops.runaway(wiring, drive[worst], what)

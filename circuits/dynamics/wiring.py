@@ -309,7 +309,7 @@ def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> np
 
     The in-degree is ``probability`` times the number of source cells, the same for every target;
     with a binomial in-degree, rates would differ between cells. Connections depend on the circuit's
-    ``wiring_seed``, not on the trial.
+    ``wiring_seed``, not on the trial or the receptor.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> np
     sources = circuit.population(p.source).neurons
     targets = circuit.population(p.target).neurons
     degree = max(1, round(p.probability * sources))
-    key = noise.stream_key(circuit.wiring_seed, 0, f"{p.name}/{target}/{source}")
+    key = noise.stream_key(circuit.wiring_seed, 0, f"{p.pair}/{target}/{source}")
     words = noise.words(key, noise.CONNECTIONS_TICK, sources * targets).reshape(targets, sources)
     # The sources with the lowest words; the first of equal ones. Sorting all words took longer.
     keys = words.astype(np.uint64) << np.uint64(32) | np.arange(sources, dtype=np.uint64)

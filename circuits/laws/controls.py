@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
     """
     changed: dict[str, Table] = {}
 
-    def put(row: object, edit: Callable[..., Table], names: Iterable[str], *ends: str) -> None:
+    def put(row: Any, edit: Callable[..., Table], names: Iterable[str], *ends: str) -> None:
         for field in names:
             value = getattr(row, field)
             if not value or isinstance(value, bool):
@@ -36,14 +36,14 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
             for sign in (1, -1):
                 new = value * (1 + sign * fraction)
                 new = round(new, 1) if field == "delay_ms" else new
-                key = f"{'->'.join(ends)} {field} {sign * fraction:+.0%}"
+                key = f"{getattr(row, 'name', ends[0])} {field} {sign * fraction:+.0%}"
                 changed[key] = edit(*ends, **{field: new})
 
     for row in circuit.populations:
         put(row, circuit.with_population, OF_POPULATIONS, row.name)
         put(row.cell, circuit.with_cell, [f.name for f in fields(row.cell)], row.name)
     for p in circuit.projections:
-        put(p, circuit.with_projection, OF_PROJECTIONS, p.source, p.target)
+        put(p, circuit.with_projection, OF_PROJECTIONS, p.source, p.target, p.synapse)
     for sign in (1, -1):
         tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
         key = f"read-out tau_ms {sign * fraction:+.0%}"
@@ -95,13 +95,15 @@ def linear_stn(circuit: Table) -> Table:
     edited = circuit.with_population(
         "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
     )
-    for p in circuit.projections:
-        if p.target == "STN":
-            edited = edited.scale(p.source, "STN", rest)
+    for source in {p.source: None for p in circuit.projections if p.target == "STN"}:
+        edited = edited.scale(source, "STN", rest)
     return edited.with_population("SNr", bias_nats=spare)
 
 
 def shuffled_stn(circuit: Table) -> Table:
     """Return the circuit in which SNr receives N times the next channel's STN, not STN's sum."""
-    weight = circuit.channels * circuit.projection("STN", "SNr").weight
-    return circuit.with_projection("STN", "SNr", pattern="neighbour", weight=weight)
+    for p in circuit.pathways("STN", "SNr"):
+        circuit = circuit.with_projection(
+            "STN", "SNr", p.synapse, pattern="neighbour", weight=circuit.channels * p.weight
+        )
+    return circuit

@@ -55,8 +55,8 @@ SETTLED_NATS = 1e-6
 """Distance of rates from their references below which the dynamics have settled."""
 
 
-def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
-    """Return the weight from a nucleus at which the read-out's mean does not follow cortex.
+def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
+    """Return the factor on the weight from a nucleus at which the read-out ignores common input.
 
     ``Circuit.balanced`` returns the circuit with this weight; arguments and errors are the same.
 
@@ -67,22 +67,23 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on
     the weight w: at rest and to first order ``w = - da / db``.
     """
-    row = circuit.projection(source, circuit.readout)
-    if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
-        must = "must be linear, diffuse and of a weight other than 0"
-        raise InputError(f"{row.name} {must}", "source")
+    rows = circuit.pathways(source, circuit.readout)
+    for row in rows:
+        if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
+            must = "must be linear, diffuse and of a weight other than 0"
+            raise InputError(f"{row.name} {must}", "source")
     wiring = wired(circuit)
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
     blocks = wiring.blocks_of(circuit.readout)
-    own = np.array([u for u, p in enumerate(wiring.projections) if p is row])
+    own = np.array([u for u, p in enumerate(wiring.projections) if p in rows])
     whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
     carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
         said = f"{row.name} does not transmit common input, so the rule has nothing to balance"
         raise InputError(said, "source")
-    return row.weight * (1 - whole / part)
+    return 1 - whole / part
 
 
 def biases(

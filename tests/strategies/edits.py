@@ -110,7 +110,7 @@ WRONG = [
     ("nucleus", lambda c, x: c.add(x), ["D1->X weight=-1", "X like=Y"]),
     ("nucleus", lambda c, x: c.add(Projection("STN", x, 1.0)), ["thalamus"]),
     ("populations", lambda c, x: c.add(c.population(x)), ["STN"]),
-    ("projections", lambda c, x: c.add(c.projection("STN", x)), ["GPe"]),
+    ("synapse", lambda c, x: c.add(c.projection("STN", x)), ["GPe"]),
     ("name", lambda c, x: c.add(Population(x, Rate())), ["", " ", "a->b", 3]),
     ("channels", lambda c, x: c.with_channels(x), CHANNELS),
     ("neurons", lambda c, x: c.with_neurons(x), [0, 2.5, "3", -1, NAN]),

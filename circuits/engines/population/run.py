@@ -28,6 +28,7 @@ from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array, Index
 from circuits.checks import check_positive, is_whole
 from circuits.declaration.table import CircuitTable
+from circuits.dynamics import loops
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
@@ -86,8 +87,8 @@ def run(
     given = drive, *prepared.begin(seed, first_trial + np.arange(len(drive))), out, kept
     late = _trials(prepared, given, engine)
     if late:
-        when_ms = late * engine.sample_ms
-        raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
+        what = f"rates of {circuit.name} run away, {late * engine.sample_ms:g} ms after onset"
+        raise loops.runaway(wiring, drive.max(axis=(0, 1)), what)
     about: dict[str, Any] = {"dt_ms": clock.dt_ms, "settle_ms": engine.settle_ms}
     about |= {"laws": engine.laws, "noise": engine.noise}
     return Activity.from_blocks(
@@ -123,8 +124,9 @@ def stream(
         def onward(first: int, last: int) -> None:
             given = (p, work, drive[None], out[None], rates, NOT_SAVED)
             if late := kernel.go_on(*given, max(first - settle, 0), last - settle, ticks):
-                when_ms = late * engine.sample_ms
-                raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
+                when = f"{late * engine.sample_ms:g} ms after onset"
+                what = f"rates of {circuit.name} run away, {when}"
+                raise loops.runaway(prepared.scheme.wiring, drive.max(axis=0), what)
 
         return onward
 

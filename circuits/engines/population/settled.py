@@ -21,8 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Index
-from circuits.dynamics import noise
+from circuits.dynamics import loops, noise
 from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import kernel, records
 from circuits.engines.population.plan import rest, window, workspace
@@ -198,7 +199,7 @@ def _settle(
     def task(k: int) -> None:
         for group in groups[k :: len(work)]:
             keys = streams[group if names else []]
-            _settle_group(bank, p, work[k], missing[group], keys, ticks, scheme.wiring.circuit.name)
+            _settle_group(bank, p, work[k], missing[group], keys, ticks, scheme.wiring)
 
     with ThreadPoolExecutor(max_workers=len(work)) as pool:
         list(pool.map(task, range(len(work))))
@@ -212,9 +213,9 @@ def _settle_group(
     entries: Index,
     streams: npt.NDArray[np.uint64],
     ticks: tuple[int, ...],
-    name: str,
+    wiring: Wiring,
 ) -> None:
-    """Simulate states in neighbouring lanes; ``name`` is that of the circuit in the error."""
+    """Simulate states in neighbouring lanes; the wiring is for the error."""
     count, channels = len(entries), len(p.readout)
     drive = np.zeros((count, 1, 1 + int(p.blocks["drive"].max(initial=0))))
     out, rates = np.empty((count, 1, channels)), np.empty((count, 1, 0), np.float32)
@@ -222,6 +223,7 @@ def _settle_group(
     begin = np.zeros(count, dtype=np.intp)
     given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, ticks
     if kernel.trials(*given, np.zeros(1, np.int64)):
-        raise ValueError(f"rates of {name} run away before the onset of evidence")
+        what = f"rates of {wiring.circuit.name} run away before the onset of evidence"
+        raise loops.runaway(wiring, np.zeros(wiring.circuit.columns), what)
     for part, found in zip(bank.states, saved, strict=True):
         part[entries] = found

@@ -28,9 +28,11 @@ ALL = (
     "keep rest",
     "set STN.neurons 50",
     "set STN->GPe.delay_ms 4",
+    "set D1->SNr.synapse GABA-A",
     "lesion TRN 50%",
     "lesion D1[1] 10%",
     "cut GPe->STN 30%",
+    "block D1->SNr GABA-A 20%",
     "scale TRN->GPe 0.5",
     "dopamine 1.1",
     "compensate",
@@ -50,12 +52,12 @@ def at_the_terminal(*lines):
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_the_example_of_every_verb_is_that_edit(verb):
-    line = VERBS[verb].example
+    line, table = VERBS[verb].example, TABLE.set("STN->SNr.synapse", "NMDA")
     assert parsed_line(line).verb == verb
     if verb == "keep":
         assert TABLE.edited(*ADDED, line) != TABLE.edited(*ADDED)
     elif verb != "compensate":
-        assert TABLE.edited(line) != TABLE
+        assert table.edited(line) != table
     assert TABLE.edited("lesion STN", "compensate") != TABLE.edited("lesion STN")
 
 
@@ -110,6 +112,7 @@ def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
     by_hand = TABLE.with_neurons(20).with_heterogeneity(0.1)
     by_hand = by_hand.add(*(line.removeprefix("add ") for line in ADDED), keep_rest=True)
     by_hand = by_hand.set("STN.neurons", 50).set("STN->GPe.delay_ms", 4)
+    by_hand = by_hand.set("D1->SNr.synapse", "GABA-A").block("D1->SNr", "GABA-A", 0.2)
     by_hand = by_hand.lesion("TRN", 0.5).lesion("D1", 0.1, channel=1).cut("GPe", "STN", 0.3)
     by_hand = by_hand.scale("TRN", "GPe", 0.5).dopamine(1.1)
     assert TABLE.edited(*ALL[:-2]) == by_hand
@@ -181,10 +184,10 @@ def test_an_edit_is_text(line):
 
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if VERBS[verb].takes == FRACTION])
 def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
-    row = VERBS[verb].example.split()[1]
+    line, table = VERBS[verb].example.rpartition(" ")[0], TABLE.set("STN->SNr.synapse", "NMDA")
     with refused(r"edits write 15% or 0.15"):
-        TABLE.edited(f"{verb} {row} 15")
-    assert TABLE.edited(f"{verb} {row} 1") == TABLE.edited(f"{verb} {row}")
+        table.edited(f"{line} 15")
+    assert table.edited(f"{line} 1") == table.edited(line)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,9 @@ CIRCUITS = {
     ),
     "more inputs": WHOLE.with_inputs("STN", "GPe[0]"),
     "rates": anatomy.bogacz_gurney(),
+    "two receptors": WHOLE.edited(
+        "set STN->SNr.synapse AMPA", "add STN->SNr NMDA like=STN->SNr weight=0.2 tau_ms=20"
+    ),
 }
 
 
