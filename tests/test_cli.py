@@ -386,7 +386,7 @@ def test_a_terminal_of_any_encoding_shows_a_result(tmp_path, monkeypatch, encodi
 
 
 @pytest.mark.parametrize("text", ["\udcff", "√"])
-def test_text_that_no_encoding_has_is_printed(capfd, text):
+def test_text_that_no_encoding_has_is_printed(text):
     command = "import sys; from bgmodel.cli import main; sys.argv[1:] = ['--version']; main()"
     done = subprocess.run(
         [sys.executable, "-c", f"{command}; print({text!a})"],

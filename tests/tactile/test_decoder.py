@@ -42,8 +42,8 @@ def test_networks_trained_in_threads_are_those_trained_alone_and_leave_the_globa
     import torch
 
     def weights(seed):
-        brief = replace(EDGE, epochs=2, width=0.1)
-        found = train(pushed_taps(500, 1), seed=seed, training=brief).network.state_dict()
+        brief = replace(EDGE, epochs=1, width=0.1, batch=32)
+        found = train(pushed_taps(150, 1), seed=seed, training=brief).network.state_dict()
         return [each.numpy().tobytes() for each in found.values()]
 
     alone = [weights(seed) for seed in (1, 2)]
