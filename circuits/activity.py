@@ -37,8 +37,9 @@ class Activity:
     time_ms : array (ticks,)
         Times of the samples, ms from the onset of evidence.
     rates_hz : dict of arrays (trials, ticks, channels)
-        Rate of each population, Hz; spikes are counted between consecutive samples. NaN after a
-        trial was dropped; empty if the engine did not record rates.
+        Rate of each population, Hz, that of its surviving cells, and 0 without any; spikes are
+        counted between consecutive samples. NaN after a trial was dropped; empty if the engine did
+        not record rates.
     output_nats : array (trials, ticks, channels)
         OUT: the read-out's rate, low-pass filtered and decoded. NaN after a trial was dropped.
     engine : str
@@ -67,6 +68,7 @@ class Activity:
         engine: str,
         output_hz: Array | None = None,
         output_nats: Array | None = None,
+        spikes: Mapping[str, pd.DataFrame] | None = None,
         **other: Any,
     ) -> Activity:
         """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``.
@@ -74,20 +76,27 @@ class Activity:
         If ``rates`` is None, no rates are stored, and ``output_hz`` or ``output_nats`` is required.
         """
         circuit = wiring.circuit
+        if output_nats is None:
+            if output_hz is None:
+                assert rates is not None
+                output_hz = rates[..., wiring.span_of(circuit.readout)]
+            output_nats = wiring.activity(output_hz, circuit.readout)
         by_name = {
-            row.name: rates[..., wiring.span_of(row.name)]
+            row.name: wiring.recorded(row.name, rates)
             for row in circuit.populations
             if rates is not None
         }
-        if output_nats is None:
-            readout = by_name[circuit.readout] if output_hz is None else output_hz
-            output_nats = wiring.activity(readout, circuit.readout)
+        left = {
+            name: rows[np.isnan(wiring.held_hz[wiring.span_of(name)])[rows["channel"]]]
+            for name, rows in (spikes or {}).items()
+        }
         return cls(
             circuit=circuit,
             time_ms=np.asarray(time_ms, dtype=np.float64),
             rates_hz=by_name,
             output_nats=output_nats,
             engine=engine,
+            spikes=left or None,
             **other,
         )
 

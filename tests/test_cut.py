@@ -110,3 +110,52 @@ def test_axons_without_which_nothing_reaches_the_read_out_are_not_cut_whole():
             table = table.cut(p.source, p.target)
     with refused("readout"):
         table.cut("STN", table.readout)
+
+
+@settings(max_examples=20)
+@given(
+    st.sampled_from(["macaque", "spiking_msprt", "appendix_b", "gpr"]), st.sampled_from(LESIONED)
+)
+def test_a_silenced_nucleus_has_a_rate_of_0_and_all_others_those_without_its_axons(name, nucleus):
+    table = anatomy.load_circuit(name, 3)
+    cut = table
+    for p in paths_of(table, nucleus):
+        cut = cut.cut(p.source, p.target, 1.0)
+    assert resting_hz(table.lesion(nucleus, 1.0)) == pytest.approx(
+        {**resting_hz(cut), nucleus: 0.0}, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
+def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_axons(engine):
+    """Decisions are the same to the last bit; the nucleus itself shows neither rates nor spikes."""
+    table = anatomy.spiking_msprt(2).with_neurons_times(0.1)
+    drive = np.array([[[0.0, 0.0], [0.4, -0.4]]])
+    more = {"step_ms": 20.0} if engine == "algebra" else SPIKES
+    more = {**more, "spikes": ("GPe", "STN")} if engine == "ensemble" else more
+    cut = table
+    for p in paths_of(table, "GPe"):
+        cut = cut.cut(p.source, p.target, 1.0)
+    tables = cut, table.lesion("GPe", 1.0), table.lesion("STN", 1.0, channel=1)
+    by_axons, whole, half = (run(each, drive, engine=engine, **more) for each in tables)
+    np.testing.assert_array_equal(whole.output_nats, by_axons.output_nats)
+    np.testing.assert_array_equal(whole.rates_hz["STN"], by_axons.rates_hz["STN"])
+    assert by_axons.rates_hz["GPe"].any()
+    assert not whole.rates_hz["GPe"].any()
+    assert not half.rates_hz["STN"][..., 1].any()
+    assert half.rates_hz["STN"][..., 0].any()
+    assert half.rates_hz["STN"].dtype == by_axons.rates_hz["STN"].dtype
+    if engine == "ensemble":
+        assert len(by_axons.spikes["GPe"]) > len(whole.spikes["GPe"]) == 0
+        assert set(half.spikes["STN"]["channel"]) == {0}
+
+
+def test_a_clamped_nucleus_is_shown_at_its_resting_rate():
+    table = anatomy.spiking_msprt(2)
+    drive = np.array([[[1.0, -1.0]]])
+    free, held = (
+        run(each, drive, engine="algebra", step_ms=20.0).rates_hz["STN"]
+        for each in (table, table.clamp("STN"))
+    )
+    np.testing.assert_allclose(held, resting_hz(table)["STN"])
+    assert np.ptp(free) > 1

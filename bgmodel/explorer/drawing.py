@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from bgmodel.explorer.trial import WITHOUT_EVIDENCE, Shown
 from bgmodel.plots import BINS, CORRECT, ERROR
 from bgmodel.support.arrays import Array
+from circuits.checks import place_of
+from circuits.declaration.courses import DOPAMINE
 from circuits.plots import EDITABLE, FROM_ONSET, GREY, PALETTE, ROWS, STYLE, Look, look, smoothed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bgmodel.explorer.trial import Shown
     from circuits.circuit import Circuit
+    from circuits.declaration.courses import Course
 
 WIDE, OF_CIRCUIT = 4.0, 4.6
 """Width of figures, and of the drawing of the circuit, inches: they fill a phone's screen."""
@@ -26,6 +29,8 @@ LEFT, RIGHT = 0.15, 0.97
 """Edges of the axes, as fractions of the width."""
 LANE = 0.84
 """Height of a nucleus in the drawing of a trial, of the distance between nuclei."""
+OF_OUT, OF_AXIS = 1.9, 0.55
+"""Heights of OUT in that drawing, and of the title and the axis of its other rows, inches."""
 POOLED = -1
 """The channel of a nucleus that all alternatives share."""
 FEW = 3
@@ -36,6 +41,8 @@ CONTROL: Look = {"color": "k"}
 """Look of the control."""
 EDITED: Look = {"color": PALETTE[0]}
 """Colour of the manipulation in figures that use a single one for it."""
+WINDOW: Look = {"color": GREY, "alpha": 0.25, "lw": 0, "zorder": 0}
+"""Look of the time in which a course acts."""
 MOST_TIMES = 10
 """Largest range of decision times, in ranges of the control, that its bins cover."""
 TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
@@ -157,27 +164,74 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
         return svg(figure)
 
 
-def trial(shown: Shown) -> str:
-    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus."""
+def trial(trials: Mapping[str, Shown]) -> str:
+    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus.
+
+    Parameters
+    ----------
+    trials : mapping of Shown
+        The trial by the name of its condition. OUT is that of the last one; spikes and rates of the
+        others are below its own, on the same axes.
+    """
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
-        rows = len(shown.rates_hz)
-        high = 2.45 + 0.5 * rows
-        figure = _figure(high)
-        per = 1 / high
-        _out(figure.add_axes((LEFT, 1 - 1.62 * per, RIGHT - LEFT, 1.22 * per)), shown)
-        half = (RIGHT - LEFT - 0.11) / 2
-        for left, lanes in ((LEFT, _spikes), (RIGHT - half, _rates)):
-            # All nuclei share the axes: a pair for each would take several times as long to draw.
-            ax = figure.add_axes((left, 0.42 * per, half, 0.5 * rows * per))
-            lanes(ax, shown)
-            ax.set(xlabel="Time (ms)", ylim=(rows - 1 + LANE, -0.02))
-            ax.set_xlim(min(0.0, shown.time_ms[0]), shown.end_ms)
-            ax.locator_params(axis="x", nbins=4)
-            if np.isfinite(shown.decided_ms):
-                ax.axvline(shown.decided_ms, color="k", lw=0.9)
+        order = list(trials.items())[::-1]
+        lane = 0.5 if len(order) == 1 else 0.42
+        high = OF_OUT + sum(OF_AXIS + lane * len(one.rates_hz) for _, one in order)
+        figure, bottom = _figure(high), high - OF_OUT
+        ends = min(one.start_ms for _, one in order), max(one.end_ms for _, one in order)
+        ax = figure.add_axes((LEFT, 1 - 1.62 / high, RIGHT - LEFT, 1.22 / high))
+        _out(ax, order[0][1])
+        ax.set_xlim(*ends)
+        rates = [_smoothed(one) for _, one in order]
+        for (name, one), smooth in zip(order, rates, strict=True):
+            tall = lane * len(one.rates_hz)
+            bottom -= OF_AXIS + tall
+            both = _pair(figure, (bottom + 0.42) / high, tall / high)
+            _spikes(both[0], one)
+            _rates(both[1], one, smooth, rates)
+            for ax, what in zip(both, ("Spikes", "Rate (Hz)"), strict=True):
+                ax.set_title(f"{name}: {what[0].lower()}{what[1:]}" if len(order) > 1 else what)
+                ax.set(xlim=ends, ylim=(len(one.rates_hz) - 1 + LANE, -0.02))
+                _events(ax, one)
+        for ax in both:
+            ax.set_xlabel("Time (ms)")
         return svg(figure)
+
+
+def _pair(figure: Figure, bottom: float, high: float) -> list[Axes]:
+    """Return two axes side by side, shared by all nuclei: two for each would be slow to draw."""
+    wide = (RIGHT - LEFT - 0.11) / 2
+    both = [figure.add_axes((left, bottom, wide, high)) for left in (LEFT, RIGHT - wide)]
+    for ax in both:
+        ax.locator_params(axis="x", nbins=4)
+    return both
+
+
+def _events(ax: Axes, shown: Shown) -> None:
+    """Mark the decision, and each course in the lane of its nucleus; of dopamine, in all."""
+    if np.isfinite(shown.decided_ms):
+        ax.axvline(shown.decided_ms, color="k", lw=0.9)
+    for row in shown.courses:
+        for lane, name in enumerate(shown.rates_hz):
+            if row.what == DOPAMINE or place_of(row.what)[0] == name:
+                ax.broken_barh([_window(row, shown)], (lane, LANE), **WINDOW)
+
+
+def _window(row: Course, shown: Shown) -> tuple[float, float]:
+    """Return the start of a course and its length until the end of the trial, ms."""
+    return row.from_ms, min(row.to_ms, shown.end_ms) - row.from_ms
+
+
+def _smoothed(shown: Shown) -> dict[str, Array]:
+    """Return smooth rates (ticks, channels) by nucleus."""
+    time_ms = shown.time_ms
+    apart_ms = float(np.median(np.diff(time_ms))) if len(time_ms) > 1 else 1.0
+    return {
+        name: smoothed(hz, apart_ms, SMOOTH_MS) if len(hz) > 2 else np.asarray(hz, np.float64)
+        for name, hz in shown.rates_hz.items()
+    }
 
 
 def _out(ax: Axes, shown: Shown) -> None:
@@ -195,9 +249,13 @@ def _out(ax: Axes, shown: Shown) -> None:
     ax.axhline(shown.threshold, color=GREY, lw=0.9, ls="--", label="Threshold")
     if np.isfinite(shown.decided_ms):
         ax.axvline(shown.decided_ms, color="k", lw=0.9, label="Decision")
+    for k, row in enumerate(shown.courses):
+        ax.broken_barh(
+            [_window(row, shown)], (0, 1), transform=ax.get_xaxis_transform(),
+            label="Course" if k == 0 else None, **WINDOW,
+        )  # fmt: skip
     ax.set_ylabel(f"OUT ({shown.unit})")
     ax.tick_params(labelbottom=False)
-    ax.set_xlim(min(0.0, shown.time_ms[0]), shown.end_ms)
     if shown.unit == "nats":
         ax.set_ylim(bottom=0)
     _legend(ax, max(3, count // 2 + 2))  # two rows
@@ -211,11 +269,12 @@ def _spikes(ax: Axes, shown: Shown) -> None:
         if parts:
             dots: Look = {**style, "marker": "s", "ms": 1.1, "mew": 0, "ls": ""}
             ax.plot(*np.concatenate(parts, axis=1), rasterized=True, **dots)
-    for k, name in enumerate(names):
-        if name not in shown.spikes:
-            where = ax.get_yaxis_transform()
-            ax.text(0.5, k + LANE / 2, "no spikes", transform=where, ha="center", color=GREY)
-    ax.set_title(f"Spikes of up to {ROWS} cells")
+    empty = {name: "no spikes" for name in names if name not in shown.spikes} | dict(shown.lost)
+    said = {names.index(name) + LANE / 2: text for name, text in empty.items()}
+    if shown.premature:
+        said = {len(names) / 2: WITHOUT_EVIDENCE.replace(" ", "\n")}
+    for y, text in said.items():
+        ax.text(0.5, y, text, transform=ax.get_yaxis_transform(), ha="center", color=GREY)
     ax.set_yticks(np.arange(len(names)) + LANE / 2, names)
     ax.tick_params(axis="y", length=0)
 
@@ -231,18 +290,18 @@ def _dots(shown: Shown, lane: int, channel: int) -> Array:
     return np.array([rows["time_ms"], high], np.float64)
 
 
-def _rates(ax: Axes, shown: Shown) -> None:
-    """Draw the rates of every nucleus, a lane for each, from 0 to the highest of the nucleus."""
-    time_ms = shown.time_ms
-    apart_ms = float(np.median(np.diff(time_ms))) if len(time_ms) > 1 else 1.0
-    smooth = [
-        smoothed(rates, apart_ms, SMOOTH_MS) if len(rates) > 2 else np.asarray(rates, np.float64)
-        for rates in shown.rates_hz.values()
+def _rates(
+    ax: Axes, shown: Shown, rates: Mapping[str, Array], every: Sequence[Mapping[str, Array]]
+) -> None:
+    """Draw the rates of every nucleus, a lane for each, from 0 to the highest in any condition."""
+    smooth, nothing = [*rates.values()], np.zeros(1)
+    tops = [
+        max(1e-3, *(float(np.nanmax(one.get(name, nothing), initial=0.0)) for one in every))
+        for name in rates
     ]
-    tops = [max(float(np.nanmax(rates, initial=0.0)), 1e-3) for rates in smooth]
     for style, lanes in _by_look(shown):
         # NaN separates the lines of the nuclei.
-        x = np.tile(np.append(time_ms, np.nan), len(lanes))
+        x = np.tile(np.append(shown.time_ms, np.nan), len(lanes))
         y = [np.append(k + LANE * (1 - smooth[k][:, c] / tops[k]), np.nan) for k, c in lanes]
         ax.plot(x, np.concatenate(y), **style)
     ticks = np.array([(0.0, _round(top)) for top in tops])
@@ -250,7 +309,6 @@ def _rates(ax: Axes, shown: Shown) -> None:
     ax.set_yticks((bottom - LANE * ticks / np.array(tops)[:, None]).ravel())
     ax.set_yticklabels([f"{tick:g}" for tick in ticks.ravel()], fontsize=6.0)
     ax.hlines(bottom[:-1], 0, 1, transform=ax.get_yaxis_transform(), color=GREY, lw=0.6)
-    ax.set_title("Rate (Hz)")
 
 
 def _by_look(shown: Shown) -> list[tuple[Look, list[tuple[int, int]]]]:

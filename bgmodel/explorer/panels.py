@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from html import escape
@@ -31,15 +31,17 @@ from bgmodel.explorer.html import (
     table_of,
 )
 from bgmodel.explorer.state import State
-from bgmodel.explorer.trial import one_trial
+from bgmodel.explorer.trial import Shown, one_trial
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tables.trials import Trials
 from circuits.errors import collected
 from circuits.laws.stability import ringing
+from circuits.plots import ROWS
 from circuits.show import html as tables_of
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
+    from circuits.declaration.courses import Course
 
 LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
@@ -54,6 +56,8 @@ class Memory:
     conditions: Kept = field(default_factory=Kept)
     evidence: dict[Hashable, Trials] = field(default_factory=dict)
     tests: dict[Hashable, pd.DataFrame] = field(default_factory=dict)
+    trials: dict[Hashable, Shown] = field(default_factory=dict)
+    """Trials of controls."""
     outcome: tuple[str, Outcome] | None = None
     """The last outcome, and the key of its state."""
 
@@ -68,7 +72,7 @@ class Memory:
 
     def forget(self) -> None:
         """Forget what was used first, beyond ``KEPT`` of a kind."""
-        for kept in (self.tests, self.evidence):
+        for kept in (self.tests, self.evidence, self.trials):
             for old in [*kept][: max(0, len(kept) - KEPT)]:
                 del kept[old]
 
@@ -123,11 +127,42 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
         yield from refused(error, CIRCUIT)
     try:
         with collected() as notes:
-            shown = one_trial(state, memory.given(state).evidence)
-            svg = drawing.trial(shown)
-        yield panel(TRIAL, shown.sentence(), notes, svg)
+            trials = _trials(state, memory)
+            svg = drawing.trial(trials)
+        yield panel(TRIAL, _trials_said(trials), notes, svg)
     except ValueError as error:
         yield from refused(error, TRIAL)
+
+
+def _trials(state: State, memory: Memory) -> dict[str, Shown]:
+    """Return the trial of the control and, if the circuit is edited, that of the manipulation."""
+    evidence, experiment = memory.given(state).evidence, state.experiment
+    control, manipulation = experiment.conditions
+    key = state.control, control, experiment.task, experiment.seed, experiment.truth, state.trial
+    if key not in memory.trials:
+        memory.trials[key] = one_trial(control, evidence, state.trial)
+    shown = {CONTROL: memory.trials[key]}
+    memory.forget()
+    if not state.alike:
+        shown[MANIPULATION] = one_trial(manipulation, evidence, state.trial)
+    return shown
+
+
+def _trials_said(trials: Mapping[str, Shown]) -> str:
+    """Return the decisions of a trial in words, and its courses."""
+    windows = dict.fromkeys(_course(row) for one in trials.values() for row in one.courses)
+    decided = [one.sentence() for one in trials.values()]
+    if len(trials) > 1:
+        decided = [f"{name}: {text}" for name, text in zip(trials, decided, strict=True)]
+    shaded = [f"Shaded: {'; '.join(windows)}."] if windows else []
+    cells = [f"Spikes: up to {ROWS} cells of a nucleus."] if trials[CONTROL].spikes else []
+    return " ".join([*decided, *shaded, *cells])
+
+
+def _course(row: Course) -> str:
+    """Return what a course adds, and when, in words."""
+    ends = f" to {row.to_ms:g} ms" if np.isfinite(row.to_ms) else " ms on"
+    return f"{row.what} {row.amount:+g} from {row.from_ms:g}{ends}"
 
 
 def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]:

@@ -1,25 +1,28 @@
-"""One trial of the edited circuit in spikes, until it decides."""
+"""One trial of a circuit in spikes, until it decides."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.conditions import Observed
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.explorer.state import State
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.names import EngineName
 from bgmodel.support.arrays import Array
+from circuits.declaration.courses import Course
 from circuits.declaration.table import NATS
 
 SPIKES, WITHOUT_SPIKES = EngineName("ensemble"), EngineName("rate")
 """Engines of the trial: spiking cells, or rates for a circuit without any."""
+WITHOUT_EVIDENCE = "decides without evidence"
+"""What is said of a trial that is decided before its first reading."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,12 @@ class Shown:
         The true one.
     decided_ms : float
         Time of the decision, ms; NaN without one.
+    premature : bool
+        Whether it was made before the first reading could act, that is without evidence.
+    lost : mapping of str
+        What happened to nuclei of which no cell is left: "silenced", or "clamped".
+    courses : tuple of Course
+        Changes of input and dopamine that begin before the end.
     """
 
     time_ms: Array
@@ -61,6 +70,14 @@ class Shown:
     choice: int
     truth: int
     decided_ms: float
+    premature: bool = False
+    lost: Mapping[str, str] = field(default_factory=dict)
+    courses: tuple[Course, ...] = ()
+
+    @property
+    def start_ms(self) -> float:
+        """Where the time axis begins, ms."""
+        return min(0.0, float(self.time_ms[0]))
 
     @property
     def end_ms(self) -> float:
@@ -72,33 +89,35 @@ class Shown:
         if self.choice < 0:
             return f"No decision within {self.end_ms:.0f} ms; alternative {self.truth} is true."
         right = "correct" if self.choice == self.truth else f"an error: {self.truth} is true"
-        return f"Chose alternative {self.choice} ({right}) after {self.decided_ms:.0f} ms."
+        early = f", before the first reading: it {WITHOUT_EVIDENCE}" if self.premature else ""
+        return f"Chose alternative {self.choice} ({right}) after {self.decided_ms:.0f} ms{early}."
 
 
-def one_trial(state: State, evidence: Evidence) -> Shown:
-    """Run the trial that a state shows; it has no stop signal.
+def one_trial(condition: Observed, evidence: Evidence, trial: int) -> Shown:
+    """Run a trial of a condition; it has no stop signal.
 
     Parameters
     ----------
-    state : State
-        The state.
+    condition : Observed
+        Circuit, threshold, gain and seed.
     evidence : Evidence
         Readings of all trials.
+    trial : int
+        Which of them, from 0.
 
     Raises
     ------
     ValueError
         If the circuit cannot be run on the engine of the trial.
     """
-    condition = state.experiment.conditions[1]
-    spiking = [row.name for row in state.circuit.populations if row.spiking]
+    spiking = [row.name for row in condition.edited.populations if row.spiking]
     engine = SPIKES if spiking else WITHOUT_SPIKES
     model = replace(condition, engine=engine).model(evidence.hypotheses).adapted_to(evidence)
     model = replace(model, engine=model.engine.recording(tuple(spiking)))
     level = condition.threshold_at(evidence.hypotheses)
     until = model.until(level - ROUNDING_NATS, rates=True)
-    one = evidence[state.trial : state.trial + 1]
-    activity = until.activity(one, state.trial, checked=False)
+    one = evidence[trial : trial + 1]
+    activity = until.activity(one, trial, checked=False)
     trace = until.trace(activity, one)
     decision = first_crossing(trace, level, forced=False, checked=False)
     time_ms = np.asarray(trace.time_ms)
@@ -121,6 +140,13 @@ def one_trial(state: State, evidence: Evidence) -> Shown:
         choice=int(decision.choice[0]),
         truth=-1 if truth is None else int(truth[0]),
         decided_ms=decided_ms,
+        premature=bool(decision.premature[0]),
+        lost={
+            row.name: "clamped" if row.clamped else "silenced"
+            for row in model.circuit.populations
+            if not model.circuit.intact_of(row.name).any()
+        },
+        courses=tuple(row for row in model.circuit.courses if row.from_ms < last_ms),
     )
 
 

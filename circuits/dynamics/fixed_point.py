@@ -31,7 +31,7 @@ def wired(circuit: CircuitTable) -> Wiring:
 
 
 def resting_hz(circuit: CircuitTable) -> dict[str, float]:
-    """Return the mean rate of every population at rest, Hz, by name.
+    """Return the mean rate of every population at rest, Hz, by name; 0 if it is silenced.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def resting_hz(circuit: CircuitTable) -> dict[str, float]:
     """
     wiring = wired(circuit)
     rates = rest_rates(wiring)
-    return {p.name: float(rates[wiring.blocks_of(p.name)].mean()) for p in circuit.populations}
+    return {p.name: float(wiring.recorded(p.name, rates).mean()) for p in circuit.populations}
 
 
 def rest_rates(wiring: Wiring) -> Array:

@@ -43,6 +43,9 @@ class Wiring:
         Nats of input to a block per unit of transformed activity.
     bias : array (blocks,)
         Constant input, nats; for the input population it includes the resting drive.
+    held_hz : array (blocks,)
+        Rate of blocks of which no cell is left, Hz: 0, or that at rest if they are clamped. NaN in
+        all other blocks.
     """
 
     circuit: CircuitTable
@@ -53,6 +56,7 @@ class Wiring:
     constant: Array
     weight: Array
     bias: Array
+    held_hz: Array
 
     @property
     def blocks(self) -> int:
@@ -97,6 +101,18 @@ class Wiring:
         """Return the blocks of a population, which are neighbours, as a slice."""
         blocks = self.blocks_of(name)
         return slice(int(blocks[0]), int(blocks[-1]) + 1)
+
+    def recorded(self, name: str, rates: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+        """Return the rates of a population (..., channels), Hz, from those of all blocks.
+
+        Engines compute the rates of lost cells too, but nothing receives them: silenced and clamped
+        channels have the rate of ``held_hz``. NaN stays.
+        """
+        span = self.span_of(name)
+        own, held = rates[..., span], self.held_hz[span]
+        if (free := np.isnan(held)).all():
+            return own
+        return np.where(free | np.isnan(own), own, held.astype(own.dtype))
 
     def column(self, name: str) -> Array:
         """Return a field of each block's population as an array."""
@@ -248,6 +264,8 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
     bias = np.array([row.bias_nats for row in rows], dtype=np.float64)
     bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * circuit.rest_drive
 
+    left = np.concatenate([circuit.intact_of(row.name) for row in circuit.populations])
+    at_rest = np.array([row.clamped for row in rows]) * (0.0 if rest_hz is None else rest_hz)
     path, deliver, constant, weights = [], [], [], []
     for i, p in enumerate(circuit.projections):
         pattern, alive, place = units_of(circuit, p)
@@ -278,6 +296,7 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
         constant=np.array(constant),
         weight=np.array(weights).reshape(shape).T,
         bias=bias,
+        held_hz=np.where(left > 0, np.nan, at_rest),
     )
 
 

@@ -1,0 +1,91 @@
+"""One trial of a circuit, and its drawing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from bgmodel.explorer import drawing
+from bgmodel.explorer.html import CONTROL, MANIPULATION, TRIAL
+from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.trial import WITHOUT_EVIDENCE, Shown, one_trial
+from circuits.declaration.courses import Course
+from tests.explorer.helpers import small
+
+TICKS = np.arange(0.0, 300.0)
+SHOWN = Shown(
+    TICKS, {"D1": np.ones((300, 2)), "STN": np.ones((300, 2))}, np.ones((300, 2)), {}, None,
+    0.3, "nats", 0, 0, 299.0,
+)  # fmt: skip
+
+
+def shown(*edits, name="bogacz_gurney"):
+    """Return a trial of the control and of the manipulation of a small state."""
+    state = small(name, "rate", *edits)
+    evidence = Memory().given(state).evidence
+    return [one_trial(condition, evidence, 0) for condition in state.experiment.conditions]
+
+
+def boxes(ax):
+    """Return left, right, top and bottom of what is shaded, in the units of the axes."""
+    found = [one.get_paths()[0].get_extents() for one in ax.collections]
+    return [(box.x0, box.x1, box.y0, box.y1) for box in found]
+
+
+def drawn(*courses):
+    """Return what is shaded in the lanes of a trial with courses."""
+    ax = Figure().add_subplot()
+    drawing._events(ax, replace(SHOWN, courses=courses))
+    return boxes(ax)
+
+
+def test_the_window_of_a_course_is_shaded_in_the_lane_of_its_nucleus():
+    (box,) = drawn(Course("STN", 0.5, 100.0, 200.0))
+    assert box == pytest.approx((100.0, 200.0, 1.0, 1.0 + drawing.LANE))
+    (box,) = drawn(Course("D1[0]", -2.0, 50.0))
+    assert box == pytest.approx((50.0, 299.0, 0.0, drawing.LANE))
+    assert len(drawn(Course("dopamine", 0.2, 0.0, 100.0))) == 2
+    assert drawn() == []
+
+
+def test_only_courses_that_begin_before_the_decision_are_shaded():
+    control, edited = shown("add STN amount=0.1 from_ms=50", "add STN amount=0.1 from_ms=99999")
+    assert control.courses == ()
+    assert [row.from_ms for row in edited.courses] == [50.0]
+
+
+def test_a_trial_that_is_decided_before_the_first_reading_is_decided_without_evidence():
+    control, edited = shown("set SNr.bias_nats -9")
+    assert (control.premature, edited.premature) == (False, True)
+    assert WITHOUT_EVIDENCE in edited.sentence()
+    assert WITHOUT_EVIDENCE not in control.sentence()
+
+
+def panel(memory, *edits):
+    state = small("bogacz_gurney", "algebra", *edits)
+    return next(panel for panel in panels(state, memory, workers=1) if panel.name == TRIAL)
+
+
+def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
+    runs, memory = [], Memory()
+
+    def counted(condition, *given):
+        runs.append(condition)
+        return one_trial(condition, *given)
+
+    monkeypatch.setattr("bgmodel.explorer.panels.one_trial", counted)
+    alone = panel(memory)
+    assert f"{CONTROL}:" not in alone.svg + alone.text
+    for edit in ("lesion STN 10%", "lesion STN"):
+        found = panel(memory, edit)
+        assert found.svg.index(f"{MANIPULATION}: spikes") < found.svg.index(f"{CONTROL}: spikes")
+        assert f"{CONTROL}: Chose" in found.text
+    assert len(runs) == 3
+
+
+def test_a_course_is_named_in_words():
+    found = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
+    assert "STN +0.1 from 50 to 80 ms" in found.text
+    assert "dopamine +0.1 from 0 ms on" in found.text
+    assert ">Course<" in found.svg
