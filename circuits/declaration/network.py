@@ -89,6 +89,7 @@ class Network(Mapping[str, "Population | Projection"]):
             given = f"must be one nucleus, got {shown(source)}"
             said = f"source {given}: give the two ends one by one, as in cut({ends}, 0.5)"
             raise InputError(said, "source", source)
+        require(isinstance(synapse, str), "synapse", "must be the name of a receptor", synapse)
         pair, _, named = " ".join(f"{source}->{target}".split()).partition(" ")
         synapse = synapse or named
         rows = tuple(p for p in self.projections if p.pair == pair)

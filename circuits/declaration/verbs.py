@@ -212,17 +212,21 @@ class EditableTable(CircuitTable):
         self, rows: Sequence[Projection], field: str, factor: float, channel: int | None = None
     ) -> Self:
         """Return the circuit with a field of pathways multiplied, or one target channel of it."""
+        if channel is not None:
+            for row in rows:
+                check_channel(row.name, channel, self.channels_of(row.target))
+        if factor == 1:
+            return self
         new = []
         for row in rows:
             name, value = field, getattr(row, field) * factor
             if channel is not None:
                 count, name = self.channels_of(row.target), BY_CHANNEL[field]
-                check_channel(row.name, channel, count)
                 values = list(getattr(row, name) or (1.0,) * count)
                 values[int(channel)] *= factor
                 value = tuple(values)
             new.append(with_fields(row, {name: value}, row.name))
-        return self if factor == 1 else self._with(*new)
+        return self._with(*new)
 
     def dopamine(self, level: float) -> Self:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.

@@ -23,7 +23,7 @@ def test_the_page_holds_every_row_with_its_source(name):
     for p in circuit.projections:
         assert f"{p.source} -> {p.target}" in page
         assert p.cite in page
-    assert max(len(line) for line in page.splitlines()) <= 200
+    assert max(len(line) for line in page.splitlines()) <= 240
 
 
 def test_edits_show_on_the_page_and_nothing_else_does():

@@ -28,6 +28,7 @@ def reset(explorer):
     """Show the first state again."""
     explorer.history.go(explorer.history.first)
     explorer._show()
+    explorer.controls.choose("STN")
 
 
 def shown(explorer):

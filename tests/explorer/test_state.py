@@ -105,7 +105,7 @@ def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     state = opened(path)
     assert state.experiment.task.channels == 3
     path.write_text("name = 'x'\n= 3")
-    with pytest.raises(InputError, match="not TOML"):
+    with pytest.raises(InputError, match="not valid TOML"):
         opened(path)
 
 

@@ -112,11 +112,11 @@ def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
     decision = replace(first_crossing(TRACE, 0.05, forced=False), truth=None)
     left = int((decision.choice < 0).sum())
     assert 0 < left < EVIDENCE.trials
-    (ax,) = decision.plot(Figure().subplots()).axes
+    (ax,) = decision.plot().axes
     height = sum(bar.get_height() for bars in ax.containers for bar in bars)
     assert height == EVIDENCE.trials - left
     assert ax.get_title("left") == f"n = {EVIDENCE.trials}, {left} undecided"
-    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot(Figure().subplots())
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot()
     assert blank.axes[0].get_title("left") == "n = 120, 120 undecided"
 
 

@@ -194,7 +194,7 @@ WRONG = [
     ("21.8,", '"fast",', STN, "STN: gain_hz_per_nat must be a number, got 'fast'"),
     ("21.8,", "true,", STN, "STN: gain_hz_per_nat must be a number, got True"),
     ("21.8,", "2020-01-01,", STN, "must be a number, got datetime.date(2020, 1, 1)"),
-    ("21.8,", "", STN, "13 columns, but 12 values"),
+    ("21.8,", "", STN, "14 columns, but 13 values"),
     ('["STN",    "Phase', '["GPe",    "Phase', STN + 1, "there is already a row 'GPe'"),
     ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "already a row 'STN->SNr'"),
     ('["STN",    "GPe"', '["STN",    "GPi"', PATH, "STN->GPi: there is no nucleus 'GPi'; there"),

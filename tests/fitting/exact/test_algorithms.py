@@ -106,7 +106,7 @@ def test_bins_have_enough_parts(gap, shape, monkeypatch):
     found = model.decided(every, strength, Grid(400))
     width_s = np.full(8 * 400, BIN_S / 8)
     finer = (width_s.cumsum() - width_s / 2, width_s, np.repeat(np.arange(400), 8))
-    monkeypatch.setattr(algorithms, "_parts", lambda _: finer)
+    monkeypatch.setattr(algorithms, "_parts", lambda *_: finer)
     exact = model.decided(every, strength, Grid(400))
     seen = exact > 1e-5
     # nats that a thousand trials at each strength are wrong by, if no errors cancel
