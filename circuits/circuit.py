@@ -16,10 +16,12 @@ from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
 from circuits.errors import InputError
 from circuits.laws.homeostasis import balanced_factor, biases
+from circuits.laws.units import effect_of_nats
 
 if TYPE_CHECKING:
     import brian2
     import numpy.typing as npt
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -78,6 +80,10 @@ class Circuit(EditableTable):
         """
         return draw(self, ax, reference)
 
+    def effect_of_nats(self, nats: float = 1.0) -> pd.DataFrame:
+        """Return the effect of an input on each nucleus at rest, as ``circuits.laws.units``."""
+        return effect_of_nats(self, nats)
+
     def to_brian2(
         self,
         drive: npt.ArrayLike,
@@ -87,16 +93,15 @@ class Circuit(EditableTable):
         trial: int = 0,
         engine: Brian2 | None = None,
     ) -> brian2.Network:
-        """Return the Brian2 network of a trial, which the ``brian2`` engine runs, to go on from.
+        """Return the Brian2 network that the ``brian2`` engine runs, to go on from.
 
-        ``network["STN"]`` is the group of a nucleus, ordered by channel, ``network["spikes_STN"]``
-        its spike monitor, and ``network["samples"]`` has ``window_hz`` and ``out_hz`` of every
-        channel of every nucleus. The first reading comes after ``engine.settle_ms`` at rest.
+        ``network["STN"]`` is the group of a nucleus, channel by channel, ``network["spikes_STN"]``
+        its spike monitor, and ``network["samples"]`` has the rates of all channels of all nuclei.
 
         Parameters
         ----------
         drive : array (trials, steps, channels), nats
-            As for the engines: accumulated evidence, each reading held until the next.
+            As for the engines; the first reading comes after ``engine.settle_ms`` at rest.
         step_ms : float
             Time from one reading to the next, ms.
         seed, trial : int
@@ -109,12 +114,13 @@ class Circuit(EditableTable):
         InputError
             If a cell type has no Brian2 code, or the drive, a time or a name does not fit.
         """
+        from circuits.engines.brian2.network import assembled
         from circuits.engines.brian2.run import in_numpy, network_of
 
-        network = network_of(self, drive, step_ms, seed, trial, engine)
+        parts = network_of(self, drive, step_ms, seed, trial, engine).parts
         with in_numpy() as brian:
-            objects: brian2.Network = network.assembled(brian)
-        return objects
+            network: brian2.Network = assembled(brian, parts)
+            return network
 
     def to_brian2_script(
         self,
@@ -125,10 +131,9 @@ class Circuit(EditableTable):
         trial: int = 0,
         engine: Brian2 | None = None,
     ) -> str:
-        """Return a Python script that reproduces a trial spike for spike without bgmodel.
+        """Return a script that imports Brian2 and NumPy only and reproduces a trial's spikes.
 
-        It imports Brian2 and NumPy only, and builds the network of ``to_brian2``, whose parameters
-        and errors it has; ``drive`` is that of one trial.
+        Parameters and errors are those of ``to_brian2``; the drive must be of one trial.
         """
         from circuits.engines.brian2.run import network_of
         from circuits.engines.brian2.script import script

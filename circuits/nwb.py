@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,47 +16,93 @@ from circuits.declaration.table_files import digest
 from circuits.errors import require
 from circuits.show import text
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
 # A simulation has no date; with a fixed one the same run gives the same file.
 START = datetime(2000, 1, 1, tzinfo=UTC)
+NOBODY = {
+    "species": "http://purl.obolibrary.org/obo/NCBITaxon_32644",  # "unidentified"
+    "age": "P0D/",  # unknown: from 0 days on
+    "sex": "U",
+    "description": "A simulated circuit, not an animal: species, age and sex are unknown.",
+}
+"""The subject of a simulation, in the format's words for what is unknown."""
+Trial = tuple[Activity, int]
+"""An activity, and the index of a trial in it."""
 
 
-def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
-    """Write one trial: one unit per cell with its spike times, one time series per nucleus.
+def write_nwb(
+    activity: Activity | Sequence[Activity],
+    path: str | Path,
+    *,
+    trials: Sequence[int] | None = None,
+    table: pd.DataFrame | None = None,
+) -> None:
+    """Write trials: a unit per cell with its spike times, a time series per nucleus, a trial table.
+
+    Trials follow each other without the time at rest: each starts at the onset of its evidence.
 
     Parameters
     ----------
-    activity : Activity
-        Result of an engine; spikes are written if they were recorded.
+    activity : Activity, or several
+        Results of one engine, circuit and clock; spikes are written if they were recorded.
     path : path
         Ends in .nwb; the file is written completely or not at all.
-    trial : int
-        Index of the trial.
+    trials : sequence of int, optional
+        Indices of the trials, in order; by default all.
+    table : DataFrame, optional
+        Further columns of the trial table, such as decisions, one row for each trial written.
 
     Raises
     ------
     ImportError
         If pynwb is missing.
     ValueError
-        If the trial does not exist.
+        If a trial does not exist, or the table has another number of rows.
     """
     try:
         from pynwb import NWBHDF5IO, NWBFile
+        from pynwb.file import Subject
     except ImportError as error:
         raise ImportError('NWB needs pynwb: pip install ".[nwb]"') from error
-    trials = len(activity.output_nats)
-    require(0 <= trial < trials, "trial", f"must be 0..{trials - 1}", trial)
-    about = {"engine": activity.engine, "trial": trial, **activity.about}
-    identity = json.dumps([digest(activity.circuit), about], sort_keys=True, default=str)
+    parts = [activity] if isinstance(activity, Activity) else activity
+    every = [(part, k) for part in parts for k in range(len(part.output_nats))]
+    chosen = range(len(every)) if trials is None else trials
+    known = len(chosen) > 0 and all(k in range(len(every)) for k in chosen)
+    require(known, "trials", f"must be within 0..{len(every) - 1}", trials)
+    fits = table is None or len(table) == len(chosen)
+    require(fits, "table", f"must have one row for each of {len(chosen)} trials", table)
+    picked = [every[k] for k in chosen]
+    columns = {"trial": [part.about.get("first_trial", 0) + k for part, k in picked]}
+    first, circuit = picked[0][0], picked[0][0].circuit
+    about = {"engine": first.engine, **first.about, "trials": columns["trial"]}
+    identity = json.dumps([digest(circuit), about], sort_keys=True, default=str)
+    key = hashlib.sha256(identity.encode()).hexdigest()[:32]
     file = NWBFile(
-        session_description=f"simulation of {activity.circuit.name}, not a recording",
-        identifier=hashlib.sha256(identity.encode()).hexdigest()[:32],
+        session_description=f"simulation of {circuit.name}, not a recording",
+        identifier=key,
+        session_id=key[:8],
         session_start_time=START,
+        experiment_description=circuit.about or circuit.name,
+        keywords=["simulation", "basal ganglia"],
+        subject=Subject(subject_id=circuit.name, **NOBODY),
         notes=json.dumps(about, sort_keys=True, default=str),
-        protocol=text(activity.circuit),
+        protocol=text(circuit),
     )
-    _add_rates(file, activity, trial)
-    _add_units(file, activity, trial)
+    time_ms = first.time_ms
+    apart_ms = float(time_ms[1] - time_ms[0]) if len(time_ms) > 1 else float(time_ms[0]) or 1.0
+    _add_rates(file, picked, apart_ms)
+    trial_ms = len(time_ms) * apart_ms
+    _add_units(file, picked, trial_ms)
+    if table is not None:
+        columns = {str(name): _values(table[name]) for name in table} | columns
+    for name in columns:
+        file.add_trial_column(name, f"{name}, as in tables of trials")
+    for n, values in enumerate(zip(*columns.values(), strict=True)):
+        ends_s = {"start_time": n * trial_ms / 1000, "stop_time": (n + 1) * trial_ms / 1000}
+        file.add_trial(**ends_s, **dict(zip(columns, values, strict=True)))
     path = Path(path)
     partial = path.with_name(f".part-{path.stem}.nwb")
     try:
@@ -66,35 +113,53 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
         partial.unlink(missing_ok=True)
 
 
-def _add_rates(file: Any, activity: Activity, trial: int) -> None:
+def _values(column: pd.Series[Any]) -> list[Any]:
+    """Return a column as the format takes it: numbers, with NaN for none, or text."""
+    if column.dtype.kind not in "biuf":
+        return [*column.fillna("").astype(str)]
+    return [*(column.astype(np.float64) if column.hasnans else column)]
+
+
+def _add_rates(file: Any, trials: Sequence[Trial], apart_ms: float) -> None:
     """Add a time series of rates per nucleus, and OUT."""
     from pynwb import TimeSeries
 
-    time_s = activity.time_ms / 1000
-    series = {f"{name} rate": (rates[trial], "Hz") for name, rates in activity.rates_hz.items()}
-    series["OUT"] = (activity.output_nats[trial], activity.circuit.unit)
+    first = trials[0][0]
+    series = {f"{n} rate": ([a.rates_hz[n][k] for a, k in trials], "Hz") for n in first.rates_hz}
+    series["OUT"] = ([a.output_nats[k] for a, k in trials], first.circuit.unit)
     for name, (data, unit) in series.items():
         file.add_acquisition(
             TimeSeries(
                 name=name,
-                data=np.asarray(data),
+                data=np.concatenate(data),
                 unit=unit,
-                timestamps=time_s,
-                description="one column a channel; time from the onset of evidence",
+                starting_time=first.time_ms[0] / 1000,
+                rate=1000 / apart_ms,
+                description="one column per channel; the trials of the trial table in turn",
             )
         )
 
 
-def _add_units(file: Any, activity: Activity, trial: int) -> None:
+def _add_units(file: Any, trials: Sequence[Trial], trial_ms: float) -> None:
     """Add the spike times of each cell."""
-    for name, table in (activity.spikes or {}).items():
+    import pandas as pd
+    from pynwb.misc import Units
+
+    first = trials[0][0]
+    for name in first.spikes or {}:
         if file.units is None:
+            dt_s = first.about["dt_ms"] / 1000
+            file.units = Units(name="units", description="simulated cells", resolution=dt_s)
             for column, about_it in COLUMNS.items():
                 file.add_unit_column(column, about_it)
-        here = table[table["trial"] == trial].sort_values("time_ms")
-        times = here.groupby(["channel", "neuron"])["time_ms"].apply(np.asarray).to_dict()
-        cells = activity.circuit.population(name).neurons
-        for place in np.ndindex(activity.circuit.channels_of(name), cells):
+        spikes = [(a.spikes or {})[name].query(f"trial == {k}") for a, k in trials]
+        late_ms = np.repeat(np.arange(len(spikes)) * trial_ms, [len(part) for part in spikes])
+        table = pd.concat(spikes)
+        table["time_ms"] += late_ms
+        by_cell = table.sort_values("time_ms").groupby(["channel", "neuron"])["time_ms"]
+        times = by_cell.apply(np.asarray).to_dict()
+        cells = first.circuit.population(name).neurons
+        for place in np.ndindex(first.circuit.channels_of(name), cells):
             # Silent cells are units too, otherwise mean rates would be too high.
             when = np.asarray(times.get(place, np.empty(0))) / 1000
             channel, neuron = place

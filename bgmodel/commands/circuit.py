@@ -60,7 +60,8 @@ class CircuitShow(Writes):
     save: Path | None = None
     """File to save the edited table to, .toml."""
     rest: bool = False
-    """Whether to run it without evidence too, and print resting rates and their irregularity."""
+    """Whether to run it without evidence too, and print resting rates, their irregularity, and what
+    an input of one unit means in Hz, pA and nS."""
     noise: float | None = None
     """Posterior, such as 0.85, at which to print the noise of OUT and its sources."""
 
@@ -91,6 +92,10 @@ class CircuitShow(Writes):
             print("\nwithout evidence, 4 trials of 5 s:")
             found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
+        if self.rest:
+            print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
+            effects = table.effect_of_nats()
+            print(effects.to_string(index=False, float_format="{:.3g}".format))
         if scatter is not None:
             print(f"\n{scatter}")
         if self.save is not None:
@@ -189,7 +194,9 @@ class CircuitRun(Writes):
     spike_trials: int = 10
     """Number of trials, from the first, whose spikes are written."""
     nwb: Path | None = None
-    """File for the first trial's spikes and rates, .nwb."""
+    """File for spikes and rates of chosen trials, run a second time, to their ends, .nwb."""
+    nwb_trials: tuple[int, ...] = (0,)
+    """Numbers of these trials, from 0."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -218,23 +225,24 @@ class CircuitRun(Writes):
         if self.rates is not None and means is not None:
             files.write_table(means.table(), self.rates, seed=seed, **behind)
         if self.spikes is not None:
-            spikes = self._first(model, evidence, self.spike_trials).spike_table()
+            spikes = self._whole(model, evidence, 0, self.spike_trials).spike_table()
             files.write_table(spikes, self.spikes, seed=seed, **behind)
         if self.nwb is not None:
             from circuits.nwb import write_nwb
 
-            write_nwb(self._first(model, evidence, 1), self.nwb)
+            whole = [self._whole(model, evidence, k, k + 1) for k in self.nwb_trials]
+            write_nwb(whole, self.nwb, table=result.iloc[[*self.nwb_trials]])
         if asked.task.evidence is not None:
             print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
 
     @staticmethod
-    def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
-        """Return the first trials, run to their ends, with spikes if the engine has any."""
+    def _whole(model: BasalGanglia, evidence: Evidence, first: int, last: int) -> Activity:
+        """Return trials of a range, run to their ends, with spikes if the engine has any."""
         names = tuple(row.name for row in model.circuit.populations if row.spiking)
         model = replace(model, engine=model.engine.recording(names))
-        return model.activity(evidence[:trials], checked=False)
+        return model.activity(evidence[first:last], first, checked=False)
 
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
@@ -255,6 +263,9 @@ class CircuitRun(Writes):
         self.condition.task.check_idle(Stimuli())
         check_whole(workers=self.workers)
         check_whole(spike_trials=self.spike_trials)
+        trials, chosen = self.condition.trials, self.nwb_trials
+        known = len(chosen) > 0 and all(k in range(trials) for k in chosen)
+        require(known, "nwb_trials", f"must be within 0..{trials - 1}", chosen)
         if self.spikes is not None and not engine_of(self.condition.engine).spiking:
             raise InputError(
                 f"the {self.condition.engine} engine has no spikes: leave --spikes out", "spikes"

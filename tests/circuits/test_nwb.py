@@ -1,45 +1,103 @@
-"""Recordings as NWB."""
+"""Trials as NWB."""
 
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from circuits import anatomy
 from circuits.engines import run
 from circuits.nwb import write_nwb
-from tests.circuits.helpers import run_ensemble
+from tests.circuits.helpers import run_plain
 from tests.helpers import refused
 
+pynwb = pytest.importorskip("pynwb")
+CIRCUIT = anatomy.spiking_msprt().with_neurons(6)
+NAMES = ("STN", "GPe")
 
-def test_a_file_of_recordings_reads_back_as_the_activity(tmp_path):
-    pynwb = pytest.importorskip("pynwb")
-    from circuits.nwb import write_nwb
 
-    circuit = anatomy.spiking_msprt().with_neurons(20)
-    activity = run_ensemble(
-        circuit, np.zeros((2, 1, 2)), step_ms=50, seed=1, settle_ms=10, spikes=("STN", "GPe")
-    )
+def ran(trials, first_trial=0):
+    silence = np.zeros((trials, 2, 2))
+    times = {"step_ms": 10, "settle_ms": 5, "sample_ms": 2}
+    return run_plain(CIRCUIT, silence, seed=1, spikes=NAMES, first_trial=first_trial, **times)
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return [ran(2), ran(1, 5)]
+
+
+def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
+    """Trials 5 and 0, in this order, each from its onset: 10 samples of 2 ms."""
+    table = pd.DataFrame({"rt": [0.1, np.nan], "response": ["left", None], "forced": [True, False]})
+    table["correct"] = pd.array([1, None], dtype="Int8")
     for _ in range(2):
-        write_nwb(activity, tmp_path / "a.nwb", trial=1)
+        write_nwb(parts, tmp_path / "a.nwb", trials=[2, 0], table=table)
     assert [path.name for path in tmp_path.iterdir()] == ["a.nwb"]
+    picked = [(parts[1], 0), (parts[0], 0)]
     with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
         read = file.read()
-        units = read.units.to_dataframe()
-        table = activity.spikes["STN"]
-        expected = np.sort(table[table["trial"] == 1]["time_ms"].to_numpy()) / 1000
-        found = units[units["population"] == "STN"]["spike_times"]
-        np.testing.assert_allclose(np.sort(np.concatenate(found.to_list())), expected)
-        assert len(units) == 2 * 2 * 20  # silent cells too
-        out = read.acquisition["OUT"]
-        np.testing.assert_array_equal(out.data[:], activity.output_nats[1])
+        units, trials = read.units.to_dataframe(), read.trials.to_dataframe()
+        assert read.units.resolution == pytest.approx(1e-4)
+        assert len(units) == 2 * 2 * 6, "silent cells are units too"
+        assert trials["trial"].to_list() == [5, 0]
+        np.testing.assert_allclose(trials["start_time"], [0, 0.02])
+        np.testing.assert_allclose(trials["stop_time"], [0.02, 0.04])
+        np.testing.assert_array_equal(trials["rt"], [0.1, np.nan])
+        np.testing.assert_array_equal(trials["correct"], [1, np.nan])
+        assert trials["response"].to_list() == ["left", ""]
+        assert trials["forced"].to_list() == [True, False]
+        for n, (part, k) in enumerate(picked):
+            for name in NAMES:
+                spikes = part.spikes[name][part.spikes[name]["trial"] == k]
+                for unit in units[units["population"] == name].itertuples():
+                    cell = (spikes["channel"] == unit.channel) & (spikes["neuron"] == unit.neuron)
+                    times = unit.spike_times - 0.02 * n
+                    here = times[(times > 1e-9) & (times < 0.02 + 1e-9)]
+                    np.testing.assert_allclose(here, np.sort(spikes["time_ms"][cell]) / 1000)
+        whole = {
+            f"{name} rate": [p.rates_hz[name][k] for p, k in picked] for name in ("STN", "SNr")
+        }
+        whole["OUT"] = [p.output_nats[k] for p, k in picked]
+        for name, data in whole.items():
+            series = read.acquisition[name]
+            np.testing.assert_array_equal(series.data[:], np.concatenate(data))
+            assert (series.starting_time, series.rate) == (pytest.approx(0.002), pytest.approx(500))
         assert json.loads(read.notes)["seed"] == 1
-    with refused("trial"):
-        write_nwb(activity, tmp_path / "b.nwb", trial=2)
+        assert (read.subject.sex, read.subject.age) == ("U", "P0D/")
 
 
-def test_out_of_saliences_is_no_nats_in_a_file_of_recordings(tmp_path):
-    pynwb = pytest.importorskip("pynwb")
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"trials": [3]}, "trials"),
+        ({"trials": [-1]}, "trials"),
+        ({"trials": []}, "trials"),
+        ({"table": pd.DataFrame({"rt": [0.1]})}, "table"),
+    ],
+)
+def test_trials_that_are_not_there_are_refused(options, field, parts, tmp_path):
+    with refused(field):
+        write_nwb(parts, tmp_path / "b.nwb", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_inspector_finds_no_fault_but_what_a_simulation_lacks(parts, tmp_path):
+    """Nobody did the experiment, and a column of two channels might hold a truth value."""
+    inspector = pytest.importorskip("nwbinspector")
+    write_nwb(parts, tmp_path / "a.nwb", table=pd.DataFrame({"rt": [0.1, 0.2, 0.3]}))
+    found = [
+        message
+        for config in (None, inspector.load_config("dandi"))
+        for message in inspector.inspect_nwbfile(nwbfile_path=tmp_path / "a.nwb", config=config)
+    ]
+    assert {message.check_function_name for message in found} <= {
+        *("check_experimenter_exists", "check_institution", "check_column_binary_capability")
+    }
+
+
+def test_out_of_saliences_is_no_nats_in_a_file_of_trials(tmp_path):
     write_nwb(run(anatomy.gpr(), [[[0.5, 0.2]]], engine="rate", step_ms=5.0), tmp_path / "a.nwb")
     with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
         assert file.read().acquisition["OUT"].unit == "salience"

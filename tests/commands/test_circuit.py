@@ -207,3 +207,25 @@ def test_an_option_without_effect_on_an_export_is_refused_by_its_name(
     given = [f"--{option}", value, "--trials", 100]
     assert option in refusal("circuit", "export", tmp_path / "trial.py", *given)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
+    pynwb = pytest.importorskip("pynwb")
+    table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
+    given = ["--trials", 4, "--t-max", 2, "--engine", "plain", "--circuit", "spiking_msprt"]
+    given += ["--edits", "neurons 4", "--spikes", spikes, "--step-ms", 20]
+    chosen = ["--nwb", recording, "--nwb-trials", 3, 1]
+    assert run("circuit", "run", table, *given, *chosen) == 0
+    decided, fired = (pd.read_csv(path, comment="#") for path in (table, spikes))
+    with pynwb.NWBHDF5IO(str(recording), "r") as file:
+        read = file.read()
+        trials, units = read.trials.to_dataframe(), read.units.to_dataframe()
+    assert trials["trial"].to_list() == [3, 1]
+    np.testing.assert_array_equal(trials["rt"], decided["rt"][[3, 1]])
+    for start, trial in zip(trials["start_time"], (3, 1), strict=True):
+        times = np.sort(np.concatenate(units["spike_times"].to_list())) - start
+        here = times[(times > 1e-9) & (times < 0.06 + 1e-9)]
+        expected = fired[fired["trial"] == trial]["time_ms"].sort_values() / 1000
+        np.testing.assert_allclose(here, expected)
+        assert len(here) > 10
+    assert "nwb_trials" in refusal("circuit", "run", table, *given, "--nwb-trials", 4, "--force")

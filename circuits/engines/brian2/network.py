@@ -58,8 +58,22 @@ class Network:
         self.layout, self.clock, self.drive = layout, clock, drive
         self.spikes = layout.wiring.circuit.spiking(spikes)
         self.values = layout.fixed() | start
+        x = layout.wiring.drive(drive)
+        readings = np.moveaxis(x, 1, 0).reshape(clock.steps, -1)
+        timed = {"reading": (readings, clock.step_ms)}
+        if layout.courses:
+            timed["factors"] = layout.courses.factors.T, clock.dt_ms
+            timed["added"] = layout.courses.nats.T, clock.dt_ms
+        names = {
+            "settle_ticks": clock.settle_ticks,
+            "sample_ticks": clock.sample_ticks,
+            "out_decay": layout.scheme.readout_decay,
+            "dt_s": clock.dt_ms / 1000,
+            "word_ticks": noise.TICKS_A_WORD,
+        }
+        self.sample_ticks = int(np.gcd(clock.settle_ticks, clock.sample_ticks))
         self.groups: dict[str, Group] = {}
-        self.connections: list[dict[str, Any]] = []
+        self.connections: list[Group] = []
         for name in layout.units:
             self._units(name)
         self._blocks()
@@ -67,28 +81,15 @@ class Network:
             self._line()
         for name in layout.populations:
             self._cells(name)
-        self.sample_ticks = int(np.gcd(clock.settle_ticks, clock.sample_ticks))
-        x = layout.wiring.drive(drive)
-        readings = np.moveaxis(x, 1, 0).reshape(clock.steps, -1)
-        self.timed = {"reading": (readings, clock.step_ms)}
-        if layout.courses:
-            self.timed["factors"] = layout.courses.factors.T, clock.dt_ms
-            self.timed["added"] = layout.courses.nats.T, clock.dt_ms
-        self.names = {
-            "settle_ticks": clock.settle_ticks,
-            "sample_ticks": clock.sample_ticks,
-            "out_decay": layout.scheme.readout_decay,
-            "dt_s": clock.dt_ms / 1000,
-            "word_ticks": noise.TICKS_A_WORD,
+        self.parts: Group = {
+            "dt_ms": clock.dt_ms,
+            "sampled_ms": self.sample_ticks * clock.dt_ms,
+            "monitored": [object_name(name) for name in self.spikes],
+            "names": names,
+            "timed": timed,
+            "groups": self.groups,
+            "connections": self.connections,
         }
-
-    def assembled(self, brian: Any) -> Any:
-        """Return the network as Brian2's."""
-        monitored = [object_name(name) for name in self.spikes]
-        return assembled(
-            brian, self.groups, self.connections, self.names, self.timed, monitored,
-            self.clock.dt_ms, self.sample_ticks,
-        )  # fmt: skip
 
     # ---- groups and connections
 
@@ -133,10 +134,8 @@ class Network:
         state, tick = self._texts(brian_text.UNIT_STATE, ticks, self.layout.unit_laws(name))
         if name == "own_inputs":
             state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
-        w, first = self.layout.wiring, dict[str, int]()
-        for place, u in enumerate(self.layout.units[name]):
-            first.setdefault(w.projection(u).name, place)
-        about = ", ".join(f"{path} from {place}" for path, place in first.items())
+        paths = (self.layout.wiring.projection(u).name for u in self.layout.units[name])
+        about = f"in this order: {', '.join(dict.fromkeys(paths))}"
         self._group(name, state, about)["code"] = [(ORDER[name], 1, tick)]
 
     def _blocks(self) -> None:
@@ -232,40 +231,32 @@ def object_name(name: str) -> str:
     return plain if plain[0].isalpha() and not iskeyword(plain) else f"n_{plain}"
 
 
-def assembled(
-    brian: Any,
-    groups: dict[str, Group],
-    connections: list[dict[str, Any]],
-    names: dict[str, Any],
-    timed: dict[str, tuple[Array, float]],
-    monitored: list[str],
-    dt_ms: float,
-    sample_ticks: int,
-) -> Any:
-    """Return a Brian2 network: groups, synapses, spike monitors, and samples of the blocks.
+def assembled(brian: Any, parts: dict[str, Any]) -> Any:
+    """Return the Brian2 network of ``Network.parts``; scripts hold the source of this function.
 
-    Scripts hold the source of this function and the values of its arguments.
+    It has groups, synapses, spike monitors, and samples of the blocks' rates.
     """
-    ms, clocks = brian.ms, {n: brian.Clock(n * dt_ms * brian.ms) for n in (1, names["word_ticks"])}
-    arrays = {n: brian.TimedArray(values, dt=apart * ms) for n, (values, apart) in timed.items()}
-    shared = functions(brian) | arrays | names
+    ms, dt_ms, names = brian.ms, parts["dt_ms"], parts["names"]
+    clocks = {n: brian.Clock(n * dt_ms * ms) for n in (1, names["word_ticks"])}
+    timed = {n: brian.TimedArray(v, dt=apart * ms) for n, (v, apart) in parts["timed"].items()}
+    shared = functions(brian) | timed | names
     numpy = {"codeobj_class": brian.NumpyCodeObject}  # what the functions have code for
     on_tick = {"clock": clocks[1]} | numpy
     wide = dict.fromkeys(("stream", "key", "block"), np.int64)
     made, others = {}, []
-    for name, part in groups.items():
+    for name, part in parts["groups"].items():
         made[name] = brian.NeuronGroup(
             part["size"], part["model"], name=name, order=part["order"], dtype=wide, **on_tick,
             namespace=shared | part["names"], **part["spikes"],
         )  # fmt: skip
         for variable, value in part["values"].items():
             setattr(made[name], variable, value)
-    for name, part in groups.items():
+    for name, part in parts["groups"].items():
         for variable, (source, theirs, index) in part["links"].items():
             setattr(made[name], variable, brian.linked_var(made[source], theirs, index=index))
         for order, ticks, code in part["code"]:
             made[name].run_regularly(code, clock=clocks[ticks], when="groups", order=order)
-    for part in connections:
+    for part in parts["connections"]:
         # By increments at spikes, or by a sum.
         add, values = part["add"], part["values"]
         model = "".join(f"{variable} : 1 (constant)\n" for variable in values)
@@ -279,9 +270,9 @@ def assembled(
             # Spikes arriving in this slot take effect one tick later.
             synapses.delay = (part["delay_ticks"] - 1) * dt_ms * ms
         others.append(synapses)
-    for name in monitored:
+    for name in parts["monitored"]:
         others.append(brian.SpikeMonitor(made[name], name=f"spikes_{name}", **numpy))
     recorded = ["window_hz", "out_hz"]
-    every = {"dt": sample_ticks * dt_ms * ms, "when": "end", "name": "samples"}
+    every = {"dt": parts["sampled_ms"] * ms, "when": "end", "name": "samples"}
     samples = brian.StateMonitor(made["blocks"], recorded, record=True, **every, **numpy)
     return brian.Network(*made.values(), *others, samples)

@@ -47,19 +47,6 @@ def ones_at(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
     return ((unsigned(counts) >> shift) & np.uint32(15)).astype(np.float64)
 
 
-_INT, _FLOAT = "integer", "float"
-FUNCTIONS: dict[str, tuple[Any, tuple[str, ...], str]] = {
-    "tick_key": (keys_at, (_INT, _INT), _INT),
-    "byte_counts": (noise_bytes, (_INT, _INT), _INT),
-    "ones": (ones_at, (_INT, _INT), _FLOAT),
-    "single": (single, (_FLOAT,), _FLOAT),
-    "fused": (fused, (_FLOAT, _FLOAT, _FLOAT), _FLOAT),
-    "exponential": (exponential, (_FLOAT,), _FLOAT),
-    "chosen": (choose, ("boolean", _FLOAT, _FLOAT), _FLOAT),
-}
-"""Functions available to the Brian2 code, with the types of their arguments and results."""
-
-
 def load_brian() -> ModuleType:
     """Import Brian2 without letting it take over error reporting."""
     hook = sys.excepthook
@@ -72,17 +59,20 @@ def load_brian() -> ModuleType:
 
 def functions(brian: Any) -> dict[str, Any]:
     """Return the functions that the code calls, as functions of the module ``brian2`` by name."""
-    return {name: as_brian(brian, *given) for name, given in FUNCTIONS.items()}
-
-
-def as_brian(brian: Any, function: Any, arguments: tuple[str, ...], result: str) -> Any:
-    """Return a function of NumPy arrays as one of Brian2."""
-    made = brian.Function(
-        function,
-        arg_units=[1] * len(arguments),
-        return_unit=1,
-        arg_types=list(arguments),
-        return_type=result,
-    )
-    made.implementations.add_implementation("numpy", function)
+    whole, real = "integer", "float"
+    table: dict[str, tuple[Any, list[str], str]] = {
+        "tick_key": (keys_at, [whole, whole], whole),
+        "byte_counts": (noise_bytes, [whole, whole], whole),
+        "ones": (ones_at, [whole, whole], real),
+        "single": (single, [real], real),
+        "fused": (fused, [real, real, real], real),
+        "exponential": (exponential, [real], real),
+        "chosen": (choose, ["boolean", real, real], real),
+    }
+    made = {}
+    for name, (function, takes, returns) in table.items():
+        types = {"arg_types": takes, "return_type": returns}
+        units = {"arg_units": [1] * len(takes), "return_unit": 1}
+        made[name] = brian.Function(function, **types, **units)
+        made[name].implementations.add_implementation("numpy", function)
     return made

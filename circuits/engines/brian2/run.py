@@ -30,7 +30,7 @@ from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.timed import timed
 from circuits.engines.brian2.layout import Layout
-from circuits.engines.brian2.network import Network
+from circuits.engines.brian2.network import Network, assembled
 from circuits.engines.brian2.noise import load_brian
 from circuits.engines.shipped import Brian2
 
@@ -53,7 +53,7 @@ def run(
     """
     network = network_of(circuit, drive, step_ms, seed, first_trial, engine)
     with in_numpy() as brian:
-        objects = network.assembled(brian)
+        objects = assembled(brian, network.parts)
         # One tick more than the clock's, because blocks count their spikes a tick later.
         objects.run((network.clock.ticks + 1) * engine.dt_ms * brian.ms, namespace={})
         return network.activity(objects, seed, first_trial)
