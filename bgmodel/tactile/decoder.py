@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 import json
+import threading
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from circuits.errors import InputError, require
 if TYPE_CHECKING:
     import torch
 
-_ALONE = Lock()
+_ALONE = threading.Lock()
 """Held while a network is trained: all threads share PyTorch's random numbers."""
 BATCH = 4096
 ENDINGS = (".safetensors", ".onnx")
