@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, gaussian_evidence, stream
@@ -14,6 +14,7 @@ from bgmodel.integrators.baselines import BASELINES, Lca, MaxVsNext
 from tests.helpers import cues
 
 
+@settings(max_examples=40)
 @given(
     st.sampled_from(["MSPRT", *BASELINES, "delayed", "cues"]),
     st.integers(1, 12),

@@ -67,7 +67,7 @@ def test_the_optimal_threshold_is_tabulated_and_near_its_closed_form(d, xi, thet
     assert 0 <= at_closed_form - best.cost < 1e-3
 
 
-@pytest.mark.parametrize("d", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("d", [1.0, 2.0])
 def test_the_best_gap_grows_by_twice_the_logarithm_of_the_cost_of_an_error(d):
     """Without end: sinh(theta) + theta = xi d^2 / 4 (Wald), theta being half the gap.
 
