@@ -33,7 +33,7 @@ WORDS = {
     **dict.fromkeys(("baseline_hz", "gain_hz_per_nat", "bias_nats"), OF_RATES),
 }
 """Words by which a citation names the numbers of a row."""
-SOURCE = re.compile(r"\b\d{4}\b|assumed|tuned|fit|from OUT = -ln P")
+SOURCE = re.compile(r"\b\d{4}\b|assumed|tuned|fit|derived")
 """A publication's year, or a word that says where else a number is from."""
 
 
