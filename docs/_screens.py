@@ -32,11 +32,11 @@ def settled(page: Page) -> None:
     page.wait_for_timeout(1500)
 
 
-def saved(page: Page, name: str, left: int, high: int) -> None:
-    """Write the upper part of the page, from a column on, to a small file with few colours."""
+def saved(page: Page, name: str, left: int, high: int, top: int = 0) -> None:
+    """Write the upper part of the page, from a column and a row on, to a file with few colours."""
     page.evaluate("window.scrollTo(0, 0)")
     whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
-    written(whole.crop((left, 0, whole.width, high)), name)
+    written(whole.crop((left, top, whole.width, high)), name)
 
 
 def panel(page: Page, name: str, title: str) -> None:
@@ -86,7 +86,7 @@ def dopamine(page: Page) -> None:
     """Take the warning of an oscillation, and a trial that has it."""
     again(page)
     enter(page, "New edit (then Enter)", "dopamine 0.1")
-    saved(page, "dopamine", 360, 760)
+    saved(page, "dopamine", 360, 760, top=63)  # the bar above would be cut
     panel(page, "dopamine_trial", "One trial in spikes")
 
 
