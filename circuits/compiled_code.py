@@ -14,7 +14,8 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextvars import ContextVar
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -23,12 +24,23 @@ import numba
 import platformdirs
 from filelock import FileLock, Timeout
 from numba.core.caching import IndexDataCacheFile
+from numba.core.errors import WarningsFixer
 from numba.core.serialize import dumps
 
 _LOCK = threading.Lock()
 """Numba reads the cache folder from a process-wide setting."""
 _MOST_WAITING_S = 120.0
 _THREAD = threading.local()
+_COMPILING = ContextVar("compiling", default=False)
+_CATCH = WarningsFixer.catch_warnings
+
+
+def _catch(fixer: WarningsFixer, *place: Any, **named: Any) -> Any:
+    """Replace Numba's filters of warnings, which are those of all threads, while we compile."""
+    return nullcontext() if _COMPILING.get() else _CATCH(fixer, *place, **named)
+
+
+WarningsFixer.catch_warnings = _catch
 
 
 class CheckedFiles(IndexDataCacheFile):
@@ -85,17 +97,21 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
             made = numba.njit(cache=folder is not None, **options)(function)
         finally:
             numba.config.CACHE_DIR = before
+    name = f"{function.__module__}.{function.__qualname__}.lock"
     if folder:
         made._cache._cache_file.__class__ = CheckedFiles  # no argument of Numba sets it
-        name = f"{function.__module__}.{function.__qualname__}.lock"
-        made.compile = partial(_compile_once, made.compile, folder / sources / name)
+    made.compile = partial(_compile_once, made.compile, folder and folder / sources / name)
     return made
 
 
-def _compile_once(compile_now: Callable[[Any], Any], lock: Path, signature: Any) -> Any:
-    """Compile while no other process compiles the same function."""
-    with locked(lock):
-        return compile_now(signature)
+def _compile_once(compile_now: Callable[[Any], Any], lock: Path | None, signature: Any) -> Any:
+    """Compile while no other process compiles the same function, under a lock if it is kept."""
+    token = _COMPILING.set(True)
+    try:
+        with nullcontext() if lock is None else locked(lock):
+            return compile_now(signature)
+    finally:
+        _COMPILING.reset(token)
 
 
 @contextmanager

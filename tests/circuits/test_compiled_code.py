@@ -4,7 +4,9 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 
+import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
@@ -12,7 +14,7 @@ import bgmodel.support.compiling
 from bgmodel.deciding import crossing
 from bgmodel.fitting.simulated import weights
 from bgmodel.tactile import sampling
-from circuits.compiled_code import sources_hash
+from circuits.compiled_code import compile_cached, sources_hash
 from circuits.engines import compiling
 from circuits.engines.ensemble import kernel
 from circuits.engines.population import kernel as population
@@ -46,6 +48,30 @@ def test_the_hash_follows_an_edit_of_any_source(tmp_path):
     after = sources_hash(tmp_path)
     (tmp_path / "inner" / "a.py").write_text("a = 2")
     assert len({before, after, sources_hash(tmp_path)}) == 3
+
+
+@pytest.mark.filterwarnings("ignore:compiled code is not cached")
+@pytest.mark.parametrize("kept", [True, False])
+def test_compiling_leaves_the_filters_of_warnings_alone(kept, tmp_path, monkeypatch):
+    """They are those of all threads: a warning of another one would be lost meanwhile."""
+    enter, changed = warnings.catch_warnings.__enter__, []
+
+    def counted(self):
+        changed.append(self)
+        return enter(self)
+
+    def plus(x):
+        return x + 1
+
+    folder = tmp_path if kept else tmp_path / "file"
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder))
+    made = compile_cached(plus, "sources")
+    monkeypatch.setattr(warnings.catch_warnings, "__enter__", counted)
+    assert made(1) == 2
+    assert changed == []
+    assert numba.njit(lambda x: x + 1)(1) == 2  # Numba's own way stays for others
+    assert changed
 
 
 @pytest.fixture

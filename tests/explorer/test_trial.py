@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from bgmodel.explorer import drawing
-from bgmodel.explorer.html import CONTROL, MANIPULATION, TRIAL
-from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.html import CONTROL, MANIPULATION
+from bgmodel.explorer.panels import Memory, _trials, _trials_said
 from bgmodel.explorer.trial import WITHOUT_EVIDENCE, Shown, one_trial
 from circuits.declaration.courses import Course
 from tests.explorer.helpers import small
@@ -63,8 +63,9 @@ def test_a_trial_that_is_decided_before_the_first_reading_is_decided_without_evi
 
 
 def panel(memory, *edits):
-    state = small("bogacz_gurney", "algebra", *edits)
-    return next(panel for panel in panels(state, memory, workers=1) if panel.name == TRIAL)
+    """Return the panel's words and its figure."""
+    trials = _trials(small("bogacz_gurney", "algebra", *edits), memory)
+    return _trials_said(trials), drawing.trial(trials)
 
 
 def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
@@ -75,17 +76,17 @@ def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
         return one_trial(condition, *given)
 
     monkeypatch.setattr("bgmodel.explorer.panels.one_trial", counted)
-    alone = panel(memory)
-    assert f"{CONTROL}:" not in alone.svg + alone.text
+    said, svg = panel(memory)
+    assert f"{CONTROL}:" not in svg + said
     for edit in ("lesion STN 10%", "lesion STN"):
-        found = panel(memory, edit)
-        assert found.svg.index(f"{MANIPULATION}: spikes") < found.svg.index(f"{CONTROL}: spikes")
-        assert f"{CONTROL}: Chose" in found.text
+        said, svg = panel(memory, edit)
+        assert svg.index(f"{MANIPULATION}: spikes") < svg.index(f"{CONTROL}: spikes")
+        assert f"{CONTROL}: Chose" in said
     assert len(runs) == 3
 
 
 def test_a_course_is_named_in_words():
-    found = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
-    assert "STN +0.1 from 50 to 80 ms" in found.text
-    assert "dopamine +0.1 from 0 ms on" in found.text
-    assert ">Course<" in found.svg
+    said, svg = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
+    assert "STN +0.1 from 50 to 80 ms" in said
+    assert "dopamine +0.1 from 0 ms on" in said
+    assert ">Course<" in svg
