@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,6 +30,8 @@ NOBODY = {
     "description": "A simulated circuit, not an animal: species, age and sex are unknown.",
 }
 """The subject of a simulation, in the format's words for what is unknown."""
+OF_INTERVALS = ("id", "start_time", "stop_time", "tags", "timeseries")
+"""The format's own columns of a trial table."""
 Trial = tuple[Activity, int]
 """An activity, and the index of a trial in it."""
 
@@ -97,7 +100,7 @@ def write_nwb(
     trial_ms = len(time_ms) * apart_ms
     _add_units(file, picked, trial_ms)
     if table is not None:
-        columns = {str(name): _values(table[name]) for name in table} | columns
+        columns |= {_name(str(name)): _values(table[name]) for name in table}
     for name in columns:
         file.add_trial_column(name, f"{name}, as in tables of trials")
     for n, values in enumerate(zip(*columns.values(), strict=True)):
@@ -111,6 +114,12 @@ def write_nwb(
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _name(name: str) -> str:
+    """Return the name of a column as the format allows it."""
+    plain = re.sub(r"[/:]", "_", name)
+    return f"given_{plain}" if plain in OF_INTERVALS else plain
 
 
 def _values(column: pd.Series[Any]) -> list[Any]:

@@ -274,7 +274,7 @@ def numbers(options):
         (
             "circuit run a.csv",
             f"seed=0 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
-            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10",
+            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 nwb_trials=0",
         ),
         (
             "circuit compare-edits a.csv",

@@ -32,6 +32,7 @@ def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
     """Trials 5 and 0, in this order, each from its onset: 10 samples of 2 ms."""
     table = pd.DataFrame({"rt": [0.1, np.nan], "response": ["left", None], "forced": [True, False]})
     table["correct"] = pd.array([1, None], dtype="Int8")
+    table = table.assign(id=["x", "y"], **{"d/d'": [0.5, 1.0]})  # of the user's own
     for _ in range(2):
         write_nwb(parts, tmp_path / "a.nwb", trials=[2, 0], table=table)
     assert [path.name for path in tmp_path.iterdir()] == ["a.nwb"]
@@ -48,6 +49,8 @@ def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
         np.testing.assert_array_equal(trials["correct"], [1, np.nan])
         assert trials["response"].to_list() == ["left", ""]
         assert trials["forced"].to_list() == [True, False]
+        assert trials["given_id"].to_list() == ["x", "y"]
+        assert trials["d_d'"].to_list() == [0.5, 1.0]
         for n, (part, k) in enumerate(picked):
             for name in NAMES:
                 spikes = part.spikes[name][part.spikes[name]["trial"] == k]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import inspect
+import json
+import re
 import textwrap
 import zlib
 from collections.abc import Callable
@@ -29,7 +31,7 @@ FUNCTIONS: tuple[Callable[..., Any], ...] = (
 """Functions of which a script holds the source: those that ``assembled`` calls, and itself."""
 
 SCRIPT = '''\
-"""{circuit.name}: trial {trial} of seed {seed} in Brian2, spike for spike.
+"""Trial {trial} of seed {seed} in Brian2, with the spikes of bgmodel.
 
 It needs brian2 and numpy only. `python THIS.py` prints mean rates and the last OUT, and `python
 THIS.py spikes.csv` writes every spike, too. Inputs and OUT are in {circuit.unit}, rates in Hz. The
@@ -154,7 +156,8 @@ def written(value: Any, indent: str = "") -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(written(v, inner) for v in value) + "]"
     if isinstance(value, str):
-        return f'"""{textwrap.dedent(value)}"""' if "\n" in value else f'"{value}"'
+        code = "\n" in value and not re.search(r'\\|"""', value)
+        return f'"""{textwrap.dedent(value)}"""' if code else json.dumps(value)
     if isinstance(value, np.ndarray):
         return array_text(value)
     return repr(value.item() if isinstance(value, np.generic) else value)

@@ -3,7 +3,7 @@
 import ast
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import brian2
@@ -109,6 +109,21 @@ def test_a_script_imports_brian2_and_numpy_alone_and_names_every_source():
         *("__future__", "base64", "brian2", "numpy", "sys", "typing", "zlib")
     }
     assert all(row.cite in text for row in (*circuit.populations, *circuit.projections))
+
+
+def test_words_of_a_users_table_stay_text_in_a_script():
+    """Names and sources may hold what Python takes for code."""
+    cite = 'says "so" \\ """ {nothing}\nimport os'
+    circuit = replace(WHOLE.with_population("GPe", cite=cite), name='a"""b\\')
+    tree = ast.parse(circuit.to_brian2_script(DRIVE, step_ms=STEP_MS, seed=SEED))
+    texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    assert any(cite in text for text in texts if isinstance(text, str))
+    assert not any(
+        alias.name == "os"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    )
 
 
 def test_a_network_goes_on_whatever_the_users_code_generator_is():
