@@ -74,6 +74,4 @@ def _written(circuit: Circuit) -> Path:
     from circuits.declaration.table_files import digest, write
 
     folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"
-    return path if path.exists() else Path(write(circuit, path))
+    return Path(write(circuit, folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"))

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.synchronize import Event
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any
 
 from circuits.errors import InputError
@@ -84,13 +84,32 @@ def shared_map(workers: int, shared: Any) -> Iterator[SharedMap]:
     of threads.
     """
     if workers == 1:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(1, user_api="blas"):
+        with _one_thread():
             yield local_map(shared)
         return
     with processes(workers, _share, (shared,)) as pool:
         yield lambda function, jobs: list(pool.map(partial(_with_shared, function), jobs))
+
+
+_LOCK = Lock()
+_limits: list[Any] = []
+"""One entry for each block that is within ``_one_thread``; the first has the earlier limits."""
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Limit linear algebra to one thread until the last of overlapping blocks has ended."""
+    from threadpoolctl import threadpool_limits
+
+    with _LOCK:
+        _limits.append(None if _limits else threadpool_limits(1, user_api="blas"))
+    try:
+        yield
+    finally:
+        with _LOCK:
+            if len(_limits) == 1:
+                _limits[0].restore_original_limits()
+            _limits.pop()
 
 
 _shared: list[Any] = []

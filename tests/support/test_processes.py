@@ -76,6 +76,17 @@ def test_linear_algebra_uses_one_thread_whatever_the_number_of_processes(workers
             assert set(over(blas_threads, [()])[0]) == {1}
 
 
+def test_linear_algebra_uses_one_thread_until_the_last_of_overlapping_maps_ends():
+    with threadpool_limits(2, user_api="blas"):
+        first, second = shared_map(1, None), shared_map(1, None)
+        first.__enter__()
+        over = second.__enter__()
+        first.__exit__(None, None, None)  # as in another thread
+        assert set(over(blas_threads, [()])[0]) == {1}
+        second.__exit__(None, None, None)
+        assert max(blas_threads(None)) == 2
+
+
 def test_no_process_outlives_a_command_that_was_killed(tmp_path):
     (tmp_path / "long.py").write_text(LONG)
     written = tmp_path / "pid"
