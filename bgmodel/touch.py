@@ -6,14 +6,15 @@ import base64
 import html
 import io
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
 from scipy.special import softmax
 from scipy.stats import circstd
 
+from bgmodel.bootstrap import shown
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
@@ -21,12 +22,15 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT, DECODER
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
+from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
+from bgmodel.learning.dopamine_learner import CRITERION, CircuitLearned, learn_in_circuit
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tactile.source import Folds, Source, folds
+from bgmodel.tactile.source import Folds, Source
+from bgmodel.tactile.source import folds as folds_of
 from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
@@ -43,10 +47,14 @@ ACCURACIES = (0.8, 0.85, 0.9, 0.95)
 """Accuracies at which circuit and test are compared, as far as the taps allow."""
 XI, START_DELTA, RUNS = 50.0, 0.5, 5
 """Cost of an error (readings), initial gap (nats) and number of runs of the learner."""
-T_MAX = 40
+T_MAX, FOLDS = 40, 10
+"""Readings of the longest trial, and default number of folds of taps."""
+TO_LEARN, TO_SPIKE = 6000, 480
+"""Trials from which the circuit learns its threshold, by populations, and largest number of trials
+that it decides in spikes."""
 STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Angular steps of the psychometric curve of an edge, degrees."""
-PARTS = ("psychometric", "curves", "table", "learning", "courses", "decided")
+PARTS = ("psychometric", "curves", "table", "learning", "learned", "courses", "decided")
 """Tables of a story."""
 LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
@@ -70,7 +78,12 @@ class Story:
     table : DataFrame
         Circuit and test at equal accuracy, as in ``Comparison.table``.
     learning : DataFrame
-        Course of the learned gap: run, episode, mean_delta.
+        Course of the learned criteria: who, run, episode, mean_delta. It is the gap of the test,
+        and of the circuit the gap that corresponds to its threshold, nats of evidence; with more
+        than two alternatives the log odds of its posterior.
+    learned : DataFrame
+        Decisions of test, populations and spikes at what was learned, as from
+        ``decide_as_learned``.
     numbers : dict
         Summary measures by name.
     courses : DataFrame
@@ -88,6 +101,7 @@ class Story:
     curves: pd.DataFrame
     table: pd.DataFrame
     learning: pd.DataFrame
+    learned: pd.DataFrame
     numbers: dict[str, float]
     courses: pd.DataFrame
     decided: pd.DataFrame
@@ -97,6 +111,20 @@ class Story:
     def summary(self) -> pd.DataFrame:
         """Return the numbers as a table: measure and value."""
         return Readable(self.numbers.items(), columns=["measure", "value"])
+
+    def learned_summary(self) -> pd.DataFrame:
+        """Return decisions at what was learned: a row per measure, a column per decider."""
+        if not len(self.learned):
+            return pd.DataFrame()
+        every = self.learned[["value", "low", "high"]].to_numpy()
+        forms = np.where(self.learned["measure"] == "accuracy", ".3f", ".2f")
+        texts = [
+            shown(x, low, high, form) for (x, low, high), form in zip(every, forms, strict=True)
+        ]
+        long = self.learned.assign(text=texts)
+        wide = long.pivot(index="measure", columns="who", values="text").fillna("")
+        ordered = wide.loc[long["measure"].unique(), long["who"].unique()]
+        return Readable(ordered.reset_index().rename_axis(columns=None))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all tables as one, with a column ``part`` that names the table of each row."""
@@ -114,12 +142,13 @@ class Story:
 
     @styled
     def plot(self) -> Figure:
-        """Draw one reading, speed and accuracy, the learned gap, and one decision in spikes.
+        """Draw one reading, speed and accuracy, the learned criteria, and one decision in spikes.
 
         Panel a: accuracy of a single reading, mean and range over folds of taps, with the mean
-        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision
-        time, with pointwise 95 % intervals.
-        Panel c: the learned gap, median and 10 to 90 % of runs. Panel d: OUT on one trial;
+        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision time
+        of test and populations, with pointwise 95 % intervals; markers are the decisions of test
+        and spikes at what each learned. Panel c: the learned gap of the test, and the circuit's,
+        learned by populations; median and 10 to 90 % of runs. Panel d: OUT in spikes on one trial;
         vertical lines are decisions.
 
         Returns
@@ -149,6 +178,7 @@ def story(
     axis: str,
     *,
     trials: int = 1200,
+    folds: int = FOLDS,
     step_ms: float = 50.0,
     learner: Learner | None = None,
     seed: int = 0,
@@ -170,10 +200,12 @@ def story(
         Quantity that varies between stimuli.
     trials : int
         Number of trials on which test and circuit decide.
+    folds : int
+        Number of folds of taps: likelihoods are fitted on the others, and intervals resample folds.
     step_ms : float
         Time between readings, ms.
     learner : Learner, optional
-        Learner of the gap; by default ``Learner()``.
+        Learner of gap and threshold; by default ``Learner()``.
     seed, workers : int
         Seed of evidence and noise, and number of threads.
 
@@ -184,17 +216,18 @@ def story(
     """
     with collected() as caught:
         task = task_of(value)
-        readings = folds(taps, task)
+        readings = folds_of(taps, task, folds)
         readings.sources[0].warn_if_silent()
         evidence = readings.draw(trials, T_MAX, rng=stream(seed, "touch"), step_ms=step_ms)
         stimuli = sorted({*values, value})
-        curve = pd.DataFrame([_one_reading(taps, task_of(each), each) for each in stimuli])
+        curve = pd.DataFrame([_one_reading(taps, task_of(each), each, folds) for each in stimuli])
         engine = engine_of("population", workers=workers)
         model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), engine, seed=seed)
+        model = model.adapted_to(evidence)
         groups = readings.groups(trials)
         found = compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
-        learning, learned = _learned(readings, learner or Learner(), seed)
-        courses, decided = _one_decision(evidence, seed)
+        taught = chain(readings, model, evidence, learner or Learner(), seed, workers, TO_SPIKE)
+        courses, decided = _one_decision(model, evidence, taught.threshold)
     test = Msprt().decide(evidence, posterior=POSTERIOR)
     numbers: dict[str, float] = {
         "hypotheses": len(task.names),
@@ -202,17 +235,20 @@ def story(
         "test_accuracy": float(test.accuracy),
         "test_readings": float(test.time_ms.mean() / step_ms),
         **_at_equal_accuracy(found.table),
-        **learned,
+        "gain": model.gain,
+        "folds": folds,
+        "spiking_trials": min(trials, TO_SPIKE),
+        **taught.gap,
     }
     return Story(
-        axis, curve, found.curves, found.table, learning, numbers, courses, decided, step_ms,
-        tuple(dict.fromkeys(caught)),
+        axis, curve, found.curves, found.table, taught.courses, taught.learned, numbers, courses,
+        decided, step_ms, tuple(dict.fromkeys(caught)),
     )  # fmt: skip
 
 
-def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float) -> dict[str, float]:
+def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float, folds: int) -> dict[str, float]:
     """Return measures of one reading at a stimulus; see ``Story.psychometric``."""
-    sources = folds(taps, task).sources
+    sources = folds_of(taps, task, folds).sources
     accuracy = [_over_hypotheses(source, _right) for source in sources]
     claimed = [_over_hypotheses(source, _claimed) for source in sources]
     shrink = np.mean([source.likelihood.shrink for source in sources])
@@ -261,31 +297,98 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
     return {"compared_at_accuracy": float(wide.index[-1])} | {n: float(last[n]) for n in names}
 
 
-def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return the learning curve of the gap on the first fold; empty without two choices."""
-    first = readings.sources[0]
-    if len(first.names) != 2 or first.silent:
-        return pd.DataFrame(columns=["run", "episode", "mean_delta"]), {}
-    table, summary = learn_gap(
-        first, name=(0.0, 0), xi=XI, start_delta=START_DELTA, runs=RUNS, t_max=T_MAX, seed=seed,
-        learner=learner,
+@dataclass(frozen=True)
+class Chain:
+    """What reward taught test and circuit, and their decisions with it.
+
+    Parameters
+    ----------
+    courses, learned : DataFrame
+        Courses of learning and decisions at what was learned, see ``Story``; empty if readings do
+        not distinguish the hypotheses.
+    gap : dict
+        The test's learned gap, the best one and the regret; empty for more than two alternatives.
+    circuit : CircuitLearned, optional
+        What the circuit learned.
+    """
+
+    courses: pd.DataFrame
+    learned: pd.DataFrame
+    gap: dict[str, float]
+    circuit: CircuitLearned | None = None
+
+    @property
+    def threshold(self) -> float | None:
+        """The learned threshold on OUT, nats; None if nothing could be learned."""
+        return None if self.circuit is None else self.circuit.threshold_nats
+
+
+def chain(
+    readings: Folds,
+    model: BasalGanglia,
+    evidence: Evidence,
+    learner: Learner,
+    seed: int,
+    workers: int,
+    spiking: int,
+) -> Chain:
+    """Let reward set the gap of the test and the threshold of the circuit, and decide with both.
+
+    The circuit learns by populations and decides in spikes.
+
+    Parameters
+    ----------
+    readings : Folds
+        Readings of taps, from which trials for learning are drawn.
+    model : BasalGanglia
+        The circuit that learns, at the gain that it decides with.
+    evidence : Evidence
+        Trials to decide at what was learned.
+    learner, seed, workers :
+        As for ``story``.
+    spiking : int
+        Largest number of these trials that are decided in spikes, the first ones.
+    """
+    pooled = readings.pooled
+    if pooled.silent:
+        return Chain(pd.DataFrame(), pd.DataFrame(), {})
+    given: dict[str, Any] = {"xi": XI, "runs": RUNS, "seed": seed, "learner": learner}
+    gap, courses = {}, []
+    if len(pooled.names) == 2:
+        table, summary = learn_gap(
+            pooled, name=(0.0, 0), start_delta=START_DELTA, t_max=T_MAX, **given
+        )
+        courses.append(table[["run", "episode", "mean_delta"]].assign(who=TEST))
+        gap = {
+            "learned_gap_nats": float(np.mean(summary["learned_delta"])),
+            "optimal_gap_nats": float(summary["optimal_delta"]),
+            "regret": float(np.mean(summary["regret"])),
+        }
+    rng, step_ms = stream(seed, "touch, learned"), evidence.step_ms
+    before = readings.draw(TO_LEARN, T_MAX, rng=rng, step_ms=step_ms)
+    circuit = learn_in_circuit(model, before, evidence, what=CRITERION, **given)
+    own = circuit.to_dataframe().rename(columns={"tonic": "mean_delta"})
+    if gap:
+        own["mean_delta"] *= 2 / model.gain
+    courses.append(own[["run", "episode", "mean_delta"]].assign(who=POPULATIONS))
+    few = evidence[:spiking]
+    learned = decide_as_learned(
+        circuit, few, gap=gap.get("learned_gap_nats"), groups=readings.groups(few.trials),
+        engine=engine_of("ensemble", workers=workers), seed=seed,
     )  # fmt: skip
-    numbers = {
-        "learned_gap_nats": float(np.mean(summary["learned_delta"])),
-        "optimal_gap_nats": float(summary["optimal_delta"]),
-        "regret": float(np.mean(summary["regret"])),
-    }
-    return table[["run", "episode", "mean_delta"]], numbers
+    return Chain(pd.concat(courses), learned, gap, circuit)
 
 
-def _one_decision(evidence: Evidence, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def _one_decision(
+    model: BasalGanglia, evidence: Evidence, threshold: float | None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return OUT and decision of test and spiking circuit on one trial (first of second fold)."""
-    table = load_circuit(DEFAULT, evidence.hypotheses)
-    model = BasalGanglia(table, "ensemble", seed=seed).adapted_to(evidence)
     one, gain = evidence[1:2], model.gain
-    threshold = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
+    model = replace(model, engine="ensemble")
+    if threshold is None:
+        threshold = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
     courses, decided = [], []
-    deciders: dict[str, Msprt | BasalGanglia] = {"test": Msprt(gain), "circuit in spikes": model}
+    deciders: dict[str, Msprt | BasalGanglia] = {TEST: Msprt(gain), SPIKES: model}
     for who, decider in deciders.items():
         own = isinstance(decider, BasalGanglia)
         trace = model.trace(model.activity(one, checked=False), one) if own else decider.run(one)
@@ -328,13 +431,15 @@ def _psychometric(ax: Axes, of: Story) -> None:
 def _speed(ax: Axes, of: Story) -> None:
     from bgmodel.plots import accuracy_axis
 
-    names = {"MSPRT": "Test (MSPRT)", CIRCUIT: "Circuit", DECODER: "Decoder of its cortical rates"}
+    names = {"MSPRT": "Test (MSPRT)", CIRCUIT: "Circuit (populations)",
+             DECODER: "Decoder of its cortical rates"}  # fmt: skip
     for colour, (name, label) in zip(("k", PALETTE[1], PALETTE[0]), names.items(), strict=True):
         rows = of.curves[of.curves["model"] == name].sort_values("mean_ms")
         ax.plot(rows["mean_ms"] / of.step_ms, rows["accuracy"], label=label, color=colour)
         if "low" in rows:  # tables of earlier versions have no interval
             band = (rows["low"], rows["high"])
             ax.fill_between(rows["mean_ms"] / of.step_ms, *band, color=colour, alpha=0.15, lw=0)
+    _as_learned(ax, of)
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
     ax.set(xlim=(0, 1.3 * longest), xlabel="Mean decision time (readings)",
@@ -343,20 +448,42 @@ def _speed(ax: Axes, of: Story) -> None:
     ax.legend(frameon=False, fontsize=7)
 
 
+def _as_learned(ax: Axes, of: Story) -> None:
+    """Mark the decisions of test and spikes at what each learned, with 95 % intervals."""
+    if not len(of.learned):
+        return
+    wide = of.learned.pivot(index="who", columns="measure", values=["value", "low", "high"])
+    looks = {TEST: ("k", "o", "Test, as learned"),
+             SPIKES: (PALETTE[1], "s", "Circuit in spikes, as learned")}  # fmt: skip
+    for who, (colour, marker, label) in looks.items():
+        if who in wide.index:
+            x, y = (wide.loc[who].xs(name, level="measure") for name in ("readings", "accuracy"))
+            ends = [[[one["value"] - one["low"]], [one["high"] - one["value"]]] for one in (x, y)]
+            ax.errorbar(x["value"], y["value"], xerr=ends[0], yerr=ends[1], fmt=marker, ms=4,
+                        color=colour, capsize=2, lw=0.8, label=label)  # fmt: skip
+
+
 def _learning(ax: Axes, of: Story) -> None:
     if not len(of.learning):
         ax.set(xticks=[], yticks=[], title="Learning")
-        why = "A gap is learned only for two\nhypotheses that taps distinguish"
+        why = "Nothing can be learned from taps that\ndo not distinguish the hypotheses"
         ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
 
     every = of.learning[of.learning["episode"] % 50 == 0]
-    acquisition(
-        ax, every.pivot(index="run", columns="episode", values="mean_delta"), color=PALETTE[0]
-    )
-    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="Optimal gap")
-    ax.set(xlabel="Trial", ylabel="Gap δ (nats)", title="Gap learned from reward")
+    names = {TEST: "Test", POPULATIONS: "Circuit (populations)"}
+    for colour, (who, label) in zip((PALETTE[0], PALETTE[1]), names.items(), strict=True):
+        rows = every[every["who"] == who]
+        if len(rows):
+            wide = rows.pivot(index="run", columns="episode", values="mean_delta")
+            acquisition(ax, wide, color=colour, label=label)
+    if "optimal_gap_nats" in of.numbers:
+        best = of.numbers["optimal_gap_nats"]
+        ax.axhline(best, color="k", lw=0.8, ls="--", label="Optimal gap of the test")
+    gap = TEST in set(of.learning["who"])
+    ax.set(xlabel="Trial", ylabel="Gap δ (nats)" if gap else "Log odds of the criterion",
+           title="Criterion learned from reward")  # fmt: skip
     ax.legend(frameon=False, fontsize=7)
 
 
@@ -371,6 +498,8 @@ def _decision(ax: Axes, of: Story) -> None:
         ax.plot([], [], color="0.3", label=who[0].upper() + who[1:], ls=dashed)
         if choice >= 0:
             ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
+    if (level := of.numbers.get("spikes_learned_criterion")) is not None:
+        ax.axhline(level, color="0.3", lw=0.8, ls=":", label="Learned threshold")
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
     ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="Time (readings)",
            ylabel="OUT (nats)", title="Example decision")  # fmt: skip
@@ -396,10 +525,11 @@ def page(of: Story, title: str, made: str) -> str:
     saved(of.plot(), picture, format="png")
     encoded = base64.b64encode(picture.getvalue()).decode()
     remarks = "".join(f"<li>{html.escape(text)}</li>" for text in of.remarks)
-    numbers, curve = (
-        rows.to_html(index=False, float_format=lambda x: f"{x:.4g}", border=0)
-        for rows in (of.summary(), of.psychometric)
+    numbers, curve, learned = (
+        rows.to_html(index=False, float_format=lambda x: f"{x:.4g}", border=0) if len(rows) else ""
+        for rows in (of.summary(), of.psychometric, of.learned_summary())
     )
+    folds, spikes = (f"{of.numbers.get(name, 0):.0f}" for name in ("folds", "spiking_trials"))
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>
 <meta name="viewport" content="width=device-width">
@@ -407,17 +537,27 @@ def page(of: Story, title: str, made: str) -> str:
 img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
 </style></head><body>
 <h1>{html.escape(title)}</h1>
-<p><img alt="One reading, speed and accuracy, the learned gap, and one decision"
+<p><img alt="One reading, speed and accuracy, the learned criteria, and one decision"
 src="data:image/png;base64,{encoded}"></p>
-<p><b>a</b>, accuracy of a single reading (mean and range over six folds of taps) and mean
-posterior of the likeliest hypothesis (dotted). <b>b</b>, accuracy against mean decision time.
-<b>c</b>, gap between two hypotheses learned from reward when an error costs {XI:g} readings,
-five runs. <b>d</b>, OUT of each alternative on one trial; vertical lines mark the decisions of
-test and circuit.</p>
+<p><b>a</b>, accuracy of a single reading (mean and range over {folds} folds of taps) and mean
+posterior of the likeliest hypothesis (dotted). <b>b</b>, accuracy against mean decision time, of
+the test and of the circuit's population rates with noise (lines), and of the test and the circuit
+in spikes at what each learned from reward (markers); 95 % intervals over folds. <b>c</b>, what is
+learned from reward when an error costs {XI:g} readings: the gap of the test, and the circuit's
+threshold, learned by populations and drawn as the gap that it corresponds to; median and 10 to
+90 % of {RUNS} runs. <b>d</b>, OUT of each alternative on one trial, of the test (at the circuit's
+gain) and of the circuit in spikes at its learned threshold; vertical lines mark decisions.</p>
 {numbers}
+<h2>At what reward taught</h2>
+<p>The same {spikes} trials, decided by the test at its learned gap, and by the circuit at its
+learned threshold, as population rates with noise and in spikes. cost is the mean decision time
+plus {XI:g} readings per error. regret is the excess cost over the best criterion on these trials,
+above_test the excess cost over the test, both in per cent; 95 % intervals (bootstrap over folds of
+taps).</p>
+{learned or "<p>Taps do not distinguish the hypotheses: nothing is learned.</p>"}
 <h2>One reading</h2>
 <p>For each {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range
-over six folds of taps. claimed is the mean posterior of that hypothesis, equal to the accuracy if
+over the folds of taps. claimed is the mean posterior of that hypothesis, equal to the accuracy if
 likelihoods are calibrated. spread_deg is the standard deviation of readings within a hypothesis.
 shrink is the factor on log-likelihoods that best predicts held-out taps; 0 means that a reading
 is uninformative.</p>

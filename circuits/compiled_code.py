@@ -24,7 +24,7 @@ import numba
 import platformdirs
 from filelock import FileLock, Timeout
 from numba.core.caching import IndexDataCacheFile
-from numba.core.errors import WarningsFixer
+from numba.core.errors import WarningsFixer  # type: ignore[attr-defined]  # not in its stub
 from numba.core.serialize import dumps
 
 _LOCK = threading.Lock()

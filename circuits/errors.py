@@ -190,5 +190,9 @@ class FitWarning(BgmodelWarning):
     """A fit is not identified, misses the data, or rests on too little simulation."""
 
 
+class LearningWarning(BgmodelWarning):
+    """Learning ended worse than it began, at an end of its range, or on too few trials."""
+
+
 class EditWarning(BgmodelWarning):
     """An edit of a circuit has no effect, or a value of a row is implausible."""

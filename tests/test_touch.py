@@ -8,6 +8,8 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from bgmodel import touch
+from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_table
 from bgmodel.tactile.decoder import EDGE
@@ -28,10 +30,13 @@ def taps_of(count=2400, scrambled=False):
 
 
 def told(taps, task=EdgeDirection, count=2, step=5.0):
-    return story(
-        taps, partial(task, count), (2.0, step, 20.0), step, "step (deg)", trials=240, seed=1,
-        learner=Learner(episodes=500),
-    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(touch, "TO_LEARN", 1000)
+        few.setattr(touch, "TO_SPIKE", 30)
+        return story(
+            taps, partial(task, count), (2.0, step, 20.0), step, "step (deg)", trials=240, seed=1,
+            learner=Learner(episodes=500),
+        )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +56,28 @@ def test_test_and_circuit_decide_alike_and_the_circuit_later(found):
     assert found.numbers["agreement"] > 0.9
     assert 20 < found.numbers["extra_ms"] < 100
     assert 0 < found.numbers["optimal_gap_nats"] < 8
+    assert not any("too rough" in remark for remark in found.remarks)
     decided = found.decided.set_index("who")
     assert (decided["choice"] >= 0).all()
     assert decided["time_ms"]["test"] < decided["time_ms"]["circuit in spikes"]
+
+
+def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(found):
+    rows = found.learned.set_index(["who", "measure"])["value"]
+    assert set(rows.index.get_level_values("who")) == {TEST, POPULATIONS, SPIKES}
+    assert rows[SPIKES, "criterion"] == rows[POPULATIONS, "criterion"]
+    gap = found.numbers["learned_gap_nats"]
+    assert rows[TEST, "criterion"] == pytest.approx(np.log1p(np.exp(-gap / 2)))
+    # The example trial is decided in spikes at the learned threshold.
+    shown = found.courses[found.courses["who"] == SPIKES]
+    choice, time_ms = found.decided.set_index("who").loc[SPIKES, ["choice", "time_ms"]]
+    own = shown[shown["channel"] == choice].set_index("time_ms")["out_nats"]
+    assert own[time_ms] <= rows[SPIKES, "criterion"] < own[own.index < time_ms].min()
+    # What populations learned is drawn as the gap that it corresponds to.
+    drawn = found.learning[found.learning["who"] == POPULATIONS]
+    ends = drawn.groupby("run")["mean_delta"].apply(lambda each: each.tail(Learner.last).mean())
+    threshold = np.log1p(np.exp(-found.numbers["gain"] * ends.mean() / 2))
+    assert threshold == pytest.approx(rows[SPIKES, "criterion"])
 
 
 def test_readings_claim_what_they_reach_and_spread_as_the_decoder_errs(found):
@@ -73,6 +97,9 @@ def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):
     assert "data:image/png;base64," in text
     assert "Mine &lt;1&gt;" in text
     assert "optimal_gap_nats" in text
+    assert "At what reward taught" in text
+    assert "over 10 folds" in text
+    assert SPIKES in text
     assert all(remark[:20] in text for remark in found.remarks)
     assert len(found.plot().axes) == 4
 
@@ -84,6 +111,7 @@ def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
     assert found.numbers["one_reading_accuracy"] == pytest.approx(0.5, abs=0.05)
     assert found.numbers["test_accuracy"] == pytest.approx(0.5, abs=0.12)
     assert not len(found.learning)
+    assert not len(found.learned)
     # What it states is what it reaches: no choice is surer than chance.
     assert "test_accuracy" in page(found, "nothing", "")
 
@@ -93,6 +121,8 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr("bgmodel.touch.Learner", partial(Learner, episodes=500))
+    monkeypatch.setattr("bgmodel.touch.TO_LEARN", 1000)
+    monkeypatch.setattr("bgmodel.touch.TO_SPIKE", 20)
     monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=8))
     shown, folders = hexagon(), []
     for name, count in (("train", 320), ("held", 360)):
@@ -122,6 +152,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
         (["--training", "a", "--held-out", "b", "--task", "orientation"], "needs taps of gratings"),
         (["--period-mm", "7"], "period_mm must be one of"),
         (["--channels", "3"], "same-different has 2 alternatives"),
+        (["--folds", "1"], "folds must be a whole number >= 2"),
         (["--task", "orientation", "--channels", "9"], "count must be 2 to 8"),
     ],
 )

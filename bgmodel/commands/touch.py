@@ -13,6 +13,7 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import Shows, check_idle, check_whole, options_of, say
 from bgmodel.commands.taps import Asks, Decode, Simulate, Train, TrainingOptions
 from bgmodel.support import files
+from bgmodel.support.checks import whole
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
@@ -52,6 +53,9 @@ class Touch(Asks, Shows):
     """Maximum number of training epochs; by default 8 on gratings, 20 on an edge."""
     trials: int = 1200
     """Number of trials on which the test and the circuit decide."""
+    folds: int = 10
+    """Number of folds of taps: likelihoods are fitted on all but one, trials are drawn from that
+    one, and intervals resample folds, for which ten or more are needed."""
     step_ms: float = 50.0
     """Time between readings, ms."""
     workers: int = 2
@@ -69,7 +73,7 @@ class Touch(Asks, Shows):
         self._check()
         self.folder.mkdir(parents=True, exist_ok=True)
         decoded = self._decoded()
-        say(f"deciding on {self.trials} trials, learning a gap, and one decision in spikes")
+        say(f"deciding on {self.trials} trials, learning gap and threshold, and deciding in spikes")
         task = self._task
         found = story(
             read_decoded(decoded),
@@ -78,6 +82,7 @@ class Touch(Asks, Shows):
             self.period_mm if self._grating else self.step_deg,
             "period of the grating (mm)" if self._grating else "step between alternatives (deg)",
             trials=self.trials,
+            folds=self.folds,
             step_ms=self.step_ms,
             seed=self.seed,
             workers=self.workers,
@@ -88,12 +93,14 @@ class Touch(Asks, Shows):
         with files.replacing(self.folder / "index.html") as partial:
             partial.write_text(page(found, title, made), encoding="utf-8")
         behind: dict[str, Any] = {"command": options_of(self)}
-        for name in ("psychometric", "curves", "table"):
+        for name in ("psychometric", "curves", "table", "learned"):
             path = self.folder / f"{name}.csv"
             files.write_table(getattr(found, name), path, seed=self.seed, **behind)
         for remark in found.remarks:
             self.note(f"warning: {remark}")
         text = found.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
+        if len(found.learned):
+            text += f"\nat what reward taught\n{found.learned_summary().to_string(index=False)}"
         self.show(f"{title}\n{text}\n-> {self.folder / 'index.html'}", found.summary())
 
     @property
@@ -115,6 +122,7 @@ class Touch(Asks, Shows):
     def _check(self) -> None:
         """Refuse contradictory options before long work starts."""
         check_whole(taps=self.taps, held_out_taps=self.held_out_taps, trials=self.trials)
+        whole("folds", self.folds, 2)
         if (self.training is None) != (self.held_out is None):
             raise InputError(
                 "recordings need two folders: training, and held_out taps used as evidence",

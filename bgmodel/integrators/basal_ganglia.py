@@ -18,6 +18,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.criterion import (
     LEAD_MS,
     DefaultGain,
+    LoweredGain,
     fitting_gain,
     gain_of,
     largest_lead,
@@ -56,8 +57,8 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 large batches faster."""
 ROUNDING_NATS = 0.01
 """A trial is dropped once OUT is this far below its threshold."""
-ROUNDING = 1e-9
-"""Relative rounding error of a lead."""
+VARIED = 1.1
+"""How far the lead of other trials of a task may exceed that to which a gain was fitted."""
 REFUSED_TIMES = 8.0
 """A lead this many times the circuit's largest is refused: a third of decisions are then late."""
 COARSE_MS, COARSE_SHARE = 5.0, 0.1
@@ -455,7 +456,8 @@ class BasalGanglia(Facts):
             return
         lead = self.lead_nats(evidence)
         # A hypothesis that is ruled out has infinite nats: the engines refuse it.
-        if lead <= most * (1 + ROUNDING) or not np.isfinite(lead):
+        allowed = most * (VARIED if isinstance(self.gain, LoweredGain) else 1)
+        if lead <= allowed or not np.isfinite(lead):
             return
         said = (
             f"the evidence is too strong for {self.circuit.name}: one channel gains a lead of "

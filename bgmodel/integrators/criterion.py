@@ -29,6 +29,10 @@ class DefaultGain(float):
     """A circuit's gain where none was given: the highest, which strong evidence lowers."""
 
 
+class LoweredGain(float):
+    """A default gain that was lowered to fit evidence; other trials of the task vary a little."""
+
+
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
     """Return the given gain, or by default that of the circuit, 1 for an exact circuit.
 
@@ -81,7 +85,7 @@ def fitting_gain(highest: float, most_nats: float, lead_nats: float) -> float:
         return float(highest)
     exact = most_nats / lead_nats
     unit = 10.0 ** (math.floor(math.log10(exact)) - 1)
-    return float(f"{math.floor(exact / unit) * unit:.2g}")
+    return LoweredGain(f"{math.floor(exact / unit) * unit:.2g}")
 
 
 def lead_of(evidence: Evidence) -> float:

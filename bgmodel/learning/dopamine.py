@@ -27,7 +27,7 @@ from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, is_number
 from circuits.circuit import Circuit
-from circuits.errors import InputError, NoiseWarning, require
+from circuits.errors import InputError, NoiseWarning, RangeWarning, quiet, require
 
 ALLOWED = (0.0, 2.0)
 """Allowed levels; 1 is normal."""
@@ -236,15 +236,18 @@ def decide_at_levels(
         raise InputError.of("levels", "must be one or more numbers, each once", levels)
     if not (falling[-1] >= low and falling[0] <= high):
         raise InputError.of("levels", f"must be within {low:g}..{high:g}", levels)
-    rows = [
-        decide_at_thresholds(
-            replace(model, circuit=model.circuit.dopamine(float(level))),
-            evidence,
-            [threshold_nats],
-            decoder_tau_ms=None,
-        )[CIRCUIT]
-        for level in falling
-    ]
+    model = model.adapted_to(evidence)
+    model.check_strength(evidence)
+    with quiet(RangeWarning):  # the levels are run on the same evidence
+        rows = [
+            decide_at_thresholds(
+                replace(model, circuit=model.circuit.dopamine(float(level))),
+                evidence,
+                [threshold_nats],
+                decoder_tau_ms=None,
+            )[CIRCUIT]
+            for level in falling
+        ]
     for level, row in zip(falling, rows, strict=True):
         if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
             NoiseWarning.warn(f"at a level of {level:g} {said}")

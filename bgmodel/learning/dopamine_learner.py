@@ -1,25 +1,44 @@
-"""Learning a level of dopamine from reward, and the cost of the learned level."""
+"""Learning a level of dopamine, or a criterion, from reward, and the cost of what is learned."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.bootstrap import RESAMPLES, interval, resampled, shown
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
+from bgmodel.integrators.criterion import deciding_thresholds, rest_out
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, without_noise_alone
+from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels, playable_levels
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, course, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
+from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
-from circuits.errors import DeadlineWarning, InputError, require
+from circuits.errors import DeadlineWarning, InputError, LearningWarning, quiet, require
 
 LAST_SHARE = 0.08
 """Final exploration, sd as a share of the range of levels; tuned on seed 1002. With less, an
 optimum near the edge is found too late; with more, one at a bend of the curve is missed."""
+LEVEL, CRITERION = "level", "log odds of the criterion"
+"""What reward may move in a circuit: the level of dopamine, or the posterior at which it decides,
+as log odds, on which the threshold on OUT depends: ``ln(1 + exp(-log odds))``."""
+LEVELS, CRITERIA = 16, 40
+"""Number of levels and of criteria at which a circuit decides every trial."""
+WEIGHTS = 10_000_000
+"""Most bootstrap weights in memory; many trials have fewer resamples, at least 200."""
+WORSE = 2.0
+"""Regret beyond that of the start, in per cent, from which learning made decisions worse."""
+RESOLVED = 0.02
+"""Largest share of the cost to which the trials may leave the best level open."""
+DIFFERENT = "the trials for learning and those for scoring differ by more than chance"
 
 
 def level_outcomes(
@@ -189,6 +208,239 @@ def scored_runs(
             "best_reward": best_reward,
         }
     )
+
+
+@dataclass(frozen=True, repr=False)
+class CircuitLearned(Facts):
+    """What a circuit has learned from reward, scored on trials that were not used for learning.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, at the gain that the evidence was run with.
+    learned : Learned
+        The course of learning.
+    outcomes, fresh : LevelOutcomes
+        Outcomes of the trials for learning, and of those for scoring.
+    xi : float
+        Cost of an error in readings.
+    start : float
+        Initial level or criterion.
+    what : str
+        What is learned: ``LEVEL`` or ``CRITERION``.
+    groups : array (trials,), optional
+        As for ``bootstrap.resampled``, of the trials for scoring.
+    """
+
+    model: BasalGanglia
+    learned: Learned
+    outcomes: LevelOutcomes
+    fresh: LevelOutcomes
+    xi: float
+    start: float
+    what: str
+    groups: npt.ArrayLike | None = None
+
+    @property
+    def value(self) -> float:
+        """The learned level or criterion, mean over runs."""
+        return float(self.learned.learned.mean())
+
+    @property
+    def threshold_nats(self) -> float:
+        """The threshold on OUT of a learned criterion."""
+        require(self.what == CRITERION, "what", f"must be {CRITERION!r}", self.what)
+        return float(threshold_of(self.value))
+
+    @cached_property
+    def regrets(self) -> pd.DataFrame:
+        """Regret with its 95 % interval (bootstrap over trials), in per cent of the least cost.
+
+        Rows "learned" (mean over runs), "start" and "change" (learned minus start); columns value,
+        low and high.
+        """
+        count = min(RESAMPLES, max(200, WEIGHTS // self.fresh.trials))
+        weights = resampled(self.fresh.trials, count, stream(0, "regret"), self.groups)
+        start, *ends = (
+            self.fresh.regrets(float(level), self.xi, weights)
+            for level in (self.start, *self.learned.learned)
+        )
+        learned = np.mean(ends, axis=0)
+        found = {"learned": learned, "start": start, "change": learned - start}
+        rows = {name: interval(values) for name, values in found.items()}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"])
+
+    @cached_property
+    def cautions(self) -> list[str]:
+        """What limits the result, one sentence per cause; usually empty."""
+        return [text for text in (self._worse_or_unresolved(), self._edge()) if text]
+
+    def _worse_or_unresolved(self) -> str:
+        (regret, *_), (start, *_), (worse, least, _) = self.regrets.to_numpy()
+        trials = self.outcomes.trials
+        weights = resampled(trials, 200, stream(0, "unresolved"))[1:]
+        doubt = self.outcomes.unresolved(self.xi, weights)
+        few = (
+            f"{trials} trials tell the best {self.what} only to {doubt:.1%} of the least cost, "
+            f"because few are errors and each costs {self.xi:g} readings: give about "
+            f"{round(trials * doubt / RESOLVED, -2):.0f}"
+        )
+        if least > 0 and worse > WORSE:
+            own = self.outcomes.expected([self.value, self.start], self.xi)
+            lost = "the runs did not find the best of their own trials: give more episodes"
+            why = lost if own[0] < own[1] else few if doubt > RESOLVED else DIFFERENT
+            return (
+                f"learning ended worse than it began, with a regret of {regret:.1f} % "
+                f"after {start:.1f} %: {why}"
+            )
+        return few if doubt > RESOLVED else ""
+
+    def _edge(self) -> str:
+        edge = self.fresh.at_edge(self.xi)
+        if not edge:
+            return ""
+        of_level = self.what == LEVEL
+        late = (edge == "lower") == of_level  # at low levels of dopamine decisions are late
+        low, high = self.fresh.levels[[0, -1]]
+        cure = f"; give a {'higher' if late else 'lower'} posterior, which moves the range"
+        return (
+            f"the best {self.what} is the {edge} end of those that {self.model.circuit.name} can "
+            f"use, {low:.3f} to {high:.3f}: at this cost of an error it would pay to decide "
+            f"{'later' if late else 'sooner'} still{cure if of_level else ''}"
+        )
+
+    def facts(self) -> dict[str, str]:
+        """Return the circuit, its gain, what was learned, its regret and cautions."""
+        found = {
+            "circuit": self.model.circuit.name,
+            "engine": self.model.engine.id,
+            "gain": f"{self.model.gain:g}",
+            "result": self.verdict(),
+        }
+        return found | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
+
+    def verdict(self) -> str:
+        """Return the learned value, the best one, and both regrets, in one sentence."""
+        ends = self.learned.learned
+        rows = self.regrets.to_numpy()[:2]
+        texts = [shown(value, low, high, ".1f") for value, low, high in rows]
+        return (
+            f"learned {self.what} {ends.mean():.2f} (sd {ends.std():.2f} over {len(ends)} runs), "
+            f"best of {len(self.fresh.levels)} on fresh trials {self.fresh.best(self.xi)[0]:.2f}, "
+            f"regret {texts[0]} % (at the start {texts[1]} %)"
+        )
+
+    def summary(self) -> pd.DataFrame:
+        """Return one row per run, as from ``scored_runs``."""
+        return scored_runs(self.learned.learned, self.fresh, xi=self.xi, start_level=self.start)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the course of learning, as from ``learned_table``."""
+        return learned_table(self.learned)
+
+
+def learn_in_circuit(
+    model: BasalGanglia,
+    evidence: Evidence,
+    fresh: Evidence,
+    *,
+    what: str = LEVEL,
+    levels: npt.ArrayLike | None = None,
+    threshold_nats: float = THRESHOLD_NATS,
+    xi: float = 50.0,
+    start: float | None = None,
+    runs: int = 10,
+    seed: int = 0,
+    learner: Learner | None = None,
+    groups: npt.ArrayLike | None = None,
+) -> CircuitLearned:
+    """Learn the level of dopamine of a circuit, or the criterion at which it decides, from reward.
+
+    The circuit decides every trial at every level; the learner samples levels and draws the reward
+    from those decisions. Both kinds of trials have the gain that fits those for learning.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, its engine and its noise.
+    evidence, fresh : Evidence
+        Trials for learning, and others for scoring, which have other noise.
+    what : str
+        ``LEVEL`` or ``CRITERION``.
+    levels : array (K,), optional
+        Levels or criteria, rising; by default those at which the circuit decides by evidence and
+        neither without it nor by noise.
+    threshold_nats : float
+        OUT at which the circuit decides, if the level is learned.
+    xi : float
+        Cost of an error in readings.
+    start : float, optional
+        Initial value; by default that of the earliest decisions.
+    runs, seed, learner :
+        Number of independent runs, seed of their random numbers, and their learner.
+    groups : array (trials,), optional
+        Groups of the fresh trials that share taps, for the interval of the regret.
+
+    Raises
+    ------
+    ValueError
+        If no level decides by evidence, the start is outside the levels, or the deadline decides
+        most trials at every level.
+
+    Warns
+    -----
+    LearningWarning
+        If learning ended worse than it began, the trials do not tell which level is best, or the
+        best one is at an end of the range.
+    """
+    require(what in (LEVEL, CRITERION), "what", f"must be {LEVEL!r} or {CRITERION!r}", what)
+    model = model.adapted_to(evidence)
+    if levels is None:
+        known = what == LEVEL
+        levels = playable_levels(model, LEVELS, threshold_nats) if known else criteria(model)
+    if what == LEVEL:
+        run = partial(level_outcomes, levels=levels, threshold_nats=threshold_nats)
+    else:
+        run = partial(criterion_outcomes, levels=levels)
+    outcomes = run(model, evidence)
+    with quiet():  # what is to be said of the fresh trials has been said of the others
+        scored = run(replace(model, seed=(model.seed or 0) + 1), fresh)
+    begun = float(outcomes.levels[-1 if what == LEVEL else 0]) if start is None else start
+    learned = learn_level(
+        outcomes, xi=xi, start_level=begun, runs=runs, seed=seed, name="learn", learner=learner
+    )
+    found = CircuitLearned(model, learned, outcomes, scored, xi, begun, what, groups)
+    for caution in found.cautions:
+        LearningWarning.warn(caution)
+    return found
+
+
+def threshold_of(log_odds: npt.ArrayLike) -> Array:
+    """Return the thresholds on OUT, nats, of criteria given as log odds of their posterior."""
+    return np.logaddexp(0.0, -np.asarray(log_odds, dtype=np.float64))
+
+
+def criteria(model: BasalGanglia) -> Array:
+    """Return log odds, rising, at which evidence decides, and neither noise nor rest."""
+    low, high = model.circuit.readable_nats
+    first, last = -np.log(np.expm1([min(high, rest_out(model.circuit)), low]))
+    falling = threshold_of(np.linspace(first, last, CRITERIA))
+    usable = without_noise_alone(model, deciding_thresholds(model.circuit, falling))
+    return np.asarray(-np.log(np.expm1(usable)))
+
+
+def criterion_outcomes(
+    model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike
+) -> LevelOutcomes:
+    """Return the outcomes of a circuit's decisions at each criterion, log odds that rise."""
+    decided = decide_at_thresholds(model, evidence, threshold_of(levels), decoder_tau_ms=None)
+    found = LevelOutcomes.of(decided[CIRCUIT], evidence)
+    outcomes = LevelOutcomes(
+        np.asarray(levels, dtype=np.float64), found.correct[::-1], found.steps[::-1],
+        found.forced[::-1],
+    )  # fmt: skip
+    check_decided(outcomes)
+    return outcomes
 
 
 def after_errors(learned: Learned, xi: float) -> pd.DataFrame:

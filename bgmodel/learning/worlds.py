@@ -98,6 +98,11 @@ class LevelOutcomes:
         forced = found.forced.mean(axis=1)
         return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
 
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return int(self.correct.shape[-1])
+
     def rewards(self, xi: float) -> Array:
         """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
         return reward_of(~self.correct, self.steps, xi)
@@ -112,6 +117,36 @@ class LevelOutcomes:
         """Return the level with the highest mean reward, and that reward, by exhaustive search."""
         means: Array = self.rewards(xi).mean(axis=1)
         return float(self.levels[means.argmax()]), float(means.max())
+
+    def regrets(self, level: float, xi: float, weights: Array) -> Array:
+        """Return the regret of a level on resampled trials (rows of weights), in per cent.
+
+        It is the excess cost over the best level of each resample, as a share of its cost.
+        """
+        means = weights @ self.rewards(xi).T / weights.sum(axis=1, keepdims=True)
+        place = np.interp(level, self.levels, np.arange(len(self.levels)))
+        low = min(int(place), max(len(self.levels) - 2, 0))
+        high = min(low + 1, len(self.levels) - 1)
+        own = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
+        best = means.max(axis=1)
+        return np.asarray(100 * (best - own) / np.abs(best))
+
+    def at_edge(self, xi: float) -> str:
+        """Return "lower" or "upper" if the best level is the first or the last, otherwise ""."""
+        best = int(self.rewards(xi).mean(axis=1).argmax())
+        return {0: "lower", len(self.levels) - 1: "upper"}.get(best, "")
+
+    def unresolved(self, xi: float, weights: Array) -> float:
+        """Return the regret to be expected from choosing the best level on so many trials.
+
+        Each row of weights (resamples, trials) stands for other trials, whose best level is scored
+        on these: the regret, as a share of the least cost, is averaged over rows. Learning from
+        these trials, however long, is no better.
+        """
+        rewards = self.rewards(xi)
+        means = rewards.mean(axis=1)
+        chosen = (weights @ rewards.T).argmax(axis=1)
+        return float((means.max() - means[chosen]).mean() / abs(means.max()))
 
     def environment(self, xi: float, rngs: Sequence[np.random.Generator]) -> Environment:
         """Return the environment of a learner: maps levels, one per run, to rewards.

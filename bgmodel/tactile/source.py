@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -159,6 +159,12 @@ class Folds:
         baseline = float(np.mean([readings.baseline for readings in self.sources]))
         return Evidence(values, truth, step_ms=step_ms, baseline=baseline)
 
+    @property
+    def pooled(self) -> Source:
+        """The readings of all folds as one source, each with the likelihood of its fold."""
+        every = zip(*(one.log_likelihood for one in self.sources), strict=True)
+        return replace(self.sources[0], log_likelihood=[np.concatenate(each) for each in every])
+
     def groups(self, trials: int) -> npt.NDArray[np.intp]:
         """Return the fold of each trial, (trials,), for the bootstrap of ``comparison.compare``."""
         return np.arange(trials) % len(self.sources)
@@ -235,9 +241,14 @@ def check_decoder(path: Path, decoder: Path, about: dict[str, Any]) -> None:
 
 
 def source(
-    taps: pd.DataFrame, task: Task, *, fold: int = 0, density: Density | None = None
+    taps: pd.DataFrame,
+    task: Task,
+    *,
+    fold: int = 0,
+    count: int = FOLDS,
+    density: Density | None = None,
 ) -> Source:
-    """Fit likelihoods on five of six folds of the held-out taps; return readings of the sixth.
+    """Fit likelihoods on all but one of the folds of held-out taps; return readings of that one.
 
     Parameters
     ----------
@@ -246,7 +257,9 @@ def source(
     task : Task
         The task, such as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
     fold : int
-        Fold from which readings are taken, 0..5; tap k of each kind is in fold k mod 6.
+        Fold from which readings are taken; tap k of each kind is in fold k mod ``count``.
+    count : int
+        Number of folds.
     density : Density
         How likelihoods are estimated.
 
@@ -255,9 +268,10 @@ def source(
     ValueError
         If there are no taps for the task or too few, or the fold does not exist.
     """
-    require(0 <= fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", fold)
+    whole("folds", count, 2)
+    require(0 <= fold < count, "fold", f"must be 0..{count - 1}", fold)
     pool = task.pool(taps)
-    scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
+    scored = [np.arange(len(part)) % count == fold for part in pool]
     fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
     likelihood = fit_likelihood(
         fitted, task.readings, task.range_deg, circular=task.circular, density=density
@@ -270,15 +284,16 @@ def source(
     return Source([likelihood(x) for x in rest], task.names, likelihood, task.where)
 
 
-def folds(taps: pd.DataFrame, task: Task) -> Folds:
-    """Return the readings of all six folds of the held-out taps.
+def folds(taps: pd.DataFrame, task: Task, count: int = FOLDS) -> Folds:
+    """Return the readings of all folds of the held-out taps.
 
     Parameters
     ----------
-    taps, task :
-        As for ``source``.
+    taps, task, count :
+        As for ``source``. An interval over folds needs ten or more.
     """
-    return Folds([source(taps, task, fold=fold) for fold in range(FOLDS)])
+    every = range(whole("folds", count, 2))
+    return Folds([source(taps, task, fold=fold, count=count) for fold in every])
 
 
 def readings_of(

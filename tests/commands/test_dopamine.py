@@ -27,14 +27,14 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
 
 
 def test_memory_is_asked_for_what_is_kept_of_each_trial_at_each_level(tmp_path, monkeypatch):
-    """Choice, time and posterior: three numbers of eight bytes, for 16 levels of 500 trials."""
+    """Choice, time and posterior: three numbers of eight bytes, for 16 levels of 4000 trials."""
     asked = []
     monkeypatch.setattr(
         "bgmodel.commands.dopamine.check_memory", lambda needed, what: asked.append(needed)
     )
     assert run("circuit", "learn", tmp_path / "a.csv", "--levels", 1) == 2
     assert run("circuit", "learn", tmp_path / "a.csv", "--start-level", 3) == 2
-    assert asked == [3 * 8 * 500, 3 * 8 * 16 * 500]
+    assert asked == [3 * 8 * 4000, 3 * 8 * 16 * 4000]
 
 
 def test_levels_are_those_of_the_circuit_that_is_named(tmp_path, refusal):

@@ -6,29 +6,38 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, norm
 
-from bgmodel import stream
+from bgmodel import Msprt, stream
+from bgmodel.bootstrap import resampled
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning import dopamine_learner as level
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
+    CRITERION,
+    LEVEL,
+    CircuitLearned,
     after_errors,
     check_decided,
+    criterion_outcomes,
+    learn_in_circuit,
     learn_level,
     level_outcomes,
     regret,
     scored_runs,
+    threshold_of,
 )
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
-from bgmodel.simulated_evidence import separated_evidence
+from bgmodel.simulated_evidence import gaussian_evidence, separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
-from circuits.errors import DeadlineWarning
-from tests.helpers import refused
+from circuits.errors import DeadlineWarning, LearningWarning, quiet
+from tests.helpers import refused, told
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -325,3 +334,118 @@ def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_err
         found[away] = after_errors(learned, XI)["slower"].item()
     # The other 198 trials after a right choice have one more or less of these.
     assert found[25] - found[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))
+
+
+def pool(errors, steps, trials, seed):
+    """Outcomes of levels with these shares of errors and mean times, on paired trials."""
+    rng = stream(seed, "pool")
+    drawn = rng.random(trials)
+    correct = drawn[None] >= np.asarray(errors)[:, None]
+    times = np.asarray(steps)[:, None] + 0 * drawn
+    return LevelOutcomes(1.0 + np.arange(len(errors)), correct, times, np.zeros(len(errors)))
+
+
+def found_on(outcomes, fresh, start=1.0, learner=SHORT, runs=4):
+    learned = learn_level(
+        outcomes, xi=50.0, start_level=start, runs=runs, seed=3, name="a", learner=learner
+    )
+    return CircuitLearned(MODEL, learned, outcomes, fresh, 50.0, start, LEVEL)
+
+
+@pytest.mark.parametrize("trials", [300, 3000])
+def test_what_trials_leave_open_is_the_regret_of_a_choice_between_two_levels(trials):
+    """Of two levels, resampled means differ by a normal variable of known mean and variance."""
+    outcomes = pool((0.01, 0.02), (3.0, 2.6), trials, 1)
+    weights = resampled(trials, 2000, 2)[1:]
+    rewards = outcomes.rewards(50.0)
+    gap = rewards[0] - rewards[1]
+    wrong = norm.cdf(-abs(gap.mean()) * np.sqrt(trials) / gap.std())
+    expected = wrong * abs(gap.mean()) / abs(rewards.mean(axis=1).max())
+    # Errors are few, so that their number is not quite normal.
+    assert outcomes.unresolved(50.0, weights) == pytest.approx(expected, rel=0.2, abs=2e-3)
+
+
+def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
+    outcomes, fresh = synthetic(11), synthetic(12)
+    found = found_on(outcomes, fresh, float(outcomes.levels[3]))
+    value, low, high = found.regrets.loc["learned"]
+    assert value == pytest.approx(100 * regret(found.learned.learned, fresh, 50.0).mean())
+    assert low <= value <= high
+    start = 100 * regret(outcomes.levels[3], fresh, 50.0)
+    assert found.regrets.loc["start", "value"] == pytest.approx(start)
+
+
+def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
+    """A level without an error by luck is learned; on other trials it costs more than the start."""
+    errors, steps = (0.0, 0.002, 0.02, 0.06), (4.2, 3.4, 3.2, 2.9)
+    fresh = pool(errors, steps, 5000, 2)
+    long = Learner(episodes=10_000)
+    assert not found_on(pool(errors, steps, 5000, 3), fresh, 2.0, long).cautions
+    few = pool(errors, steps, 60, seed_of_lucky(errors, steps))
+    found = found_on(few, fresh, 2.0, long)
+    assert few.expected(found.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
+    (said,) = found.cautions
+    assert "worse than it began" in said
+    assert "60 trials tell the best level only to" in said
+
+
+def seed_of_lucky(errors, steps):
+    """Return a seed by which the last level has one error and is best on its own trials."""
+    for seed in range(1000):
+        made = pool(errors, steps, 60, seed)
+        if made.rewards(50.0).mean(axis=1).argmax() == 3 and (~made.correct[3]).sum() == 1:
+            return seed
+    raise AssertionError
+
+
+def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_worse():
+    errors, steps = (0.02, 0.02, 0.02, 0.02), (2.0, 3.0, 4.0, 5.0)
+    outcomes = pool(errors, steps, 5000, 1)
+    away = Learned(*np.full((4, 1, 9), 4.0), np.array([4.0]))
+    found = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
+    worse, edge = found.cautions
+    assert "give more episodes" in worse
+    assert "lower end" in edge
+
+
+@pytest.mark.parametrize(
+    ("steps", "edge"),
+    [((2.0, 3.0, 4.0), "lower"), ((4.0, 3.0, 2.0), "upper"), ((2.2, 2.0, 2.2), "")],
+)
+def test_a_best_level_at_an_end_of_the_range_is_said_with_what_moves_the_range(steps, edge):
+    outcomes = pool((0.02, 0.02, 0.02), steps, 2000, 1)
+    assert outcomes.at_edge(50.0) == edge
+    said = found_on(outcomes, outcomes, 2.0).cautions
+    assert len(said) == bool(edge)
+    if edge:
+        assert f"{edge} end" in said[0]
+        assert ("higher posterior" if edge == "lower" else "lower posterior") in said[0]
+
+
+def test_an_exact_circuit_learns_the_threshold_of_the_test():
+    """At the fixed point OUT is -ln P, so that both have the same outcomes at each threshold."""
+    evidence = gaussian_evidence(200, d_prime=1, t_max=30, seed=1)
+    model = BasalGanglia("bogacz_gurney", "algebra", 1.0)
+    levels = np.linspace(0.4, 4, 25)
+    own = criterion_outcomes(model, evidence, levels)
+    swept = tradeoff(Msprt().run(evidence), evidence, threshold_of(levels))
+    np.testing.assert_array_equal(own.correct, swept.choice == evidence.truth)
+    np.testing.assert_array_equal(own.steps, swept.time_ms / evidence.step_ms)
+    with quiet(LearningWarning):  # the trials are few
+        found = learn_in_circuit(
+            model, evidence, evidence, what=CRITERION, levels=levels, runs=3, learner=SHORT
+        )
+    assert found.start == levels[0]
+    assert found.regrets.loc["learned", "value"] < 5 < found.regrets.loc["start", "value"]
+    assert found.threshold_nats == pytest.approx(np.log1p(np.exp(-found.value)))
+
+
+def test_a_cause_is_warned_of_once_however_many_levels_are_run():
+    evidence, fresh = (gaussian_evidence(60, d_prime=2, t_max=15, seed=seed) for seed in (1, 2))
+    for gain, strong in ((None, 0), (0.55, 1)):
+        model = BasalGanglia(DEFAULT, Rate().coarse(), gain)
+        said = told(
+            learn_in_circuit, model, evidence, fresh, levels=[0.9, 1.0, 1.1], runs=1, learner=SHORT
+        )
+        assert sum("too strong" in text for text in said) == strong
+        assert len(said) == len(set(said))

@@ -1,0 +1,75 @@
+"""Decisions of test and circuit at what reward taught each of them."""
+
+import numpy as np
+import pytest
+
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.sprt import Msprt, msprt_threshold_from_gap
+from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
+from bgmodel.learning.dopamine_learner import (
+    CRITERION,
+    LEVEL,
+    CircuitLearned,
+    criterion_outcomes,
+)
+from bgmodel.learning.reinforce import Learned
+from bgmodel.simulated_evidence import gaussian_evidence
+from tests.helpers import refused
+
+XI, GAP = 50.0, 5.0
+EVIDENCE = gaussian_evidence(100, d_prime=1, t_max=30, seed=5)
+EXACT = BasalGanglia("bogacz_gurney", "algebra", 1.0)
+LEVELS = np.linspace(0.5, 4, 7)
+
+
+def learned(value, model=EXACT, what=CRITERION):
+    """Return what a circuit has learned if all runs end at a value."""
+    fresh = criterion_outcomes(model, EVIDENCE, LEVELS)
+    ends = Learned(*np.full((4, 2, 9), value), np.full(2, value))
+    return CircuitLearned(model, ends, fresh, fresh, XI, LEVELS[0], what)
+
+
+def test_an_exact_circuit_at_the_gap_of_the_test_decides_as_the_test():
+    """At the fixed point OUT is -ln P: half a gap is the log odds at which both decide."""
+    table = decide_as_learned(learned(GAP / 2), EVIDENCE, gap=GAP, engine="algebra", resamples=200)
+    wide = table.set_index(["who", "measure"])
+    test = Msprt().decide(EVIDENCE, float(msprt_threshold_from_gap(GAP)))
+    for who in (TEST, POPULATIONS, SPIKES):
+        assert wide.loc[(who, "accuracy"), "value"] == pytest.approx(test.accuracy)
+        readings = test.time_ms.mean() / EVIDENCE.step_ms
+        assert wide.loc[(who, "readings"), "value"] == pytest.approx(readings)
+        cost = XI * (1 - test.accuracy) + readings
+        assert wide.loc[(who, "cost"), "value"] == pytest.approx(cost)
+    above = wide.xs("above_test", level="measure")
+    np.testing.assert_allclose(above[["value", "low", "high"]], 0, atol=1e-9)
+    assert set(above.index) == {POPULATIONS, SPIKES}
+
+
+def test_regret_is_what_the_best_threshold_would_have_saved_on_these_trials():
+    rewards = criterion_outcomes(EXACT, EVIDENCE, LEVELS).rewards(XI).mean(axis=1)
+    for k, regret in enumerate(100 * (rewards / rewards.max() - 1)):
+        table = decide_as_learned(
+            learned(LEVELS[k]), EVIDENCE, engine="algebra", groups=np.arange(100) % 10
+        )
+        rows = table.set_index(["who", "measure"])
+        assert TEST not in rows.index.get_level_values("who")
+        value, low, high = rows.loc[(SPIKES, "regret"), ["value", "low", "high"]]
+        assert value <= regret + 1e-9  # thresholds far below the learned one are left out
+        assert low <= high
+        if k >= rewards.argmax():
+            assert value == pytest.approx(regret)
+
+
+def test_the_regret_of_a_criterion_that_is_not_the_best_is_seen():
+    best = LEVELS[criterion_outcomes(EXACT, EVIDENCE, LEVELS).rewards(XI).mean(axis=1).argmax()]
+    good, hasty = (
+        decide_as_learned(learned(value), EVIDENCE, engine="algebra").set_index(["who", "measure"])
+        for value in (best, 0.5)
+    )
+    assert good.loc[(SPIKES, "regret"), "value"] == pytest.approx(0)
+    assert hasty.loc[(SPIKES, "regret"), "value"] > 5
+
+
+def test_a_level_of_dopamine_is_no_threshold():
+    with refused("learned criterion"):
+        decide_as_learned(learned(1.0, what=LEVEL), EVIDENCE, engine="algebra")
