@@ -189,12 +189,11 @@ def _out(ax: Any, traces: pd.DataFrame, decisions: pd.DataFrame) -> None:
         ax.plot([], [], color="0.3", label=name, **style)
     ax.axhline(THRESHOLD_NATS, color="k", lw=0.8, ls=":", label="threshold −ln 0.85")
     ax.plot(decisions["time_ms"], decisions["value"], "ko", ms=3.5, zorder=3, label="decision")
-    ax.axhspan(CIRCUIT.readable_nats[1], OUT_SHOWN, color="0.94", lw=0, zorder=0)
-    ax.text(END_MS - 20, OUT_SHOWN - 0.06, "outside the readable range", ha="right", va="top",
-            fontsize=7, color="0.4")  # fmt: skip
+    beyond = {"color": "0.94", "lw": 0, "zorder": 0, "label": "outside the readable range"}
+    ax.axhspan(CIRCUIT.readable_nats[1], OUT_SHOWN, **beyond)
     ax.set(ylabel=f"OUT (nats, gain {GAIN:g})", xlabel="time from onset (ms)", xlim=(0, END_MS))
     ax.set_ylim(0, OUT_SHOWN)
-    ax.legend(ncols=2, loc="upper right", bbox_to_anchor=(1.0, 0.9), **NARROW)
+    ax.legend(ncols=2, loc="upper right", bbox_to_anchor=(1.0, 0.95), **NARROW)
 
 
 def _nucleus(row: list[Any], panels: dict[str, pd.DataFrame]) -> None:
