@@ -48,6 +48,7 @@ from bgmodel.integrators.sprt import (
 )
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.seeds import stream
+from bgmodel.task import Gaussian
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
@@ -61,11 +62,12 @@ if TYPE_CHECKING:
     from bgmodel.fitting.model_comparison import compare_models
     from bgmodel.fitting.person import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from bgmodel.stimuli import Stimuli
     from bgmodel.stopping.task import StopTask
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
-    from bgmodel.tables.evidence import read_evidence
+    from bgmodel.tables.evidence import EvidenceTable, read_evidence
+    from bgmodel.tactile.source import load_taps
+    from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
     from circuits import engines
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
@@ -76,7 +78,12 @@ LAZY = {
     "Condition": "bgmodel.conditions",
     "Exam": "bgmodel.exam.exam",
     "Experiment": "bgmodel.experiments.experiment",
-    "Stimuli": "bgmodel.stimuli",
+    "EdgeDirection": "bgmodel.tactile.task",
+    "EdgeTurn": "bgmodel.tactile.task",
+    "EvidenceTable": "bgmodel.tables.evidence",
+    "Orientation": "bgmodel.tactile.task",
+    "SameDifferent": "bgmodel.tactile.task",
+    "load_taps": "bgmodel.tactile.source",
     "StopTask": "bgmodel.stopping.task",
     "Sweep": "bgmodel.sweeps.sweep",
     "bench": "bgmodel.exam.exam",
@@ -98,13 +105,18 @@ __all__ = [
     "Circuit",
     "Condition",
     "Decision",
+    "EdgeDirection",
+    "EdgeTurn",
     "Evidence",
+    "EvidenceTable",
     "Exam",
     "Experiment",
+    "Gaussian",
     "InputError",
     "Msprt",
+    "Orientation",
+    "SameDifferent",
     "Sprt",
-    "Stimuli",
     "StopTask",
     "Sweep",
     "Trace",
@@ -120,6 +132,7 @@ __all__ = [
     "fit_people",
     "gaussian_evidence",
     "load_circuit",
+    "load_taps",
     "msprt_threshold_from_gap",
     "read_choices",
     "read_evidence",

@@ -14,7 +14,13 @@ from operator import or_
 from typing import Annotated, Any
 
 import tyro
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructTypeInfo,
+)
 
 from bgmodel.commands.checks import Writes, check_outputs
 from bgmodel.version import __version__
@@ -107,10 +113,17 @@ def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
 
 def _registry() -> ConstructorRegistry:
     """Return tyro's rules, with additions for whole numbers such as 1e5, names and edits."""
+    from bgmodel.commands.tasks import of_tasks
     from bgmodel.names import Name
+    from bgmodel.task import Task
     from circuits.declaration.edits import Edits
 
     registry = ConstructorRegistry()
+
+    @registry.struct_rule
+    def tasks(info: StructTypeInfo) -> StructConstructorSpec | None:
+        kind, default = info.type, info.default
+        return of_tasks(default) if isinstance(kind, type) and issubclass(kind, Task) else None
 
     @registry.primitive_rule
     def whole(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:

@@ -6,20 +6,21 @@ declared and checked in one place.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from bgmodel import names
 from bgmodel.evidence import needed_truth
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.names import CircuitName, EngineName
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import STREAM as SIGNALS
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support import toml_files
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
+from bgmodel.tables.evidence import EvidenceTable, read_once, trials_of
+from bgmodel.task import Gaussian, Task
 from circuits import DEFAULT
 from circuits.checks import check_finite, check_positive, check_types
 from circuits.declaration.edits import Edits
@@ -148,7 +149,7 @@ class Condition(Setup):
         posterior and a threshold.
     """
 
-    task: Stimuli = field(default_factory=Stimuli)
+    task: Task = field(default_factory=Gaussian)
     """The task: how the evidence is made."""
     posterior: float | None = None
     """Stopping posterior, in the circuit's nats; 0.82 if neither it nor a threshold is given."""
@@ -157,32 +158,27 @@ class Condition(Setup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(isinstance(self.task, Stimuli), "task", "must be Stimuli", self.task)
-        self.task.check()
+        require(isinstance(self.task, Task), "task", "must be a task: Gaussian()", self.task)
         if self.threshold is not None:
             if self.posterior is not None:
                 raise InputError("give posterior or threshold, not both", "posterior")
             check_finite(threshold=self.threshold)
-        elif self.task.evidence is None:
+        elif not isinstance(self.task, EvidenceTable):
             self.threshold_at(self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
         """Number of alternatives, read from the evidence table if there is one."""
-        if self.task.evidence is not None:
-            return read_once(self.task).evidence.hypotheses
-        return 2 if self.task.task == "same-different" else self.task.channels
+        return self.task.channels
 
     @property
     def trials(self) -> int:
         """Number of trials, read from the evidence table if there is one."""
-        if self.task.evidence is not None:
-            return read_once(self.task).evidence.trials
         return self.task.trials
 
     def drawn(self, name: str) -> Trials:
         """Return the trials of the task, drawn from the random-number stream of that name."""
-        return self.task.draw(self.seed, name)
+        return trials_of(self.task, self.seed, name)
 
     def threshold_at(self, hypotheses: int) -> float:
         """Return the output (OUT) at which the circuit decides, for a number of alternatives."""
@@ -249,7 +245,6 @@ class Condition(Setup):
         workers : int
             Number of threads, for engines that can use several; it does not affect results.
         """
-        self.task.check_idle()
         evidence = self.drawn(STREAM).evidence
         model = self.model(evidence.hypotheses, workers=workers, rates=False)
         return model.decide(evidence, self.threshold, posterior=self.stopping_posterior)
@@ -266,14 +261,14 @@ class Observed(Condition):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.stop is not None and self.task.evidence is None:
+        if self.stop is not None and not isinstance(self.task, EvidenceTable):
             self.stop.check_ends(self.task.step_ms * self.task.t_max)
         # OUT is sampled every ms.
         whole("foreperiod_ms", self.foreperiod_ms, 1)
 
     def check(self, control: Condition | None = None) -> None:
         """Raise ValueError as ``Condition.check`` does, and for evidence without known truth."""
-        if self.task.evidence is not None:
+        if isinstance(self.task, EvidenceTable):
             needed_truth(read_once(self.task).evidence)
         super().check(control)
 
@@ -311,7 +306,17 @@ class Observed(Condition):
         return Observed(**(kept | changes))
 
 
-@cache
-def read_once(task: Stimuli) -> Trials:
-    """Return the trials of an evidence table, which is read only once (cached)."""
-    return task.draw(0, "")
+def circuit_seen_from(folder: Path, name: str) -> str:
+    """Return a circuit's name unchanged, or its path relative to the folder of the naming file."""
+    from circuits.declaration.table_files import is_path
+
+    return str(folder / name) if is_path(name) else name
+
+
+Asked = TypeVar("Asked", bound=Condition)
+
+
+def seen_from(folder: Path, asked: Asked) -> Asked:
+    """Return the contents of a file, with relative paths resolved against its folder."""
+    circuit = type(asked.circuit)(circuit_seen_from(folder, asked.circuit))
+    return replace(asked, circuit=circuit, task=asked.task.seen_from(folder))

@@ -29,9 +29,8 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tactile.source import Folds, Source
+from bgmodel.tactile.source import Folds, Source, Tactile
 from bgmodel.tactile.source import folds as folds_of
-from bgmodel.tactile.task import Task
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from circuits.errors import collected
@@ -172,7 +171,7 @@ class Story:
 
 def story(
     taps: pd.DataFrame,
-    task_of: Callable[[float], Task],
+    task_of: Callable[[float], Tactile],
     values: Sequence[float],
     value: float,
     axis: str,
@@ -189,7 +188,7 @@ def story(
     Parameters
     ----------
     taps : DataFrame
-        Decoded taps, as from ``read_decoded``.
+        Decoded taps, as from ``load_taps``.
     task_of : function
         Maps the value of a stimulus to the task.
     values : sequence of float
@@ -246,7 +245,9 @@ def story(
     )  # fmt: skip
 
 
-def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float, folds: int) -> dict[str, float]:
+def _one_reading(
+    taps: pd.DataFrame, task: Tactile, stimulus: float, folds: int
+) -> dict[str, float]:
     """Return measures of one reading at a stimulus; see ``Story.psychometric``."""
     sources = folds_of(taps, task, folds).sources
     accuracy = [_over_hypotheses(source, _right) for source in sources]
@@ -276,7 +277,7 @@ def _claimed(log_likelihood: Array, truth: int) -> float:
     return float(softmax(log_likelihood, axis=1).max(axis=1).mean())
 
 
-def _spread_deg(taps: pd.DataFrame, task: Task) -> float:
+def _spread_deg(taps: pd.DataFrame, task: Tactile) -> float:
     """Return the standard deviation of readings within a hypothesis, averaged over hypotheses."""
     low, high = task.range_deg
     each = task.readings(task.pool(taps))

@@ -56,7 +56,7 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         share = settings.circuit_trials / FULL.circuit_trials
         # If only one truth counts, half of the trials remain.
         trials = max(round(share * experiment.task.trials), 240)
-        one = replace(experiment, task=replace(experiment.task, trials=trials))
+        one = replace(experiment, task=experiment.task.changed(trials=trials))
         found = {
             "population": one.run().measures.assign(trials=trials),
             "ensemble": where(in_spikes, file=file).drop(columns="file"),

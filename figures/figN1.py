@@ -17,7 +17,7 @@ from bgmodel import Msprt, stream, tally
 from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import FOLDS, source
-from bgmodel.tactile.task import Orientations
+from bgmodel.tactile.task import Orientation
 from figures.common import Settings, key, letter, run, where
 
 SHOWN_MM = (1.5, 2.0, 2.5)
@@ -31,7 +31,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     for period in SHOWN_MM:
         for count in range(2, 9):
             for fold in range(FOLDS):
-                readings = source(table, Orientations(count, period_mm=period), fold=fold)
+                readings = source(table, Orientation(count, period_mm=period), fold=fold)
                 rng = stream(settings.seed, "figN1", period, count, fold)
                 evidence = readings.draw(settings.sweep_trials // 6, settings.t_max, rng=rng)
                 trace = Msprt().run(evidence)

@@ -16,7 +16,7 @@ from bgmodel.tactile.decoder import Decoder, Training, train
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, simulate
 from bgmodel.tactile.skin import Skin
-from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.task import Orientation, SameDifferent
 from bgmodel.tactile.tips import Tip
 from figures.common import Settings, run
 
@@ -44,7 +44,7 @@ def decoder(settings: Settings, done: Path, *, output: Path) -> None:
 def yaws() -> dict[float, bool]:
     """Return every yaw used by a task; True for the two of same/different."""
     both = set(SameDifferent().yaws_deg)
-    every = {yaw for count in range(2, 9) for yaw in Orientations(count).yaws_deg}
+    every = {yaw for count in range(2, 9) for yaw in Orientation(count).yaws_deg}
     # The last digits of thirds and sevenths depend on the number of alternatives.
     exact = {float(Fraction(yaw).limit_denominator(1000)) for yaw in every | both}
     return {yaw: yaw in both for yaw in sorted(exact)}

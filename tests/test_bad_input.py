@@ -25,11 +25,6 @@ TRIALS = pd.DataFrame(
 )
 
 
-def stimuli(**task):
-    return bg.Condition(task=bg.Stimuli(**task))
-
-
-stimuli.__signature__ = inspect.signature(bg.Stimuli)  # type: ignore[attr-defined]
 PATHWAY = {"source": "STN", "target": "GPe"}
 DECIDE = {"evidence": EVIDENCE, "posterior": 0.9}
 CALLS = {
@@ -65,7 +60,14 @@ CALLS = {
     bg.Condition: {},
     bg.StopTask: {},
     bg.StopTask().decide: {"model": MODEL, "evidence": EVIDENCE_OF_STOP, "posterior": 0.8},
-    stimuli: {},
+    bg.Gaussian: {},
+    bg.SameDifferent: {},
+    bg.Orientation: {},
+    bg.EdgeTurn: {},
+    bg.EdgeDirection: {},
+    bg.EvidenceTable: {"evidence": "e.csv"},
+    bg.Gaussian().evidence: {"seed": 1},
+    bg.load_taps: {},
     bg.compare: {"model": MODEL, "evidence": EVIDENCE, "resamples": 20},
     bg.Experiment.from_toml: {"file": "stn_conflict"},
     bg.Sweep.from_toml: {"file": "grid.toml"},
@@ -76,6 +78,7 @@ CALLS = {
     bg.discriminate: {"first": "msprt", "second": "max vs average"},
     bg.explore: {},
 }
+TASKS = ("Gaussian", "SameDifferent", "Orientation", "EdgeTurn", "EdgeDirection", "EvidenceTable")
 ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
     "negative": -1, "huge": 1e30, "array": np.zeros((2, 2)),
@@ -91,17 +94,19 @@ LEGAL = {
     "gaussian_evidence conflict": ["negative"],
     "Condition threshold": ["negative", "huge"],
     **{
-        f"stimuli {name}": ["huge"]
-        for name in ("channels", "d_prime", "trials", "t_max", "step_ms")
+        f"{kind} {name}": ["huge"]
+        for kind in TASKS
+        for name in ("d_prime", "period_mm", "trials", "t_max", "step_ms")
     },
-    "stimuli period_mm": ["nan", "inf", "negative", "huge"],  # of no say in Gaussian evidence
-    "stimuli fold": ["negative", "huge"],
+    "Gaussian channels": ["huge"],
+    "a_deg": ["negative"],
+    "b_deg": ["negative"],
     "amount_nats": ["negative", "huge"],
     "nucleus": ["text"],  # whose circuit is not known yet
     **{f"StopTask {name}": ["inf", "huge"] for name in ("duration_ms", "cancel_ms")},
     **{f"StopTask {name}": ["huge"] for name in ("delay_ms", "delay_sd_ms", "staircases")},
-    "stimuli evidence": ["text"],  # files that are read when trials are drawn
-    "stimuli taps": ["text"],
+    **{f"{kind} taps": ["text"] for kind in TASKS},  # files that are read when trials are drawn
+    "EvidenceTable evidence": ["text"],
     "baseline": ["negative", "huge"],
     "delta": ["huge", "array"],
     "first_crossing thresholds": ["array"],
@@ -113,6 +118,7 @@ LEGAL = {
 }
 """Odd values that make sense, by argument; None does so where it is the default."""
 FIELDS = {
+    "taps": ["path"],
     "d_prime": ["log_likelihood"],
     "conflict": ["log_likelihood"],
     "channels": ["trials"],  # of which there are too many for the memory
@@ -182,7 +188,6 @@ def test_every_function_of_the_front_door_is_in_the_table():
         "Exam",
         "Experiment",
         "Sweep",
-        "Stimuli",
     }
     results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__", "engines"}
     assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results

@@ -13,11 +13,11 @@ from bgmodel.commands.touch import _Steps
 from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import read_provenance, read_table, write_table
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tactile.library import _load, _save
+from bgmodel.task import Gaussian
 from tests.damage import DAMAGES, flipped
 from tests.tactile.plans import TINY
 
@@ -45,7 +45,7 @@ FIELDS = {
     for period in TINY.periods_mm
 }
 (POINT,) = Plan(
-    task=Stimuli(trials=40, t_max=10), engine="algebra", gain=0.7, grid={"lesion STN": (0.0,)}
+    task=Gaussian(trials=40, t_max=10), engine="algebra", gain=0.7, grid={"lesion STN": (0.0,)}
 ).all_points()
 (SHARD,) = POINT.shards()
 

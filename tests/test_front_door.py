@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.stimuli import Stimuli
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
 from tests.helpers import refused, run
@@ -28,14 +28,18 @@ def test_what_is_visible_is_what_is_meant():
 
 
 def test_evidence_is_that_of_the_terminal():
-    asked = Stimuli(trials=30, channels=3, d_prime=0.4, t_max=20, conflict=0.3)
+    asked = Gaussian(trials=30, channels=3, d_prime=0.4, t_max=20, conflict=0.3)
     mine = bg.gaussian_evidence(
         30, d_prime=0.4, channels=3, t_max=20, conflict=0.3, seed=bg.stream(7, "a")
     )
-    assert np.array_equal(mine.log_likelihood, asked.draw(7, "a").evidence.log_likelihood)
-    plain = Stimuli()
+    assert np.array_equal(
+        mine.log_likelihood, asked.evidence(seed=bg.stream(7, "a")).log_likelihood
+    )
+    plain = Gaussian()
     default = bg.gaussian_evidence(plain.trials, seed=bg.stream(7, "a"))
-    assert np.array_equal(default.log_likelihood, plain.draw(7, "a").evidence.log_likelihood)
+    assert np.array_equal(
+        default.log_likelihood, plain.evidence(seed=bg.stream(7, "a")).log_likelihood
+    )
     assert default.step_ms == plain.step_ms
 
 
@@ -160,7 +164,7 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
     given = ("--trials", 40, "--t-max", 20, "--edits", "lesion STN 5%", "--seed", 3)
     assert run("circuit", "run", out, *given) == 0
     asked = bg.Condition(
-        edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Stimuli(trials=40, t_max=20)
+        edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Gaussian(trials=40, t_max=20)
     )
     told = pd.read_csv(out, comment="#")
     assert np.allclose(told.rt * 1000, asked.decide().time_ms)

@@ -9,6 +9,7 @@ import pytest
 import bgmodel as bg
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.source import held_out_taps
+from bgmodel.task import Task
 from tests.helpers import refused, run
 
 ALGEBRA = ("--engine", "algebra")
@@ -71,7 +72,7 @@ def test_experiments_and_sweeps_name_taps_in_their_file(edges, tmp_path):
     """The path is seen from the folder of the file."""
     task = """
 [task]
-task = "edge-direction"
+name = "edge-direction"
 channels = 4
 step_deg = 10
 taps = "edges.csv"
@@ -97,28 +98,25 @@ def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
     table.to_csv(tmp_path / "known.csv", index=False)
     for taps in (tmp_path / "known.csv", str(tmp_path / "known.csv")):
         with refused("taps trained on 7 of its 1500"):
-            bg.Stimuli(task="edge-turn", taps=taps).draw(1, "test")
+            bg.EdgeTurn(taps=taps).evidence(seed=1)
 
 
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        ({"task": "edge-turn"}, "taps the table has no edge_deg"),
-        ({"task": "same-different", "step_deg": 3.0}, "step_deg edge-turn"),
-        ({"task": "edge-turn", "period_mm": 3.0}, "period_mm orientation"),
-        ({"task": "gaussian", "taps": "edges.csv"}, "taps same-different"),
-        ({"task": "edge-turn", "taps": "nowhere.csv"}, "path no table"),
-        ({"task": "orientation", "taps": 3}, "taps path"),
+        ({"name": "edge-turn"}, "taps the table has no edge_deg"),
+        ({"name": "same-different", "step_deg": 3.0}, "task.step_deg"),
+        ({"name": "edge-turn", "period_mm": 3.0}, "task.period_mm"),
+        ({"name": "gaussian", "taps": "edges.csv"}, "task.taps"),
+        ({"name": "edge-turn", "taps": "nowhere.csv"}, "path no table"),
+        ({"name": "orientation", "taps": 3}, "task.taps"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(asked, says, edges, monkeypatch):
     monkeypatch.chdir(edges.parent)
 
     def tried():
-        task = bg.Stimuli(**asked)
-        task.check()
-        task.check_idle()
-        task.draw(1, "test")
+        Task.from_settings(asked).evidence(seed=1)
 
     with refused(says):
         tried()

@@ -11,9 +11,9 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
+from bgmodel.task import Gaussian
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
@@ -107,7 +107,7 @@ def of_plan(base, grid, spelling="{}", wide=False):
     keys = {key: spelling.format(key.replace("->", " -> ") if wide else key) for key in grid}
     return Plan(
         edits=Edits(edited({key: value for key, value in base.items() if key not in RUN})),
-        task=Stimuli(**{"trials": 20, **of_task}),
+        task=Gaussian(**{"trials": 20, **of_task}),
         grid={keys[key]: values for key, values in grid.items()},
         **run,
     )
@@ -116,7 +116,7 @@ def of_plan(base, grid, spelling="{}", wide=False):
 def single(values):
     """Return circuit, gain, posterior, seed and task of a run with these values alone."""
     task = {key.removeprefix("task."): v for key, v in values.items() if key.startswith("task.")}
-    task = Stimuli(**{"trials": 20, **task})
+    task = Gaussian(**{"trials": 20, **task})
     own = {key: value for key, value in values.items() if key not in RUN}
     table = load_circuit(values.get("circuit", "macaque"), task.channels).edited(*edited(own))
     gain, posterior = gain_of(table, values.get("gain")), values.get("posterior", 0.82)

@@ -15,13 +15,13 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.sides import check_sides
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tables.choices import read_choices, shipped
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
-from bgmodel.tactile.source import read_decoded, source
+from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
+from bgmodel.task import Gaussian
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, told, unwarned
@@ -56,16 +56,6 @@ def test_a_session_of_a_circuit_says_so_once():
     session = model.session(posterior=0.6, prior=[0.9, 0.1], baseline=0.0)
     with pytest.warns(NoiseWarning, match="before its first reading"):
         session.add([0.0, -0.1])
-
-
-@pytest.mark.parametrize(("given", "says"), [
-    ({"taps": "nofile.csv"}, "taps does not use it"),
-    ({"task": "same-different", "channels": 4}, "channels same-different has 2 alternatives"),
-    ({"conflict": 5.0}, "conflict must be within"),
-])  # fmt: skip
-def test_evidence_is_drawn_from_settings_that_fit(given, says):
-    with refused(says):
-        bg.Stimuli(trials=50, **given).draw(0, "x")
 
 
 def test_copies_of_trials_are_not_counted_as_new_in_silence():
@@ -130,7 +120,7 @@ def test_copies_of_taps_are_doubted(tmp_path):
     path = tmp_path / "decoded.csv"
     write_table(pd.concat([edges(60)] * 5), path)
     with pytest.warns(DataWarning, match="240 of 300 taps are copies"):
-        read_decoded(path)
+        load_taps(path)
 
 
 def padded(trials=60, steps=20, noise=1.0):
@@ -289,7 +279,7 @@ def test_accuracies_differ(accuracies):
 
 
 def test_points_of_a_sweep_differ():
-    plan = {"name": "x", "task": Stimuli(trials=100)}
+    plan = {"name": "x", "task": Gaussian(trials=100)}
     for values in ((0.1, "10%"), (0.1, "0.10")):
         with refused("points are the same point"):
             Plan(grid={"lesion STN": values}, **plan).all_points()

@@ -28,8 +28,8 @@ from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import CIRCUIT, sample_ms
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.tactile.source import FOLDS, Folds, Source, folds, held_out_taps
-from bgmodel.tactile.task import EdgeTurn, Orientations, SameDifferent, Task
+from bgmodel.tactile.source import FOLDS, Folds, Source, Tactile, folds, held_out_taps
+from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Ensemble
@@ -92,7 +92,7 @@ def kinds() -> Iterator[Kind]:
         draw = partial(read, partial(gratings, SameDifferent(period)))
         yield Kind(f"same/different, {period:g} mm", 2, most, draw, seconds)
     for count, seconds in ((4, 2), (8, 7)):
-        draw = partial(read, partial(gratings, Orientations(count)))
+        draw = partial(read, partial(gratings, Orientation(count)))
         yield Kind(f"{count} orientations, 2 mm", count, 60, draw, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
         draw = partial(read, partial(real_taps, Path(folder)))
@@ -105,7 +105,7 @@ def read(source: Callable[[], Source | Folds], *given: Any, **named: Any) -> Evi
 
 
 @cache
-def gratings(question: Task) -> Folds:
+def gratings(question: Tactile) -> Folds:
     """Return readings of held-out taps of a grating, of all folds."""
     return folds(held_out_taps(), question)
 

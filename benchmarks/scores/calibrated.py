@@ -25,7 +25,7 @@ from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.tactile.source import Folds, folds
-from bgmodel.tactile.task import EdgeTurn, Orientations
+from bgmodel.tactile.task import EdgeTurn, Orientation
 
 SCORING_SEED = 75_001
 TACTILE = (2, 4, 8)
@@ -62,7 +62,7 @@ def sources_of(evidence: str, alternatives: int) -> Folds:
     """Return the readings of a kind of taps."""
     if evidence == EDGE:
         return edges(alternatives)
-    return gratings(Orientations(alternatives, float(evidence.split()[1])))
+    return gratings(Orientation(alternatives, float(evidence.split()[1])))
 
 
 def tapped(

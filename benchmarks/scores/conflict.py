@@ -25,8 +25,8 @@ from bgmodel.experiments.record import Changes
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.stimuli import Stimuli
 from bgmodel.tables.choices import read_choices
+from bgmodel.task import Gaussian
 from circuits.anatomy import DEFAULT
 from circuits.declaration.edits import Edits
 
@@ -62,7 +62,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
     of its evidence is n / 2 v of the circuit's.
     """
     v = numbers[f"sensitivity[conflict={conflict}]"]
-    task = Stimuli(
+    task = Gaussian(
         trials=trials, t_max=round(LONGEST_S / BIN_S), step_ms=1000 * BIN_S,
         d_prime=2 * v * BIN_S**0.5,
     )  # fmt: skip

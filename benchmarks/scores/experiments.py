@@ -51,11 +51,11 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         if experiment.stop is not None:
             continue  # score signals
         trials = round(experiment.task.trials * share)
-        smaller = replace(experiment, task=replace(experiment.task, trials=trials))
+        smaller = replace(experiment, task=experiment.task.changed(trials=trials))
         make = partial(predictions, smaller, workers)
         yield Piece("predictions", name, trials, SECONDS * trials, make)
         few = round(SPIKING_TRIALS * share)
-        smaller = replace(experiment, task=replace(experiment.task, trials=few))
+        smaller = replace(experiment, task=experiment.task.changed(trials=few))
         make = partial(in_spikes, name, smaller, workers)
         yield Piece("spikes", name, few, SPIKING_SECONDS * few, make)
 

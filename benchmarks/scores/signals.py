@@ -39,7 +39,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         if experiment.stop is None:
             continue
         trials = round(experiment.task.trials * (COARSE_SHARE if fast else 1))
-        one = replace(experiment, task=replace(experiment.task, trials=trials))
+        one = replace(experiment, task=experiment.task.changed(trials=trials))
         make = partial(measured, one, workers)
         yield Piece("measures", name, trials, SECONDS * trials, make)
 

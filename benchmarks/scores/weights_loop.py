@@ -21,8 +21,8 @@ from bgmodel.learning.weights.in_circuit import (
     learn_weights_in_circuit,
 )
 from bgmodel.learning.weights.sources import tap_features
-from bgmodel.tactile.source import held_out_taps
-from bgmodel.tactile.task import Orientations, SameDifferent, Task
+from bgmodel.tactile.source import Tactile, held_out_taps
+from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Ensemble, Population
 from circuits.engines.engine import Engine
@@ -37,7 +37,7 @@ class Taught:
     """A circuit that learns: task, engine, runs and trials, and CPU seconds."""
 
     name: str
-    task: Task
+    task: Tactile
     engine: Engine
     runs: int
     trials: int
@@ -46,7 +46,7 @@ class Taught:
 
 LOOPS = (
     Taught("2 mm, populations", SameDifferent(2.0), Population(), 16, 1500, 200),
-    Taught("4 orientations, populations", Orientations(4, 2.0), Population(), 16, 2000, 500),
+    Taught("4 orientations, populations", Orientation(4, 2.0), Population(), 16, 2000, 500),
     Taught("2 mm, spikes", SameDifferent(2.0), Ensemble(), 1, 1500, 900),
 )
 

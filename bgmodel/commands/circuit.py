@@ -24,7 +24,6 @@ from bgmodel.commands.checks import (
 from bgmodel.conditions import STREAM, Condition
 from bgmodel.deciding.decision import Decision
 from bgmodel.names import MACAQUE, CircuitName, EngineName
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
 from circuits.declaration.edits import Edits
@@ -154,7 +153,6 @@ class CircuitExport(Writes):
         """Run the command."""
         asked = self.condition
         check_ending("output", self.output, ".py")
-        asked.task.check_idle(Stimuli())
         for name, only in (("engine", "brian2"), ("posterior", None), ("threshold", None)):
             given = getattr(asked, name)
             require(given == only, name, "has no effect on a script: leave it out", given)
@@ -216,7 +214,7 @@ class CircuitRun(Writes):
         with bar(evidence.trials):
             decision = model.decide(evidence, threshold, rates=means)
         # A table of evidence on an engine without noise: there is no noise.
-        seed = asked.seed if asked.task.evidence is None or model.engine.noisy else None
+        seed = asked.seed if asked.task.file is None or model.engine.noisy else None
         about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
         settled = replace(asked, gain=model.gain, posterior=posterior)
@@ -232,7 +230,7 @@ class CircuitRun(Writes):
 
             whole = [self._whole(model, evidence, k, k + 1) for k in self.nwb_trials]
             write_nwb(whole, self.nwb, table=result.iloc[[*self.nwb_trials]])
-        if asked.task.evidence is not None:
+        if asked.task.file is not None:
             print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
@@ -260,7 +258,6 @@ class CircuitRun(Writes):
         from circuits.engines import engine_of
 
         check_ending("output", self.output, ".parquet", ".csv")
-        self.condition.task.check_idle(Stimuli())
         check_whole(workers=self.workers)
         check_whole(spike_trials=self.spike_trials)
         trials, chosen = self.condition.trials, self.nwb_trials

@@ -22,8 +22,9 @@ from bgmodel.commands.checks import (
 from bgmodel.conditions import Setup
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
+from bgmodel.tables.evidence import trials_of
+from bgmodel.task import Gaussian, Task
 from circuits.declaration.edits import Edits
 from circuits.errors import collected
 
@@ -34,7 +35,7 @@ LESIONS = (
     "lesion STN 20%", "lesion GPe 20%", "lesion D2", "scale ctx->STN 0.9", "scale D1->SNr 0.9"
 )  # fmt: skip
 """Default edits of `circuit compare-edits`."""
-MANY = Stimuli(trials=1000, t_max=110)
+MANY = Gaussian(trials=1000, t_max=110)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Comparison(Shows):
     output: Positional[Path]
     """File for the table of measures, .parquet or .csv."""
     setup: OmitArgPrefixes[Setup] = field(default_factory=Setup)
-    task: OmitArgPrefixes[Stimuli] = MANY
+    task: OmitArgPrefixes[Task] = MANY
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
@@ -85,9 +86,8 @@ class Compare(Comparison):
         if self.drawing is not None:
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         model, evidence = _model(self)
-        gaussian = self.task.evidence is None and self.task.task == "gaussian"
         # Other evidence has an arbitrary zero.
-        baselines = baselines_on(zero_is_nothing=gaussian)
+        baselines = baselines_on(zero_is_nothing=isinstance(self.task, Gaussian))
         if left := [name for name in BASELINES if name not in baselines]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence is arbitrary")
         whole = self.setup.intact(evidence.hypotheses)
@@ -189,11 +189,9 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
 
     setup, task = asked_for.setup, asked_for.task
     check_ending("output", asked_for.output, ".parquet", ".csv")
-    task.check()
-    task.check_idle(MANY)
     check_whole(workers=asked_for.workers)
-    trials = task.draw(setup.seed, "compare")
-    if task.evidence is not None:
+    trials = trials_of(task, setup.seed, "compare")
+    if task.file is not None:
         asked_for.note(trials.summary())
     evidence = trials.evidence
     check_trials(evidence.trials)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,20 +14,25 @@ from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
 from bgmodel.learning.policies import BernoulliPolicy
 from bgmodel.learning.reinforce import Learner
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.memory import check_evidence_memory, check_learning_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
+from bgmodel.tables.evidence import trials_of
 from bgmodel.tactile.likelihood import Density
+from bgmodel.tactile.source import Tactile
+from bgmodel.tactile.task import SameDifferent
+from bgmodel.task import Task
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
+LEARNED = SameDifferent(t_max=30)
+"""Default task of `learn`."""
 GAP_NATS = 4.0
 """Default gap of `decide`, nats."""
-TAPPED = Stimuli(task="same-different", trials=1000, t_max=30, step_ms=500.0)
+TAPPED = SameDifferent(trials=1000, t_max=30, step_ms=500.0)
 """Default evidence of `decide`: taps of the paper's task, one every half second."""
 
 
@@ -46,7 +51,7 @@ class Decide(Shows):
 
     output: Positional[Path]
     """File for the table of trials, .parquet or .csv."""
-    task: OmitArgPrefixes[Stimuli] = TAPPED
+    task: OmitArgPrefixes[Task] = TAPPED
     delta: float | None = None
     """Boundary separation (gap) of the SPRT, nats (two hypotheses); 4 unless posterior is given."""
     posterior: float | None = None
@@ -68,7 +73,7 @@ class Decide(Shows):
         evidence = trials.evidence
         test, threshold, model = self._test(evidence.hypotheses)
         decision = test.decide(evidence, threshold, forced=self.forced)
-        own = self.task.evidence is not None
+        own = self.task.file is not None
         seed = None if own else self.seed
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
@@ -99,13 +104,13 @@ class Decide(Shows):
     def _options(self) -> dict[str, Any]:
         """Return the options in effect."""
         idle = {"posterior" if self.posterior is None else "delta"}
-        idle |= {"onset_ms"} if self.task.evidence is None else set()
+        idle |= {"onset_ms"} if self.task.file is None else set()
         idle |= set() if self._tactile else {"density"}
         return options_of(self, idle=idle, delta=self._gap())
 
     @property
     def _tactile(self) -> bool:
-        return self.task.evidence is None and self.task.task != "gaussian"
+        return isinstance(self.task, Tactile)
 
     def _gap(self) -> float:
         return GAP_NATS if self.delta is None else self.delta
@@ -118,16 +123,13 @@ class Decide(Shows):
             )
         sprt_threshold_from_gap(self._gap())
         stream(self.seed)
-        self.task.check()
-        self.task.check_idle(replace(TAPPED, task=self.task.task))
-        if self.task.evidence is None and self.onset_ms:
+        if self.task.file is None and self.onset_ms:
             raise InputError("onset_ms is for your own table, given by --evidence", "onset_ms")
         if not self._tactile and self.density != Density():
             raise InputError("density is for tactile evidence and has no effect here", "density")
-        if self.task.evidence is None:
-            hypotheses = 2 if self.task.task == "same-different" else self.task.channels
-            check_evidence_memory(self.task.trials, self.task.t_max, hypotheses)
-            self._test(hypotheses)
+        if self.task.file is None:
+            check_evidence_memory(self.task.trials, self.task.t_max, self.task.channels)
+            self._test(self.task.channels)
 
     def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
         if self.posterior is not None:
@@ -141,17 +143,17 @@ class Decide(Shows):
         return Sprt(), float(sprt_threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
     def _trials(self) -> tables.Trials:
-        if self.task.evidence is not None:
+        if self.task.file is not None:
             from bgmodel.tables.evidence import read_evidence_table
 
             return read_evidence_table(
-                self.task.evidence,
+                self.task.file,
                 prior=self.prior,
                 onset_ms=self.onset_ms,
                 step_ms=self.task.step_ms,
             )
-        density = self.density if self._tactile else None
-        return self.task.draw(self.seed, "decide", prior=self.prior, density=density)
+        density = {"density": self.density} if self._tactile else {}
+        return trials_of(self.task, self.seed, "decide", prior=self.prior, **density)
 
 
 @dataclass(frozen=True)
@@ -163,24 +165,14 @@ class GapLearn(Writes):
 
     output: Positional[Path]
     """File for the table of trials, .parquet or .csv."""
-    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "same-different"
+    task: OmitArgPrefixes[Task] = LEARNED
     """Tactile task with two alternatives."""
-    period_mm: float = 2.0
-    """Period of the grating, mm."""
-    step_deg: float = 5.0
-    """Degrees between the two alternatives of a task with edges."""
-    taps: Path | None = None
-    """Taps decoded by `bgmodel decode`; by default the shipped ones."""
     xi: float = 50.0
     """Cost of an error, readings."""
     start_delta: float = 0.5
     """Initial gap, nats, 0..8."""
     runs: int = 10
     """Number of independent runs."""
-    fold: int = 0
-    """Which sixth of the held-out taps is used for learning, 0..5."""
-    t_max: int = 30
-    """Largest number of readings in a trial."""
     policy: Literal["gaussian", "bernoulli"] = "gaussian"
     """Policy: Gaussian over the gap, or the Bernoulli units of Lepora 2016."""
     learner: Learner = field(default_factory=Learner)
@@ -191,28 +183,23 @@ class GapLearn(Writes):
         from bgmodel.learning.gap import check_start, learn_gap
 
         check_ending("output", self.output, ".parquet", ".csv")
-        check_whole(runs=self.runs, t_max=self.t_max)
+        check_whole(runs=self.runs)
         check_xi(self.xi)
         check_start(self.start_delta)
         check_learning_memory(self.runs, self.learner.episodes)
         # The range of the Gaussian one depends on the best gap.
         policy = BernoulliPolicy() if self.policy == "bernoulli" else None
-        asked = Stimuli(
-            task=self.task, period_mm=self.period_mm, step_deg=self.step_deg, taps=self.taps,
-            fold=self.fold,
-        )  # fmt: skip
-        asked.check()
-        asked.check_idle()
-        readings = asked.readings()
+        if not isinstance(self.task, Tactile):
+            raise InputError.of("task", "must be a tactile task", self.task.name)
+        readings = self.task.source()
         say(f"learning {readings.where}, {self.runs} runs of {self.learner.episodes} episodes")
-        grating = asked.task in ("same-different", "orientation")
         table, summary = learn_gap(
             readings,
-            name=(self.period_mm if grating else self.step_deg, self.fold),
+            name=(getattr(self.task, self.task.main), self.task.fold),
             xi=self.xi,
             start_delta=self.start_delta,
             runs=self.runs,
-            t_max=self.t_max,
+            t_max=self.task.t_max,
             policy=policy,
             learner=self.learner,
             seed=self.seed,
@@ -222,7 +209,7 @@ class GapLearn(Writes):
             self.output,
             seed=self.seed,
             summary=summary,
-            command=options_of(self, idle={"step_deg"} if grating else {"period_mm"}),
+            command=options_of(self),
         )
         learned = np.asarray(summary["learned_delta"])
         print(

@@ -23,17 +23,17 @@ from bgmodel.conditions import Condition
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.learning.reinforce import Learner
 from bgmodel.names import EngineName
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.memory import check_learning_memory, check_memory
+from bgmodel.tactile.task import SameDifferent
 from circuits.errors import InputError, LearningWarning, quiet, require
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.tables.trials import Trials
 
-TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=4000, t_max=40)
+TOUCHED = SameDifferent(1.5, trials=4000, t_max=40)
 POSTERIOR = 0.68
 """A threshold of 0.39 nats, which dopamine can move to posteriors of 0.68 to 0.99."""
 
@@ -79,7 +79,7 @@ class CircuitLearn(Writes):
         self._check()
         asked = self.condition
         trials = asked.drawn("learn")
-        if asked.task.evidence is not None:
+        if asked.task.file is not None:
             print(trials.summary())
         evidence, fresh = self._learned_and_scored(trials)
         model = self._model(evidence)
@@ -115,7 +115,7 @@ class CircuitLearn(Writes):
 
     def _learned_and_scored(self, trials: Trials) -> tuple[Evidence, Evidence]:
         """Return the trials for learning, and others on which regret is measured."""
-        if self.condition.task.evidence is None:
+        if self.condition.task.file is None:
             return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
             raise InputError("evidence must hold 2 trials or more: half are scored", "evidence")
@@ -150,7 +150,6 @@ class CircuitLearn(Writes):
 
         asked = self.condition
         check_ending("output", self.output, ".parquet", ".csv")
-        asked.task.check_idle(TOUCHED)
         if not engine_of(asked.engine).timed:
             raise InputError(f"{asked.engine} has no times to learn from: take rate", "engine")
         check_whole(runs=self.runs)

@@ -80,12 +80,12 @@ class ExperimentRun(Shows):
         self._check()
         experiment = self._experiment()
         experiment.check_differs()
-        self._check_apart(experiment.task.evidence)
+        self._check_apart(experiment.task.file)
         done = self._run(experiment)
         rows = self._outcomes(experiment, done)
         if self.output is not None:
             self._write(experiment, done, rows)
-        if experiment.task.evidence is not None:
+        if experiment.task.file is not None:
             self.note(done.given.summary())
         self._show(experiment, done, rows)
 
@@ -116,7 +116,7 @@ class ExperimentRun(Shows):
 
         experiment = Experiment.from_toml(self.file)
         if self.trials is not None:
-            experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
+            experiment = replace(experiment, task=experiment.task.changed(trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
         if self.engine is not None:
@@ -178,7 +178,7 @@ class ExperimentRun(Shows):
 
     def _check_apart(self, evidence: Path | None) -> None:
         """Refuse to overwrite the evidence that the experiment's file names."""
-        inputs = [] if evidence is None else [("task.evidence", evidence)]
+        inputs = [] if evidence is None else [("task.file", evidence)]
         outputs = [] if self.output is None else [("output", self.output)]
         check_apart([*inputs, *outputs, *(("trials", path) for path in self.more_outputs())])
 

@@ -21,14 +21,14 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.conditions import STREAM, Condition
 from bgmodel.deciding.measures import P_RANGE
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
+from bgmodel.task import Gaussian
 
 if TYPE_CHECKING:
     from bgmodel.stopping.estimates import StopEstimate
 
-TASK = Stimuli(trials=4000, d_prime=0.35, step_ms=10.0, t_max=150)
+TASK = Gaussian(trials=4000, d_prime=0.35, step_ms=10.0, t_max=150)
 """Readings every 10 ms, so that response times are not bound to few of them."""
 
 
@@ -91,8 +91,7 @@ class StopRun(Shows):
         if self.drawing is not None:
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
         task = self.condition.task
-        task.check_idle(TASK)
-        if task.evidence is None:
+        if task.file is None:
             self.stop.check_ends(task.step_ms * task.t_max)
 
 

@@ -26,7 +26,7 @@ from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
-from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.task import Orientation, SameDifferent
 from bgmodel.tactile.tips import Tip
 from circuits.errors import InputError
 
@@ -113,7 +113,7 @@ class Simulate(Writes):
         if self.yaw_deg is not None:
             raise InputError("task and yaw_deg both set the yaws: give only one of them", "yaw_deg")
         if self.task == "orientation":
-            return Orientations(self.channels).yaws_deg
+            return Orientation(self.channels).yaws_deg
         return SameDifferent().yaws_deg
 
 

@@ -17,7 +17,8 @@ from bgmodel.support.checks import whole
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
-from bgmodel.tactile.task import TASKS
+from bgmodel.tactile.source import Tactile
+from bgmodel.tactile.task import tactile_task
 from bgmodel.tactile.tips import Tip
 from bgmodel.version import __version__
 from circuits.errors import InputError
@@ -67,7 +68,7 @@ class Touch(Asks, Shows):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.source import read_decoded
+        from bgmodel.tactile.source import load_taps
         from bgmodel.touch import STEPS_DEG, page, story
 
         self._check()
@@ -76,8 +77,8 @@ class Touch(Asks, Shows):
         say(f"deciding on {self.trials} trials, learning gap and threshold, and deciding in spikes")
         task = self._task
         found = story(
-            read_decoded(decoded),
-            lambda stimulus: TASKS[task](self.channels, stimulus, stimulus),  # mm, or degrees
+            load_taps(decoded),
+            self._asked,
             PERIODS_MM if self._grating else STEPS_DEG,
             self.period_mm if self._grating else self.step_deg,
             "period of the grating (mm)" if self._grating else "step between alternatives (deg)",
@@ -110,6 +111,12 @@ class Touch(Asks, Shows):
     @property
     def _task(self) -> str:
         return self.task or ("same-different" if self._grating else "edge-turn")
+
+    def _asked(self, stimulus: float | None = None) -> Tactile:
+        """Return the task, by default with the stimulus of the options, mm or degrees."""
+        default = self.period_mm if self._grating else self.step_deg
+        value = default if stimulus is None else stimulus
+        return tactile_task(self._task, self.channels, period_mm=value, step_deg=value)
 
     @property
     def _simulated(self) -> dict[str, Any]:
@@ -147,7 +154,7 @@ class Touch(Asks, Shows):
             check_idle(self, ["mm_per_px", "step_deg"], "simulated taps of gratings")
             if self.period_mm not in PERIODS_MM:
                 raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
-        TASKS[self._task](self.channels, self.period_mm, self.step_deg)
+        self._asked()
 
     def _decoded(self) -> Path:
         """Return the table of decoded held-out taps; existing results are used."""
@@ -161,7 +168,7 @@ class Touch(Asks, Shows):
             steps.make(decoded, Decode(decoder, self.held_out, decoded, **own))
             return decoded
         training, held_out = self.folder / "training.npz", self.folder / "held_out.npz"
-        yaws = TASKS[self._task](self.channels, self.period_mm, self.step_deg).yaws_deg  # type: ignore[attr-defined]
+        yaws = self._asked().yaws_deg  # type: ignore[attr-defined]
         sensor: dict[str, Any] = {**self._simulated, "workers": self.workers, "seed": self.seed}
         steps.make(training, Simulate(training, taps=self.taps, **sensor))
         steps.make(decoder, Train(training, decoder, seed=self.seed, **fit))

@@ -142,12 +142,13 @@ class Watch(Asks, Writes):
         from bgmodel.integrators.sprt import Msprt
         from bgmodel.tactile.decoder import Decoder
         from bgmodel.tactile.recordings import Tracker
-        from bgmodel.tactile.source import check_decoder, read_decoded, source
-        from bgmodel.tactile.task import TASKS
+        from bgmodel.tactile.source import check_decoder, load_taps, source
+        from bgmodel.tactile.task import tactile_task
         from circuits.anatomy import load_circuit
 
         decoder = Decoder.load(self.decoder)
-        task = TASKS[self.task](self.channels, self.period_mm, self.step_deg)
+        stimulus = {"period_mm": self.period_mm, "step_deg": self.step_deg}
+        task = tactile_task(self.task, self.channels, **stimulus)
         if decoder.training.network != task.stimulus:
             raise InputError(
                 f"task {self.task} needs a decoder of taps of a {task.stimulus}, got one of "
@@ -156,7 +157,7 @@ class Watch(Asks, Writes):
                 self.decoder,
             )
         check_decoder(self.taps, self.decoder, decoder.about)
-        known = source(read_decoded(self.taps), task)
+        known = source(load_taps(self.taps), task)
         known.warn_if_silent()
         tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)
         zero_deg = self.first_deg if self.task == "edge-direction" else 0.0
@@ -164,7 +165,7 @@ class Watch(Asks, Writes):
 
         def read(path: Path) -> Array | None:
             angles.append(float(decoder.decode(tracker.read(path))[task.column][0]) - zero_deg)
-            if len(angles) < task.taps:
+            if len(angles) < task.taps_per_reading:
                 return None
             reading = task.reading(angles)
             angles.clear()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
     Writes,
@@ -21,16 +21,20 @@ from bgmodel.commands.checks import (
 from bgmodel.learning.weights.critics import CRITICS
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import RULES
-from bgmodel.stimuli import OF_TASK, Stimuli
 from bgmodel.support import files
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import stream
-from circuits.errors import require
+from bgmodel.tactile.source import Tactile
+from bgmodel.tactile.task import SameDifferent
+from bgmodel.task import Task
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from bgmodel.learning.weights.features import Features, FeatureSource
     from bgmodel.learning.weights.learned import LearnedWeights
 
+TAPPED = SameDifferent()
+"""Default task."""
 SCORED = 2000
 """Number of held-out trials on which weights are scored."""
 
@@ -49,22 +53,10 @@ class WeightsLearn(Writes):
     """File for the table of weights, .parquet or .csv."""
     drawing: Path | None = None
     """File for a figure of learned against exact log-likelihoods, .pdf, .svg or .png."""
-    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "same-different"
+    task: OmitArgPrefixes[Task] = TAPPED
     """Tactile task."""
-    channels: int = 2
-    """Alternatives, 2..8."""
-    period_mm: float = 2.0
-    """Period of the grating, mm."""
-    step_deg: float = 5.0
-    """Degrees between the alternatives of a task with edges."""
-    taps: Path | None = None
-    """Taps decoded by `bgmodel decode`; by default the shipped ones."""
-    fold: int = 0
-    """Which sixth of the held-out taps is scored, 0..5."""
     units: int = 16
     """Number of sensory units."""
-    t_max: int = 40
-    """Largest number of readings in a trial."""
     rule: str = "confidence"
     """Rule that changes the weights: confidence, chosen, reinforce, covariance, hebbian, q or
     opal."""
@@ -100,8 +92,7 @@ class WeightsLearn(Writes):
             )
         test = held_out.draw(SCORED, rng=stream(self.seed, "learn-weights", "scored"))
         summary = _summary(learned, test)
-        idle = {"task", "period_mm", "step_deg"} - {"task", *OF_TASK[self.task]}
-        command = options_of(self, idle=idle)
+        command = options_of(self)
         files.write_table(
             learned.to_dataframe(), self.output, seed=self.seed, summary=summary, command=command
         )
@@ -117,33 +108,29 @@ class WeightsLearn(Writes):
     def _sources(self) -> tuple[FeatureSource, FeatureSource]:
         """Return the features of taps for learning and for scoring."""
         from bgmodel.learning.weights.sources import tap_features
-        from bgmodel.tactile.source import read_decoded
-        from bgmodel.tactile.task import TASKS
+        from bgmodel.tactile.source import load_taps
 
-        task = TASKS[self.task](self.channels, self.period_mm, self.step_deg)
-        options = {"units": self.units, "fold": self.fold, "t_max": self.t_max}
-        return tap_features(read_decoded(self.taps), task, **options)
+        task = self.task
+        assert isinstance(task, Tactile)
+        options = {"units": self.units, "fold": task.fold, "t_max": task.t_max}
+        return tap_features(load_taps(task.taps), task, **options)
 
     def _check(self) -> None:
         """Refuse invalid options before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        if not isinstance(self.task, Tactile):
+            raise InputError.of("task", "must be a tactile task", self.task.name)
         if self.drawing is not None:
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
-        check_whole(runs=self.runs, t_max=self.t_max)
+        check_whole(runs=self.runs)
         require(self.units >= 2, "units", "must be at least 2", self.units)
         require(self.rule in RULES, "rule", f"must be one of {', '.join(RULES)}", self.rule)
         known = self.critic is None or self.critic in CRITICS
         require(known, "critic", f"must be one of {', '.join(CRITICS)}", self.critic)
-        between = 1 / self.channels < self.posterior < 1
-        must = f"must be above {1 / self.channels:.3g}, chance, and below 1"
+        between = 1 / self.task.channels < self.posterior < 1
+        must = f"must be above {1 / self.task.channels:.3g}, chance, and below 1"
         require(between, "posterior", must, self.posterior)
-        asked = Stimuli(
-            task=self.task, channels=self.channels, period_mm=self.period_mm,
-            step_deg=self.step_deg, taps=self.taps, fold=self.fold,
-        )  # fmt: skip
-        asked.check()
-        asked.check_idle()
-        numbers = 8.0 * self.runs * (3 * self.learner.trials + 300.0 * self.t_max * self.units)
+        numbers = 8.0 * self.runs * (3 * self.learner.trials + 300.0 * self.task.t_max * self.units)
         check_memory(numbers, f"{self.runs} runs of {self.learner.trials} trials")
 
 

@@ -19,9 +19,9 @@ from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.names import CircuitName, EngineName
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
 from circuits.differences import differences
@@ -102,14 +102,14 @@ def planned(
     )  # fmt: skip
 
 
-def _task(design: Design, step_ms: float, median: float) -> Stimuli:
+def _task(design: Design, step_ms: float, median: float) -> Gaussian:
     """Return the probe trials of a task; the circuit's trials end a step after the last reading."""
     probe = design.probe
     trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
     readings = max(1, round(design.deadline_ms / step_ms) - 1)
-    return Stimuli(
-        channels=probe.channels, d_prime=probe.d_prime, conflict=probe.conflict, trials=trials,
-        t_max=readings, step_ms=step_ms,
+    return Gaussian(
+        probe.channels, probe.d_prime, probe.conflict, trials=trials, t_max=readings,
+        step_ms=step_ms,
     )  # fmt: skip
 
 

@@ -147,7 +147,7 @@ class Task:
     name, about : str
         Its name, and what it models.
     channels, d_prime, step_ms, readings, conflict, expectancy_nats, expectancy_ms :
-        As for ``bgmodel.Stimuli``; ``readings`` is the largest number in a trial.
+        As for ``bgmodel.Gaussian``; ``readings`` is the largest number in a trial.
     coherence : float
         Difference between the mean evidence of the true alternative and of the others, as a share
         of that for which the likelihoods hold, as where strengths are interleaved.

@@ -22,7 +22,7 @@ from bgmodel.bootstrap import (
     check_trials,
     interval,
 )
-from bgmodel.conditions import Observed
+from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.kept import Kept
@@ -38,7 +38,6 @@ from bgmodel.experiments.record import (
 )
 from bgmodel.experiments.writing import python_text, toml_text
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts

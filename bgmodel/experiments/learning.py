@@ -11,11 +11,12 @@ from bgmodel.learning.weights.critics import CRITICS
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import RULES
 from bgmodel.learning.weights.sources import UNITS, GaussianFeatures, tap_features
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import stream
+from bgmodel.tactile.source import Tactile
+from bgmodel.task import Gaussian, Task
 from circuits.checks import check_types
 from circuits.errors import InputError, require
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.learning.weights.features import Features, FeatureSource
     from bgmodel.learning.weights.learned import LearnedWeights
-
-PLAIN = Stimuli()
 
 
 @dataclass(frozen=True)
@@ -84,37 +83,36 @@ class Learning:
         more = "".join(f", {name} {value}" for name, value in others.items())
         return f"learned from {self.trials} trials by the rule {self.rule}{more}"
 
-    def check(self, task: Stimuli) -> None:
+    def check(self, task: Task) -> None:
         """Raise ValueError for a task without sensory units, or learning that does not fit it."""
-        if task.evidence is not None:
+        if not isinstance(task, Gaussian | Tactile):
             raise InputError(
                 "an evidence table has no sensory units to learn from: [learning] needs Gaussian "
                 "evidence or a tactile task",
                 "learning",
             )
         for name in ("conflict", "expectancy_nats"):
-            value = getattr(task, name)
-            must = "must be 0 with [learning]"
-            require(value == getattr(PLAIN, name), name, must, value)
+            value = getattr(task, name, 0.0)
+            require(value == 0, name, "must be 0 with [learning]", value)
         chance = 1 / task.channels
         must = f"must be above {chance:.3g}, chance, and below 1"
         require(chance < self.posterior < 1, "posterior", must, self.posterior, owner="learning")
         # Blocks of 250 trials of each run are drawn at a time, and a sample of 1000.
-        units = self.units * (task.channels if task.task == "gaussian" else 1)
+        units = self.units * (task.channels if isinstance(task, Gaussian) else 1)
         drawn = (300.0 * self.runs + 1000 + task.trials) * task.t_max * units
         what = f"{self.runs} runs of {self.trials} trials with {self.units} units"
         check_memory(8.0 * (3 * self.runs * self.trials + drawn), what)
 
-    def features(self, task: Stimuli, seed: int) -> Features:
+    def features(self, task: Task, seed: int) -> Features:
         """Return the readings that count, with their sensory units and exact likelihoods."""
         return self._sources(task)[1].draw(task.trials, rng=stream(seed, "experiment"))
 
-    def learned(self, task: Stimuli, model: BasalGanglia, seed: int) -> LearnedWeights:
+    def learned(self, task: Task, model: BasalGanglia, seed: int) -> LearnedWeights:
         """Return the weights of each run.
 
         Parameters
         ----------
-        task : Stimuli
+        task : Task
             The task.
         model : BasalGanglia
             The circuit that decides while it learns, if it does.
@@ -134,19 +132,17 @@ class Learning:
             return learn_weights_in_circuit(source, InCircuit(model, self.posterior), **same)
         return learn_weights(source, decider=FixedPoint(criterion=self.posterior), **same)
 
-    def _sources(self, task: Stimuli) -> tuple[FeatureSource, FeatureSource]:
+    def _sources(self, task: Task) -> tuple[FeatureSource, FeatureSource]:
         """Return the readings that teach, and those that count."""
         timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
-        if task.task == "gaussian":
+        if isinstance(task, Gaussian):
             drawn = GaussianFeatures(task.d_prime, task.channels, self.units, **timing)
             return drawn, drawn
-        from bgmodel.tactile.source import read_decoded
-        from bgmodel.tactile.task import TASKS
+        from bgmodel.tactile.source import load_taps
 
-        asked = TASKS[task.task](task.channels, task.period_mm, task.step_deg)
-        return tap_features(
-            read_decoded(task.taps), asked, units=self.units, fold=task.fold, **timing
-        )
+        assert isinstance(task, Tactile)
+        taps = load_taps(task.taps)
+        return tap_features(taps, task, units=self.units, fold=task.fold, **timing)
 
     def _learner(self) -> WeightLearner:
         return WeightLearner(

@@ -41,7 +41,6 @@ from bgmodel.experiments.record import (
     unchanged,
 )
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.stimuli import OF_TASK, Stimuli
 from circuits.anatomy import load_circuit
 
 VERDICTS = {
@@ -207,7 +206,7 @@ def _below_chance(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
 
 def _channels(experiment: ExperimentRecord) -> int:
     """Return the number of alternatives."""
-    if experiment.task.evidence is None:
+    if experiment.task.file is None:
         return experiment.task.channels
     return experiment.hypotheses
 
@@ -345,7 +344,7 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
         gain = gain_of(load_circuit(experiment.circuit, _channels(experiment)))
     trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
     return (
-        f"task {_task(experiment.task)}; engine {experiment.engine}; {trials} trials per "
+        f"task {experiment.task.text}; engine {experiment.engine}; {trials} trials per "
         f"condition; gain {gain:g}; posterior {experiment.stopping}; circuit "
         f"{experiment.circuit}; {_learned(experiment)}seed {experiment.seed}"
     )
@@ -357,14 +356,6 @@ def _learned(experiment: ExperimentRecord) -> str:
     if texts[0] == texts[1]:
         return "" if experiment.learnings[0] is None else f"{texts[0]}; "
     return f"{texts[0]} (control), {texts[1]}; "
-
-
-def _task(task: Stimuli) -> str:
-    """Return the task with its most important setting."""
-    if task.evidence is not None:
-        return task.evidence.name
-    name = next(name for name in OF_TASK[task.task] if name != "channels")
-    return f"{task.task}, {task.channels} alternatives, {name} {getattr(task, name):g}"
 
 
 def predicted(
@@ -443,7 +434,7 @@ def unknown(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
 def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return why a condition has no diffusion parameters, one line per condition."""
     predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
-    if not predicted and (experiment.task.evidence is not None or experiment.task.channels != 2):
+    if not predicted and (experiment.task.file is not None or experiment.task.channels != 2):
         return []
     values = table.set_index(["condition", "measure"])["value"]
     found = []

@@ -16,8 +16,8 @@ from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.arrays import Integers
+from bgmodel.tables.evidence import EvidenceTable
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require
@@ -78,8 +78,7 @@ class ExperimentRecord(Observed):
             must = "must be one of a task without stop signals: there is no [stop]"
             for measure in [one.measure for one in self.predictions] + [one[0] for one in told]:
                 require(measure not in OF_STOP, "measure", must, measure)
-        self.task.check_idle(Stimuli())
-        if self.task.evidence is None:
+        if not isinstance(self.task, EvidenceTable):
             self._check_truth(self.task.channels)
         for changes in (self.control, self.manipulation):
             self.condition(changes)

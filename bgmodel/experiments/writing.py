@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bgmodel.experiments.record import ExperimentRecord
+from bgmodel.task import Gaussian, Task
 from circuits.declaration.edits import Edits
 
 TO_PREDICT = """
@@ -66,6 +67,8 @@ def _is_table(value: Any) -> bool:
 
 def _plain(value: Any) -> Any:
     """Return a value as TOML has it."""
+    if isinstance(value, Task) and not isinstance(value, Gaussian):
+        return {"name": value.name} | {name: _plain(inner) for name, inner in _changed(value)}
     if is_dataclass(value):
         # None has no TOML; a field that may be None has it as its default.
         return {name: _plain(inner) for name, inner in _changed(value) if inner is not None}

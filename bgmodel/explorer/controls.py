@@ -179,9 +179,9 @@ class Controls:
         for name, widget in self.numbers.items():
             record = {"task": task, "run": experiment, "trial": state}[NUMBERS[name][1]]
             widget.value = getattr(record, name)
-            drawn = NUMBERS[name][1] != "task" or name == "step_ms" or task.evidence is None
+            drawn = NUMBERS[name][1] != "task" or name == "step_ms" or task.file is None
             widget.disabled = not drawn
-        self.evidence.value = str(task.evidence or "")
+        self.evidence.value = str(task.file or "")
         self.preset.value, self.file.value, self.line.value = CHOOSE, "", ""
         self.dopamine.value = rows.dopamine(state)
         stop = experiment.stop

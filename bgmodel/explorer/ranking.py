@@ -60,7 +60,7 @@ def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
 def _few(state: State) -> State:
     """Return a state with few trials."""
     task = state.experiment.task
-    if task.evidence is not None or task.trials <= TRIALS:
+    if task.file is not None or task.trials <= TRIALS:
         return state
     return state.with_setting("trials", TRIALS)
 

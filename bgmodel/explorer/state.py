@@ -20,9 +20,10 @@ from bgmodel.bootstrap import check_trials
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
+from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.task import Gaussian, Task
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits
@@ -38,7 +39,6 @@ TRIALS, READINGS, POSTERIOR = 1000, 120, 0.74
 """Settings of a new state, those of most included experiments, with fewer trials."""
 MOST_TRIALS = 4000
 """Largest number of trials in the explorer; an included experiment with more begins with 1 000."""
-OF_TASK = tuple(field.name for field in fields(Stimuli))
 OF_RUN = ("posterior", "threshold", "gain", "seed", "engine", "circuit")
 OF_STOP = tuple(field.name for field in fields(StopTask))
 MOST_TEXT = 100_000
@@ -110,8 +110,9 @@ class State:
         Parameters
         ----------
         name : str
-            A field of ``Stimuli``; one of ``Experiment`` (posterior, threshold, gain, seed, engine,
-            circuit); ``trial``; or ``stop.`` and a field of ``StopTask``, or ``stop`` with None.
+            A setting of the task; ``evidence``, the file of a table of your own, or None; one of
+            ``Experiment`` (posterior, threshold, gain, seed, engine, circuit); ``trial``; or
+            ``stop.`` and a field of ``StopTask``, or ``stop`` with None.
         value : object
             Its new value; None for a setting that is left out.
         """
@@ -126,13 +127,13 @@ class State:
             return self._with(stop=stop, **self._unnamed())
         if name == "evidence":
             return self._with(task=self._task_of(value), **self._unnamed())
-        if name in OF_TASK:
-            task = replace(self.experiment.task, **{name: value})
+        task = self.experiment.task
+        if name in (own := task.settings()):
+            task = task.changed(**{name: value})
             if name == "trials":
-                task.check()  # the command's order: what is no number of trials at all comes first
                 check_trials(value)
             return self._with(task=task, **self._unnamed())
-        require(name in OF_RUN, "name", f"must be one of {', '.join((*OF_TASK, *OF_RUN))}", name)
+        require(name in OF_RUN, "name", f"must be one of {', '.join((*own, *OF_RUN))}", name)
         if value is not None and name in ("circuit", "engine"):
             value = (CircuitName if name == "circuit" else EngineName)(value)
         other = {"posterior": "threshold", "threshold": "posterior"}.get(name)
@@ -147,12 +148,12 @@ class State:
         experiment = replace(self.experiment, **changes)
         return State(experiment, min(self.trial, experiment.trials - 1))
 
-    def _task_of(self, table: str | Path | None) -> Stimuli:
+    def _task_of(self, table: str | Path | None) -> Task:
         """Return the task of an evidence table, or the usual one without a table."""
         step_ms = self.experiment.task.step_ms
         if table is None:
-            return Stimuli(trials=TRIALS, t_max=READINGS, step_ms=step_ms)
-        return Stimuli(evidence=Path(table), step_ms=step_ms)
+            return Gaussian(trials=TRIALS, t_max=READINGS, step_ms=step_ms)
+        return EvidenceTable(Path(table), step_ms=step_ms)
 
     def _unnamed(self) -> dict[str, Any]:
         """Return the fields of an experiment that no longer describe it."""
@@ -271,9 +272,10 @@ def opened(name: str | Path) -> State:
 
 def _few(experiment: Experiment) -> Experiment:
     """Return an experiment with few enough trials for an interactive view."""
-    if experiment.task.evidence is not None or experiment.task.trials <= MOST_TRIALS:
+    task = experiment.task
+    if isinstance(task, EvidenceTable) or task.trials <= MOST_TRIALS:
         return experiment
-    return replace(experiment, task=replace(experiment.task, trials=TRIALS))
+    return replace(experiment, task=task.changed(trials=TRIALS))
 
 
 def of_circuit(name: str) -> State:
@@ -287,7 +289,7 @@ def of_circuit(name: str) -> State:
             name=NAME,
             note=NOTE,
             circuit=CircuitName(name),
-            task=Stimuli(channels=channels, trials=TRIALS, t_max=READINGS),
+            task=Gaussian(channels, trials=TRIALS, t_max=READINGS),
             posterior=POSTERIOR,
             manipulation=Changes(),
         )

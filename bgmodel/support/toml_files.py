@@ -63,12 +63,18 @@ def _given(path: Path) -> dict[str, Any]:
     return parsed_toml(text, path.name)
 
 
-def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
-    """Return a dataclass from the contents of a file; ``name`` is the file's name in errors."""
+def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -> T:
+    """Return a dataclass from the contents of a file, or of a part of it.
+
+    Errors begin with ``name``, that of the file; "" for a part, whose key in the file is
+    ``inside``.
+    """
     from pydantic import ValidationError
 
+    before = f"{name}: " if name else ""
+
     def refused(value: object) -> None:
-        raise InputError(f"{name}: no key takes a date or a time, got {value}", "path", name)
+        raise InputError(f"{before}no key takes a date or a time, got {value}", "path", name)
 
     try:
         # JSON mode accepts lists for tuples but makes no other conversions.
@@ -78,18 +84,20 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
         wrongs = error.errors(include_url=False)
     # A misspelt key is also a missing one; the first error is more helpful.
     wrong = min(wrongs, key=lambda e: (e["type"] != UNKNOWN, e["type"] != "missing"))
-    key = ".".join(str(part) for part in wrong["loc"]) or "the whole"
+    place = [inside] * bool(inside) + [str(part) for part in wrong["loc"]]
+    key = ".".join(place) or "the whole"
     if wrong["type"] == UNKNOWN:
         allowed = ", ".join(_keys(kind, wrong["loc"][:-1]))
-        raise InputError(f"{name}: there is no key {key!r}; there are {allowed}", key)
+        raise InputError(f"{before}there is no key {key!r}; there are {allowed}", key)
     if wrong["type"] == "missing":
-        raise InputError(f"{name}: the key {key!r} is missing", key)
+        raise InputError(f"{before}the key {key!r} is missing", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if wrong["type"] == "value_error":
         field = getattr(wrong["ctx"]["error"], "field", key)
+        named = key in ("the whole", inside) or says.startswith((key, "there is no key"))
         if says.startswith("it must"):
-            raise InputError(f"{name}: {key}{says.removeprefix('it')}", key)
-        raise InputError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}", field)
+            raise InputError(f"{before}{key}{says.removeprefix('it')}", key)
+        raise InputError(f"{before}{'' if named else key + ': '}{says}", field)
     raise InputError.of(key, f"{says}", wrong["input"], owner=name)
 
 
@@ -107,4 +115,5 @@ def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
         kind = get_type_hints(kind)[part] if isinstance(part, str) else get_args(kind)[0]
         if isinstance(kind, UnionType):
             kind = next(one for one in get_args(kind) if one is not NoneType)
-    return [field.name for field in fields(kind)]
+    own = sorted(fields(kind), key=lambda field: bool(field.kw_only))
+    return [field.name for field in own]

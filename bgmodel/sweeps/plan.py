@@ -14,17 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.conditions import Observed, read_once
+from bgmodel.conditions import Observed, circuit_seen_from, seen_from
 from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.integrators.criterion import fitting_gain, gain_of, largest_lead, lead_of
 from bgmodel.integrators.given import identity
-from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
+from bgmodel.tables.evidence import EvidenceTable, read_once, trials_of
 from bgmodel.tables.trials import Trials
-from bgmodel.tactile.source import SHIPPED
+from bgmodel.tactile.source import SHIPPED, Tactile
+from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
 from bgmodel.version import __version__
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
@@ -42,12 +43,8 @@ Value = bool | int | float | str
 class Point(Observed):
     """One point of a sweep: all that its decisions depend on."""
 
-    task: Stimuli = field(default_factory=lambda: Stimuli(trials=1000))
+    task: Task = field(default_factory=lambda: Gaussian(trials=1000))
     """The task, with the number of `trials` at each point."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.task.check_idle(Stimuli(trials=self.task.trials))
 
     @cached_property
     def edited(self) -> Circuit:
@@ -66,17 +63,15 @@ class Point(Observed):
     @property
     def steps(self) -> int:
         """Number of readings of the longest trial."""
-        if self.task.evidence is None:
-            return self.task.t_max
-        return read_once(self.task).evidence.steps
+        return self.task.t_max
 
     def block(self, first: int, trials: int) -> Trials:
         """Return the trials of a block."""
-        if self.task.evidence is not None:
+        if isinstance(self.task, EvidenceTable):
             whole = read_once(self.task)
             numbers = np.arange(whole.evidence.trials)
             return whole.where((numbers >= first) & (numbers < first + trials))
-        return replace(self.task, trials=trials).draw(self.block_seed(first), "sweep")
+        return trials_of(self.task.changed(trials=trials), self.block_seed(first), "sweep")
 
     def block_seed(self, first: int) -> int:
         """Return the seed of evidence and noise for the block that begins with trial ``first``."""
@@ -91,11 +86,11 @@ class Point(Observed):
 
 
 @cache
-def lead_of_task(task: Stimuli, seed: int) -> float:
+def lead_of_task(task: Task, seed: int) -> float:
     """Return the lead of the first trials of a sweep, which points with one task share."""
-    if task.evidence is not None:
-        return lead_of(read_once(task).evidence)
-    return lead_of(replace(task, trials=min(task.trials, OF_LEAD)).draw(seed, "sweep").evidence)
+    if not isinstance(task, EvidenceTable):
+        task = task.changed(trials=min(task.trials, OF_LEAD))
+    return lead_of(trials_of(task, seed, "sweep").evidence)
 
 
 OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits", "stop"))
@@ -121,9 +116,9 @@ class Shard:
         """All that its numbers depend on."""
         of = self.point
         task = {**of.task.used(), "trials": self.trials}
-        if of.task.evidence is not None:
-            task["evidence"] = files.checksum(of.task.evidence)
-        elif of.task.task != "gaussian":
+        if isinstance(of.task, EvidenceTable):
+            task["evidence"] = files.checksum(of.task.file)
+        elif isinstance(of.task, Tactile):
             task["taps"] = files.checksum(of.task.taps or SHIPPED)
         return {
             "circuit": identity(of.edited),
@@ -246,7 +241,11 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
 
 def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
     """Return the fields of a point, as in a file."""
-    values = asdict(same)
+    values = asdict(same) | {"task": same.task.settings()}
+    other = "table" if "task.evidence" in point else point.get("task.name", same.task.name)
+    if other != same.task.name:
+        has = [each.name for each in fields(kind_of(str(other)))]
+        values["task"] = {k: v for k, v in values["task"].items() if k in has}
     values["stop"] = None if same.stop is None else same.stop.used()
     made: list[str] = []
     left_out: list[str] = []
@@ -266,9 +265,6 @@ def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, 
             (made if value else left_out).append(key)
         else:
             made.append(_line(key, value))
-    for name in ("evidence", "taps"):
-        if values["task"][name] is not None:
-            values["task"][name] = str(values["task"][name])
     return values | {"edits": same.edits.replacing(made, left_out)}
 
 
@@ -284,7 +280,7 @@ def _line(key: str, value: Value) -> str:
     """Return the edit of a key and its value; ValueError unless it begins with a verb."""
     verb = key.partition(" ")[0]
     if verb not in VERBS:
-        of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        of_task = [f"{TASK}{name}" for name in settings_of_tasks()]
         of_stop = [f"{STOP}{f.name}" for f in fields(StopTask)]
         every = ", ".join((*OWN, *of_task, *of_stop))
         raise InputError(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +16,15 @@ import pandas as pd
 
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import whole
+from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.likelihood import Density, Likelihood, fit_likelihood
-from bgmodel.tactile.task import TASKS, Task
+from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
+from bgmodel.task import Drawn
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
 FOLDS = 6
+MOST_HYPOTHESES = 8
 STEP_MS = 500.0
 COPIED = 0.01
 """Share of duplicate taps from which a warning is given."""
@@ -123,6 +124,84 @@ class Source:
         return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Tactile(Drawn):
+    """A tactile task: its hypotheses, how decoded taps become readings, and which taps."""
+
+    taps: Path | None = None
+    """Taps decoded by `bgmodel decode`, .parquet or .csv; by default the shipped ones, of a
+    simulated sensor on gratings."""
+    fold: int = 0
+    """Which sixth of the held-out taps is scored, 0..5."""
+
+    stimulus: ClassVar[str]
+    """Stimulus to be tapped, a name in ``taps.STIMULI``."""
+    column: ClassVar[str]
+    """Column of the decoded taps that the task uses."""
+    taps_per_reading: ClassVar[int]
+    """Number of taps per reading."""
+    range_deg: ClassVar[tuple[float, float]]
+    """Range of readings, degrees."""
+    circular: ClassVar[bool]
+    """Whether the ends of this range are the same."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.taps, str):
+            object.__setattr__(self, "taps", Path(self.taps))
+        require(isinstance(self.taps, Path | None), "taps", "must be a path", self.taps)
+        super().__post_init__()
+        require(0 <= self.fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", self.fold)
+        check_range(0, np.inf, **{self.main: getattr(self, self.main)})
+        within = 2 <= self.channels <= MOST_HYPOTHESES
+        must = f"must be 2 to {MOST_HYPOTHESES} in a tactile task"
+        require(within, "channels", must, self.channels)
+
+    @property
+    def where(self) -> str:
+        """Description of the stimulus, for use in messages."""
+        raise NotImplementedError
+
+    def pool(self, taps: pd.DataFrame) -> list[Array]:
+        """Return the data used from decoded taps: one array per kind of tap, one row per tap."""
+        raise NotImplementedError
+
+    def readings(self, pool: Pool) -> list[Array]:
+        """Turn a pool, or part of one, into readings: one array per hypothesis, degrees."""
+        raise NotImplementedError
+
+    def reading(self, angles_deg: Sequence[float]) -> float:
+        """Combine the decoded angles of ``taps_per_reading`` taps into one reading, degrees."""
+        raise NotImplementedError
+
+    def used(self) -> dict[str, Any]:
+        """Return the settings in effect, for provenance, with the decoder of a table of taps."""
+        more = {} if self.taps is None else {"decoder": decoder_of(self.taps).get("sha256")}
+        return super().used() | more
+
+    def source(
+        self, taps: pd.DataFrame | str | Path | None = None, density: Density | None = None
+    ) -> Source:
+        """Return all readings of the task; warn if they are uninformative.
+
+        Parameters
+        ----------
+        taps : DataFrame or path, optional
+            Decoded taps, or their file, in place of the task's own.
+        density : Density, optional
+            How likelihoods are estimated.
+        """
+        found = source(load_taps(self.taps if taps is None else taps), self,
+                       fold=self.fold, density=density)  # fmt: skip
+        found.warn_if_silent()
+        return found
+
+    def _drawn(
+        self, rng: np.random.Generator, prior: Sequence[float] | None, **more: Any
+    ) -> Evidence:
+        readings = self.source(**more)
+        return readings.draw(self.trials, self.t_max, rng=rng, prior=prior, step_ms=self.step_ms)
+
+
 @dataclass(frozen=True)
 class Folds:
     """Readings of several folds of taps; trial k is drawn from fold k mod the number of folds.
@@ -179,8 +258,15 @@ def held_out_taps() -> pd.DataFrame:
     return pd.read_parquet(SHIPPED).astype("float64")
 
 
-def read_decoded(path: Path | None = None) -> pd.DataFrame:
-    """Return a table of decoded taps, as written by ``bgmodel decode``, or the included one.
+def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
+    """Return decoded taps: a table, a file as written by ``bgmodel decode``, or those included.
+
+    Parameters
+    ----------
+    taps : DataFrame or path, optional
+        Columns period_mm and yaw_deg, degrees, with psi_deg and orientation_deg, for gratings; or
+        yaw_deg and edge_deg, degrees, for an edge. By default the table of held-out taps of a
+        simulated sensor on gratings.
 
     Raises
     ------
@@ -188,8 +274,12 @@ def read_decoded(path: Path | None = None) -> pd.DataFrame:
         If it cannot be read, or if its decoder was trained on some of these taps: its accuracy on
         them would not generalise to new taps.
     """
-    if path is None:
+    if isinstance(taps, pd.DataFrame):
+        return taps  # as loaded, or a user's own
+    if taps is None:
         return held_out_taps()
+    require(isinstance(taps, str | Path), "taps", "must be a table or a path", taps)
+    path = Path(taps)
     table = read_table(path)
     known = table["trained_on"].sum() if "trained_on" in table else 0
     if known:
@@ -242,7 +332,7 @@ def check_decoder(path: Path, decoder: Path, about: dict[str, Any]) -> None:
 
 def source(
     taps: pd.DataFrame,
-    task: Task,
+    task: Tactile,
     *,
     fold: int = 0,
     count: int = FOLDS,
@@ -253,8 +343,8 @@ def source(
     Parameters
     ----------
     taps : DataFrame
-        Decoded taps, as from ``read_decoded``.
-    task : Task
+        Decoded taps, as from ``load_taps``.
+    task : Tactile
         The task, such as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
     fold : int
         Fold from which readings are taken; tap k of each kind is in fold k mod ``count``.
@@ -284,7 +374,7 @@ def source(
     return Source([likelihood(x) for x in rest], task.names, likelihood, task.where)
 
 
-def folds(taps: pd.DataFrame, task: Task, count: int = FOLDS) -> Folds:
+def folds(taps: pd.DataFrame, task: Tactile, count: int = FOLDS) -> Folds:
     """Return the readings of all folds of the held-out taps.
 
     Parameters
@@ -294,37 +384,3 @@ def folds(taps: pd.DataFrame, task: Task, count: int = FOLDS) -> Folds:
     """
     every = range(whole("folds", count, 2))
     return Folds([source(taps, task, fold=fold, count=count) for fold in every])
-
-
-def readings_of(
-    task: str,
-    count: int,
-    *,
-    period_mm: float,
-    step_deg: float,
-    taps: Path | None,
-    fold: int,
-    density: Density | None = None,
-) -> Source:
-    """Return the readings of a task given by name; warn if they are uninformative.
-
-    Parameters
-    ----------
-    task : str
-        A name in ``TASKS``.
-    count : int
-        Number of hypotheses.
-    period_mm, step_deg : float
-        Period of gratings, mm, and step between edge hypotheses, degrees.
-    taps : path, optional
-        Table of decoded taps; by default the one included in the package.
-    fold, density :
-        As for ``source``.
-    """
-    if task not in TASKS:
-        raise InputError.of("task", f"must be one of {', '.join(TASKS)}", task)
-    found = source(
-        read_decoded(taps), TASKS[task](count, period_mm, step_deg), fold=fold, density=density
-    )
-    found.warn_if_silent()
-    return found

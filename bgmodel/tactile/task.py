@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from bgmodel.support.arrays import Array
+from bgmodel.support.checks import check_range
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
+from bgmodel.tactile.source import Tactile
+from bgmodel.task import Task, kind_of
 from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
@@ -19,48 +22,12 @@ if TYPE_CHECKING:
 
 TOLERANCE_DEG = 0.5
 """Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
-MOST_HYPOTHESES = 8
 MANY = 30
 """Number of taps from which their yaws are checked for radians."""
 
 
-class Task(Protocol):
-    """A tactile task: its hypotheses, and how decoded taps become readings."""
-
-    stimulus: ClassVar[str]
-    """Stimulus to be tapped, a name in ``taps.STIMULI``."""
-    column: ClassVar[str]
-    """Column of the decoded taps that the task uses."""
-    taps: ClassVar[int]
-    """Number of taps per reading."""
-    range_deg: ClassVar[tuple[float, float]]
-    circular: ClassVar[bool]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the hypotheses."""
-        ...
-
-    @property
-    def where(self) -> str:
-        """Description of the stimulus, for use in messages."""
-        ...
-
-    def pool(self, taps: pd.DataFrame) -> list[Array]:
-        """Return the data used from decoded taps: one array per kind of tap, one row per tap."""
-        ...
-
-    def readings(self, pool: Pool) -> list[Array]:
-        """Turn a pool, or part of one, into readings: one array per hypothesis, degrees."""
-        ...
-
-    def reading(self, angles_deg: Sequence[float]) -> float:
-        """Combine the decoded angles of ``taps`` taps into one reading, degrees."""
-        ...
-
-
 @dataclass(frozen=True)
-class SameDifferent:
+class SameDifferent(Tactile):
     """Are two gratings the same (AA) or different (AB)? Burguete et al. (2023).
 
     The reading is ``Psi = psi_2 - psi_1``, the difference of two decoded angles.
@@ -73,12 +40,19 @@ class SameDifferent:
     b_deg: float = 45.0
     """Yaw of grating B, degrees; Burguete, Griffith & Lepora 2023."""
 
+    name: ClassVar[str] = "same-different"
+    main: ClassVar[str] = "period_mm"
+    channels: ClassVar[int] = 2
     stimulus: ClassVar[str] = "grating"
     column: ClassVar[str] = "psi_deg"
-    taps: ClassVar[int] = 2
+    taps_per_reading: ClassVar[int] = 2
     names: ClassVar[tuple[str, ...]] = ("S1", "S2")
     range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
     circular: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range(-180, 180, a_deg=self.a_deg, b_deg=self.b_deg)
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
@@ -106,27 +80,26 @@ class SameDifferent:
 
 
 @dataclass(frozen=True)
-class Orientations:
+class Orientation(Tactile):
     """Which of N evenly spaced orientations is it? The reading is the decoded orientation."""
 
-    count: int = 4
+    channels: int = 4
     """Number of orientations, 2 to 8."""
     period_mm: float = 2.0
     """Period of the grating, mm."""
 
+    name: ClassVar[str] = "orientation"
+    main: ClassVar[str] = "period_mm"
     stimulus: ClassVar[str] = "grating"
     column: ClassVar[str] = "orientation_deg"
-    taps: ClassVar[int] = 1
+    taps_per_reading: ClassVar[int] = 1
     range_deg: ClassVar[tuple[float, float]] = (-90.0, 90.0)
     circular: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        _check_count(self.count)
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
         """``-45 + 180 k / N`` degrees, within -90..90."""
-        return tuple((45 + 180 * k / self.count) % 180 - 90 for k in range(self.count))
+        return tuple((45 + 180 * k / self.channels) % 180 - 90 for k in range(self.channels))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,27 +125,28 @@ class Orientations:
 
 
 @dataclass(frozen=True)
-class _Edge:
+class _Edge(Tactile):
     """Task on an edge with hypotheses 0, D, ..., (N - 1) D degrees."""
 
-    count: int = 2
-    """Number of hypotheses, 2 to 8."""
+    channels: int = 2
+    """Number of alternatives, 2 to 8."""
     step_deg: float = 5.0
     """Angle D between neighbouring hypotheses, degrees."""
 
+    main: ClassVar[str] = "step_deg"
     stimulus: ClassVar[str] = "edge"
     column: ClassVar[str] = "edge_deg"
     range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
 
     def __post_init__(self) -> None:
-        _check_count(self.count)
-        most = 180 if self.count == 2 else 360 / self.count
+        super().__post_init__()
+        most = 180 if self.channels == 2 else 360 / self.channels
         require(0 < self.step_deg <= most, "step_deg", f"must be within 0..{most:g}", self.step_deg)
 
     @property
     def angles_deg(self) -> Array:
         """The hypotheses, degrees."""
-        return self.step_deg * np.arange(self.count, dtype=np.float64)
+        return self.step_deg * np.arange(self.channels, dtype=np.float64)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -206,7 +180,8 @@ class EdgeTurn(_Edge):
     of two decoded yaws.
     """
 
-    taps: ClassVar[int] = 2
+    name: ClassVar[str] = "edge-turn"
+    taps_per_reading: ClassVar[int] = 2
     circular: ClassVar[bool] = False
 
     def readings(self, pool: Pool) -> list[Array]:
@@ -239,7 +214,8 @@ class EdgeDirection(_Edge):
     This assumes that decoding errors are alike in all directions.
     """
 
-    taps: ClassVar[int] = 1
+    name: ClassVar[str] = "edge-direction"
+    taps_per_reading: ClassVar[int] = 1
     circular: ClassVar[bool] = True
 
     def readings(self, pool: Pool) -> list[Array]:
@@ -296,15 +272,18 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
     return taps[wanted]
 
 
-def _check_count(count: int) -> None:
-    within = 2 <= count <= MOST_HYPOTHESES
-    require(within, "count", f"must be 2 to {MOST_HYPOTHESES} hypotheses", count)
+def tactile_task(name: str, channels: int, **given: Any) -> Tactile:
+    """Return a tactile task by its name, with those of the given settings that it has.
 
-
-TASKS: dict[str, Callable[[int, float, float], Task]] = {
-    "same-different": lambda count, period_mm, step_deg: SameDifferent(period_mm),
-    "orientation": lambda count, period_mm, step_deg: Orientations(count, period_mm),
-    "edge-turn": lambda count, period_mm, step_deg: EdgeTurn(count, step_deg),
-    "edge-direction": lambda count, period_mm, step_deg: EdgeDirection(count, step_deg),
-}
-"""Tasks by name: functions of number of hypotheses, grating period (mm) and step (degrees)."""
+    Raises
+    ------
+    ValueError
+        If there is no such tactile task, or it has another number of alternatives.
+    """
+    if not issubclass(kind_of(name), Tactile):
+        raise InputError.of("task", "must be a tactile task", name)
+    found = Task.of(name, channels=channels, **given)
+    assert isinstance(found, Tactile)
+    same = found.channels == channels
+    require(same, "channels", f"must be {found.channels} with {name}", channels)
+    return found

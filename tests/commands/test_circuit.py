@@ -10,8 +10,8 @@ import pytest
 
 from bgmodel.conditions import Condition
 from bgmodel.integrators import steady
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import read_provenance
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from tests.helpers import long_table, run, some_evidence
 
@@ -188,7 +188,7 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
     for trial in (0, 2):
         path = tmp_path / f"{trial}.py"
         assert run("circuit", "export", path, "--trial", trial, *given) == 0
-        task = Stimuli(trials=3, t_max=2)
+        task = Gaussian(trials=3, t_max=2)
         asked = Condition(edits=Edits(edits), engine="brian2", gain=0.4, seed=4, task=task)
         evidence = asked.drawn("circuit run").evidence
         drive = asked.model(2).drive(evidence)[trial : trial + 1]

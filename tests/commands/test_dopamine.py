@@ -8,8 +8,8 @@ import pytest
 from bgmodel import Evidence, stream
 from bgmodel.cli import main
 from bgmodel.commands.dopamine import CircuitLearn
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import read_table
+from bgmodel.tables.evidence import EvidenceTable
 from bgmodel.tables.trials import Trials
 from tests.helpers import run
 
@@ -81,7 +81,7 @@ def test_both_halves_of_a_table_have_the_same_truths(order):
     truth = np.arange(60) % 2
     truth = {"in turn": truth, "in blocks": np.sort(truth)}.get(order, stream(2).permutation(truth))
     values = stream(1).normal(size=(60, 2, 2))
-    task = SimpleNamespace(condition=SimpleNamespace(task=Stimuli(evidence="mine.csv")))
+    task = SimpleNamespace(condition=SimpleNamespace(task=EvidenceTable("mine.csv")))
     given = Trials(Evidence(values, truth), ["a", "b"])
     halves = CircuitLearn._learned_and_scored(task, given)
     assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2

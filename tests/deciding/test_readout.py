@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bgmodel as bg
 from bgmodel import (
     BasalGanglia,
     Evidence,
@@ -227,13 +228,13 @@ def test_a_response_that_is_left_out_by_its_own_threshold_is_no_error():
 
 def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
     """In parts, with trials that end at their decision or with rates to their ends."""
-    from bgmodel.stimuli import Stimuli
     from bgmodel.support.files import read_table
+    from bgmodel.task import Gaussian
 
     out = tmp_path / "out.csv"
     given = ("--trials", 30, "--engine", "population", "--seed", 5, "--posterior", 0.85)
     assert run("circuit", "run", out, *given) == 0
-    evidence = Stimuli(trials=30).draw(5, "circuit run").evidence
+    evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
     model = BasalGanglia("macaque", "population", 0.55, 5)
     means = RateMeans()
     table = read_table(out)

@@ -19,8 +19,10 @@ from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
+from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tactile.task import EdgeTurn, SameDifferent
+from bgmodel.task import Gaussian
 from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
@@ -49,12 +51,16 @@ def test_a_file_says_what_is_run(experiment_file):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("trials = 120", "trails = 3", "there is no key 'task.trails'; there are evidence, task, "),
+        (
+            "trials = 120",
+            "trails = 3",
+            "there is no key 'task.trails'; there are channels, d_prime, ",
+        ),
         ("at_least", "at_last", "no key 'predictions.0.at_last'; there are measure, direction, "),
         ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are circuit, edits, "),
         ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
         ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
-        ("trials = 120", "trials = 0", "small.toml: trials must be at least 1, got 0"),
+        ("trials = 120", "trials = 0", "small.toml: task: trials must be at least 1, got 0"),
         ("trials = 120", "conflict = 2", "conflict must be within 0..1, below 1, got 2"),
         ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, choice_0, .*got 'mean'"),
@@ -107,12 +113,21 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
     in_words |= {"no end": np.inf, "never": np.inf}
     defaults = {
         f.name: f.default if f.default_factory is MISSING else f.default_factory()
-        for kind in (Experiment, Stimuli, Changes, StopTask)
+        for kind in (
+            Experiment,
+            EvidenceTable,
+            EdgeTurn,
+            SameDifferent,
+            Gaussian,
+            Changes,
+            StopTask,
+        )
         for f in fields(kind)
     }
     of_parts = ("manipulation", "control", "predictions", "task", "effects", "stop", "learning")
-    # `task` is a part of an experiment and a key of that part.
-    wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
+    # A task has a name too, with a default; with a table of evidence it needs none.
+    wanted = {k: v for k, v in defaults.items() if k not in of_parts}
+    wanted |= {"name": Gaussian.name, "evidence": None}
     wanted["posterior"] = POSTERIOR
     assert set(wanted) == set(rows)
     for key, text in rows.items():
@@ -129,7 +144,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     ]
     mine = tmp_path / "mine.csv"
     pd.DataFrame(rows).to_csv(mine, index=False)
-    own = replace(Experiment.from_toml(experiment_file), task=Stimuli(evidence=mine), truth=2)
+    own = replace(Experiment.from_toml(experiment_file), task=EvidenceTable(mine), truth=2)
     np.testing.assert_array_equal(own.given().evidence.log_likelihood, drawn[2::3])
     with refused(r"truth must be within 0..2"):
         replace(own, truth=3).given()

@@ -12,12 +12,14 @@ from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.record import Changes
 from bgmodel.learning.weights import learn
 from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.stimuli import Stimuli
+from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tactile.task import SameDifferent
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import NoiseWarning
 from tests.helpers import ROOT, refused
 
-GRATINGS = Stimuli(task="same-different", trials=120, t_max=20, step_ms=100.0)
+GRATINGS = SameDifferent(trials=120, t_max=20, step_ms=100.0)
 QUICK = Learning(trials=300, runs=2)
 PLAIN = Experiment(
     name="learning", note="for a test", task=GRATINGS, engine="rate", seed=3,
@@ -85,8 +87,8 @@ def test_a_circuit_learns_with_its_own_edits():
 @pytest.mark.parametrize(
     ("task", "says"),
     [
-        (Stimuli(conflict=0.3), "conflict must be 0"),
-        (Stimuli(expectancy_nats=1.0, expectancy_ms=100.0), "expectancy_nats must be 0"),
+        (Gaussian(conflict=0.3), "conflict must be 0"),
+        (Gaussian(expectancy_nats=1.0, expectancy_ms=100.0), "expectancy_nats must be 0"),
     ],
 )
 def test_tasks_without_sensory_units_are_refused(task, says):
@@ -96,7 +98,7 @@ def test_tasks_without_sensory_units_are_refused(task, says):
 
 def test_an_evidence_table_has_no_sensory_units():
     with refused("learning .*no sensory units"):
-        QUICK.check(Stimuli(evidence="mine.csv"))
+        QUICK.check(EvidenceTable("mine.csv"))
 
 
 @pytest.mark.parametrize("posterior", [0.0, 0.5, 1.0])
@@ -121,7 +123,7 @@ def test_every_setting_reaches_the_learner(monkeypatch):
     seen = {}
     monkeypatch.setattr(learn, "learn_weights", lambda source, **kw: seen.update(kw, source=source))
     asked = Learning(7, 3, "q", "mean", False, 0.7, 3.0, 2.0, 0.8, 5)
-    asked.learned(Stimuli(), None, seed=4)
+    asked.learned(Gaussian(), None, seed=4)
     learner = seen["learner"]
     assert (learner.trials, learner.gain_plus, learner.gain_minus) == (7, 3.0, 2.0)
     assert (seen["rule"], seen["critic"], seen["runs"], seen["seed"]) == ("q", "mean", 3, 4)

@@ -22,8 +22,8 @@ from bgmodel.experiments.outcomes import (
 )
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.experiments.record import Changes
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import CalibrationWarning, EditWarning
 from tests.helpers import behaving
@@ -422,7 +422,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     predictions = (Prediction("accuracy", direction, 0.01), Prediction("missed", direction, 0.01))
     asked = Experiment(
         name="", note="", engine="rate", circuit="macaque", predictions=predictions,
-        manipulation=Changes(Edits([edit])), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
+        manipulation=Changes(Edits([edit])), task=Gaussian(trials=100, t_max=40, d_prime=1.0),
     )  # fmt: skip
     with pytest.warns(EditWarning, match="no decision differs"):
         table = asked.run().measures

@@ -5,9 +5,9 @@ from dataclasses import replace
 from hypothesis import strategies as st
 
 from bgmodel.explorer.state import State, opened
-from bgmodel.stimuli import Stimuli
+from bgmodel.task import Gaussian
 
-FEW = Stimuli(trials=120, t_max=20, d_prime=1.0)
+FEW = Gaussian(trials=120, t_max=20, d_prime=1.0)
 """A task that is soon run."""
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.explorer.state import MOST_TRIALS, State, opened
-from bgmodel.stimuli import Stimuli
+from bgmodel.task import Gaussian
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 
@@ -120,5 +120,5 @@ def test_no_trials_at_all_are_refused_in_the_words_of_the_task():
     with pytest.raises(InputError) as here:
         small().with_setting("trials", 0)
     with pytest.raises(InputError) as there:
-        Stimuli(trials=0).check()
+        Gaussian(trials=0)
     assert str(here.value) == str(there.value)

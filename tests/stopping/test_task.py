@@ -15,7 +15,6 @@ from bgmodel.conditions import STREAM, Observed
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.circuit import decide_with_stop, receiving
 from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
@@ -24,10 +23,11 @@ from bgmodel.stopping.task import StopTask, decided
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
+from bgmodel.task import Gaussian
 from circuits.errors import DataWarning, EditWarning
 from tests.helpers import refused, unwarned
 
-TASK = Stimuli(d_prime=0.35, step_ms=10.0, t_max=100, trials=600)
+TASK = Gaussian(d_prime=0.35, step_ms=10.0, t_max=100, trials=600)
 MODEL = bg.BasalGanglia("macaque", seed=3)
 LEVEL = MODEL.threshold(None, 0.82)
 

@@ -25,12 +25,12 @@ if __name__ == "__main__":
         pool.submit(work, sys.argv[1]).result()
 """
 UNGUARDED = """
-from bgmodel.stimuli import Stimuli
+from bgmodel.task import Gaussian
 from bgmodel.support.processes import processes
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 
-task = Stimuli(trials=20, t_max=5)
+task = Gaussian(trials=20, t_max=5)
 plan = Plan(task=task, engine="algebra", gain=0.7, grid={"task.d_prime": (0.4, 0.8)})
 RUN
 """

@@ -8,13 +8,13 @@ import pytest
 
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.measures import MEASURES
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
+from bgmodel.task import Gaussian
 from tests.helpers import behaving, refused, told
 
-TASK = Stimuli(trials=80, t_max=30)
+TASK = Gaussian(trials=80, t_max=30)
 
 
 def swept(tmp_path, **changed):
@@ -48,14 +48,14 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
 
 
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
-    long = Stimuli(trials=80, t_max=120)
+    long = Gaussian(trials=80, t_max=120)
     _, table = swept(tmp_path, grid={"lesion STN": (0.0, 1.0)}, engine="rate", task=long)
     remarks = table.drop_duplicates("lesion STN")["remark"]
     assert list(remarks) == ["", "the circuit decides without evidence"]
 
 
 def test_missed_trials_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.9,)}, task=Stimuli(trials=80, t_max=20))
+    _, table = swept(tmp_path, grid={"posterior": (0.9,)}, task=Gaussian(trials=80, t_max=20))
     missed = table[table["measure"] == "missed"]["value"].item()
     assert 0.05 < missed < 0.75
     assert set(table["remark"]) == {
@@ -65,7 +65,7 @@ def test_missed_trials_are_said(tmp_path):
 
 
 def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
-    task = Stimuli(trials=200, t_max=40)
+    task = Gaussian(trials=200, t_max=40)
     grid = {"task.conflict": (0.0, 0.9), "posterior": (0.7,)}
     _, table = swept(tmp_path, grid=grid, engine="population", gain=None, task=task)
     remarks = table.drop_duplicates("task.conflict").set_index("task.conflict")["remark"]
@@ -74,7 +74,7 @@ def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
 
 
 def test_too_few_decisions_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Stimuli(trials=80, t_max=1))
+    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
     assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
 
 
@@ -248,7 +248,7 @@ def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
 
 
 def test_a_circuit_that_decides_against_the_evidence_is_said_to(tmp_path):
-    long = Stimuli(trials=100, t_max=60)
+    long = Gaussian(trials=100, t_max=60)
     _, table = swept(tmp_path, grid={"dopamine": (0.0, 1.0)}, engine="rate", gain=None, task=long)
     remarks = list(table.drop_duplicates("dopamine")["remark"])
     assert ["against the evidence" in remark for remark in remarks] == [True, False]

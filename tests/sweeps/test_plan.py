@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
-from bgmodel.stimuli import Stimuli
 from bgmodel.stopping.task import StopTask
 from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
+from bgmodel.tactile.task import SameDifferent
+from bgmodel.task import Gaussian, settings_of_tasks
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import write
@@ -90,7 +91,7 @@ def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
     [
         ("STN = [0.1]", "the point STN = 0.1: there is no 'STN' to change; there are circuit"),
         ("'lesion STNN' = [0.1]", "the point lesion STNN = 0.1: .*macaque has no nucleus 'STNN'"),
-        ("'task.dprime' = [1]", "there is no key 'task.dprime'; there are evidence, task"),
+        ("'task.dprime' = [1]", "there is no key 'task.dprime'; there are .*d_prime"),
         ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
         ("'set STN.bias' = [1]", "the point set STN.bias = 1: 'set STN.bias 1': STN has no 'bias'"),
         ("'lesion STN' = [0.1, 1.5]", r"'lesion STN 1.5': a fraction is within 0..1"),
@@ -139,7 +140,7 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
 ):
     monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", started)
     monkeypatch.setattr("bgmodel.experiments.experiment.BasalGanglia.warn_of_noise", lambda *_: 0)
-    task = Stimuli(trials=100, t_max=2, channels=channels)
+    task = Gaussian(trials=100, t_max=2, channels=channels)
     run = {"circuit": name, "engine": "rate", "gain": 0.5, "task": task}
 
     def experiment():
@@ -234,13 +235,12 @@ def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path, tru
 
 
 def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
-    task = Stimuli(trials=30, t_max=17, channels=4)
+    task = Gaussian(trials=30, t_max=17, channels=4)
     drawn = Point(task=task)
     assert (drawn.trials, drawn.steps, drawn.hypotheses) == (30, 17, 4)
     evidence = drawn.block(0, 12).evidence
     assert (evidence.trials, evidence.steps, evidence.hypotheses) == (12, 17, 4)
-    tactile = Point(task=replace(task, task="same-different", channels=2))
-    assert tactile.hypotheses == 2
+    assert Point(task=SameDifferent()).hypotheses == 2
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
 
 
 def test_a_tactile_task_depends_on_its_taps():
-    (found,) = Plan(grid={"task.task": ("same-different",)}).all_points()
+    (found,) = Plan(grid={"task.name": ("same-different",)}).all_points()
     (shard,) = found.shards()
     assert len(shard.key["task"]["taps"]) == 64
 
@@ -301,10 +301,10 @@ def names_of(point):
 def test_the_name_of_a_shard_follows_every_setting_of_its_point():
     """A shard of other settings would be taken for this one."""
     assert SETTINGS.keys() | {"task"} == {f.name for f in fields(Point)}
-    expectant = Stimuli(expectancy_nats=0.1, expectancy_ms=100.0)
-    tactile = Stimuli(task="same-different")
-    assert {f.name for f in fields(Stimuli)} == TASKS.keys() | TACTILE.keys() | {
-        "evidence", "task", "taps", "step_deg"
+    expectant = Gaussian(expectancy_nats=0.1, expectancy_ms=100.0)
+    tactile = SameDifferent()
+    assert settings_of_tasks().keys() == TASKS.keys() | TACTILE.keys() | {
+        "evidence", "taps", "step_deg", "a_deg", "b_deg"
     }  # fmt: skip
     every = [names_of(Point())]
     every += [names_of(Point(**{name: value})) for name, value in SETTINGS.items()]

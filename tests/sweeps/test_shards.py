@@ -5,14 +5,15 @@ import pytest
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
+from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.task import Gaussian
 from tests.helpers import long_table, some_evidence
 
-TASK = Stimuli(trials=60, t_max=30)
+TASK = Gaussian(trials=60, t_max=30)
 
 
 def one_setting(**changed):
@@ -94,7 +95,7 @@ def test_a_fault_of_ours_and_a_machine_short_of_memory_are_no_outcome(tmp_path, 
 
 
 def test_a_sweep_larger_than_the_disk_is_refused_before_it_is_listed(tmp_path):
-    setting = one_setting(task=Stimuli(trials=10**13))
+    setting = one_setting(task=Gaussian(trials=10**13))
     with pytest.raises(
         ValueError, match=r"10000000000000 trials at all points take up to 4.2e\+05 GB"
     ):
@@ -142,7 +143,7 @@ def test_a_full_disk_is_one_sentence_and_no_shard(tmp_path, monkeypatch):
 def test_evidence_that_changes_under_way_is_no_outcome(tmp_path):
     table = long_table(some_evidence(trials=30, hypotheses=2))
     table.to_csv(tmp_path / "own.csv", index=False)
-    (shard,) = one_setting(task=Stimuli(evidence=tmp_path / "own.csv")).shards()
+    (shard,) = one_setting(task=EvidenceTable(tmp_path / "own.csv")).shards()
     assert shard.key["task"]["evidence"]
     table.iloc[::-1].to_csv(tmp_path / "own.csv", index=False)
     with pytest.raises(ValueError, match="was changed while the sweep ran"):

@@ -10,11 +10,11 @@ from bgmodel import Msprt, first_crossing
 from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import Evidence
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.stimuli import Stimuli
 from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.trials import trial_table
+from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
 
@@ -354,8 +354,8 @@ def test_natural_logarithms_are_never_taken_for_others():
 
 def test_taps_that_ship_are_natural_logarithms():
     with unwarned():
-        for task in ("same-different", "orientation"):
-            warn_of_units(Stimuli(task=task, trials=1000).draw(0, "taps").evidence)
+        for task in (SameDifferent(), Orientation(2)):
+            warn_of_units(task.evidence(1000, seed=stream(0, "taps")))
 
 
 def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_unit():

@@ -10,7 +10,7 @@ from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.source import folds, source
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientations, SameDifferent
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
 from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 
@@ -96,7 +96,7 @@ def test_readings_span_a_whole_turn(task):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: EdgeTurn(9), "count 2 to 8"),
+        (lambda: EdgeTurn(9), "channels 2 to 8"),
         (lambda: EdgeTurn(2, 0.0), "step_deg 0..180"),
         (lambda: EdgeDirection(4, 91.0), "step_deg 0..90"),
         (
@@ -146,8 +146,8 @@ def test_a_reading_of_single_taps_is_that_of_a_table_of_them():
     assert EdgeTurn(2, 5.0).reading([178.0, -177.0]) == 5.0
     gratings = [np.array([3.0, 4.0]), np.array([10.0])]
     assert SameDifferent().reading([3.0, 10.0]) == SameDifferent().readings(gratings)[1][0]
-    assert Orientations(2).reading([3.0]) == Orientations(2).readings(gratings)[0][0]
+    assert Orientation(2).reading([3.0]) == Orientation(2).readings(gratings)[0][0]
     as_it_is = EdgeDirection(2, 5.0).readings([np.array([[0.0, 7.0]])])[0]
     assert EdgeDirection(2, 5.0).reading([7.0]) == as_it_is[0]
-    assert SameDifferent.taps == EdgeTurn.taps == 2
-    assert Orientations.taps == EdgeDirection.taps == 1
+    assert SameDifferent.taps_per_reading == EdgeTurn.taps_per_reading == 2
+    assert Orientation.taps_per_reading == EdgeDirection.taps_per_reading == 1

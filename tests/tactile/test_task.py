@@ -23,7 +23,7 @@ from bgmodel.tactile.pressing import LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.source import Folds, Source, folds, held_out_taps, source
-from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.task import Orientation, SameDifferent
 from bgmodel.tactile.tips import Tip
 from bgmodel.theory.sprt import sprt
 from circuits.errors import CalibrationWarning
@@ -95,7 +95,7 @@ def test_a_smooth_plate_tells_no_orientation():
     """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
     accuracy = []
     for fold in range(6):
-        readings = shipped(Orientations(8, period_mm=0.0), fold)
+        readings = shipped(Orientation(8, period_mm=0.0), fold)
         evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
         accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
     assert abs(np.mean(accuracy) - 1 / 8) < 0.05
@@ -129,7 +129,7 @@ def test_shuffled_truth_is_at_chance():
 
 @pytest.mark.parametrize("count", [2, 4, 8])
 def test_orientations_are_identified(count):
-    readings = shipped(Orientations(count, period_mm=3.0), 1)
+    readings = shipped(Orientation(count, period_mm=3.0), 1)
     evidence = readings.draw(4000, 30, rng=stream(3, "orientations", count))
     accuracy = tally(Msprt().run(evidence), evidence.truth, -np.log([0.9, 0.99])).accuracy
     assert accuracy[1] > 0.9
@@ -165,7 +165,7 @@ def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
     assert np.array_equal(blocks, drawn(readings, 2 * count * trials))
 
 
-@pytest.mark.parametrize("task", [SameDifferent(3.0), Orientations(4, 3.0)])
+@pytest.mark.parametrize("task", [SameDifferent(3.0), Orientation(4, 3.0)])
 @pytest.mark.parametrize("trials", [200, 201])
 def test_tactile_draws_begin_alike(task, trials):
     readings = source(TAPS, task, fold=0, density=Density(shrink=1.0))
@@ -235,7 +235,7 @@ def test_same_different_never_pairs_a_tap_with_itself():
 
 def test_orientations_are_evenly_spaced():
     for count in range(2, 9):
-        yaws = np.sort(Orientations(count).yaws_deg)
+        yaws = np.sort(Orientation(count).yaws_deg)
         assert np.allclose(np.diff(yaws), 180 / count)
         assert yaws.min() >= -90
         assert yaws.max() < 90
@@ -267,7 +267,7 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
 
 def test_orientations_repeat_after_half_a_turn():
     """A grating turned by 180 degrees is itself; an angle between them counts the shorter way."""
-    likelihood = shipped(Orientations(4, period_mm=3.0), 1).likelihood
+    likelihood = shipped(Orientation(4, period_mm=3.0), 1).likelihood
     assert likelihood.period_deg == 180
     readings = np.array([-89.0, 0.0, 45.0, 89.9])
     np.testing.assert_allclose(likelihood(readings + 180), likelihood(readings), atol=1e-9)
@@ -284,7 +284,7 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
-    fine, coarse = (shipped(Orientations(count, period_mm=period), 0) for period in (1.0, 2.0))
+    fine, coarse = (shipped(Orientation(count, period_mm=period), 0) for period in (1.0, 2.0))
     with pytest.warns(
         CalibrationWarning, match=f"distinguish the {count} hypotheses at a period of 1 mm"
     ):

@@ -15,8 +15,8 @@ from bgmodel import stream
 from bgmodel.learning.weights.features import Features, FeatureSource
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.learning.weights.sources import PoissonFeatures, PooledFeatures, tap_features
-from bgmodel.tactile.source import FOLDS, held_out_taps
-from bgmodel.tactile.task import Orientations, SameDifferent, Task
+from bgmodel.tactile.source import FOLDS, Tactile, held_out_taps
+from bgmodel.tactile.task import Orientation, SameDifferent
 
 SCORING_SEED = 45_006
 """Step sizes were tuned on seed 1; seed 101 was seen while critics were chosen."""
@@ -42,7 +42,7 @@ class Taught:
         return self.scored.draw(TESTED, rng=stream(SCORING_SEED, "scored", name))
 
 
-def of_taps(task: Task, t_max: int, fold: int = 0) -> Taught:
+def of_taps(task: Tactile, t_max: int, fold: int = 0) -> Taught:
     """Return a task with decoded taps, one sixth of which scores."""
     learned, scored = tap_features(held_out_taps(), task, t_max=t_max, fold=fold)
     return Taught(learned, scored, min(len(part) for part in scored.readings))
@@ -56,7 +56,7 @@ def of_cells(channels: int) -> Taught:
 
 def of_orientations(count: int) -> list[Taught]:
     """Return a task with few taps per class, each sixth of which scores in turn."""
-    return [of_taps(Orientations(count, 2.0), 40, fold) for fold in range(FOLDS)]
+    return [of_taps(Orientation(count, 2.0), 40, fold) for fold in range(FOLDS)]
 
 
 MADE: dict[str, Callable[[], list[Taught]]] = {

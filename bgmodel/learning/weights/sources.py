@@ -13,8 +13,7 @@ from bgmodel.learning.weights.features import Features, even_centres, soft_histo
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.source import FOLDS, source
-from bgmodel.tactile.task import Task
+from bgmodel.tactile.source import FOLDS, Tactile, source
 from circuits.errors import require
 
 UNITS = 16
@@ -89,7 +88,7 @@ class PooledFeatures:
 
 def tap_features(
     taps: pd.DataFrame,
-    task: Task,
+    task: Tactile,
     *,
     units: int = UNITS,
     fold: int = 0,

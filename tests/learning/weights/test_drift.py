@@ -8,7 +8,7 @@ from bgmodel.learning.weights.feedback import WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.task import Orientation, SameDifferent
 from tests.helpers import refused
 
 FOLLOWING = WeightLearner(trials=1500, half_trials=np.inf)
@@ -31,7 +31,7 @@ def test_a_drift_moves_the_activity_and_keeps_what_a_tap_says():
 
 
 def test_a_shift_by_the_period_of_orientations_changes_nothing():
-    pool = tap_features(held_out_taps(), Orientations(4, 2.0), t_max=5)[0]
+    pool = tap_features(held_out_taps(), Orientation(4, 2.0), t_max=5)[0]
     for same, shifted in zip(pool.values, pool.drifted(shift_deg=180.0).values, strict=True):
         assert shifted == pytest.approx(same, abs=1e-9)
 
