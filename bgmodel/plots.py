@@ -253,7 +253,7 @@ def wilson(
 
 @styled
 def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None = None) -> Figure:
-    """Draw learned against exact log-likelihood ratios of single readings, (readings,) each, nats.
+    """Draw learned against exact log-likelihoods of single readings, (readings,) each, nats.
 
     The dashed line is equality: weights are calibrated if the points lie along it.
     """
@@ -262,7 +262,7 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
     ax.plot(known, found, ".", ms=3, alpha=0.5, color=PALETTE[0])
     ends = [float(known.min()), float(known.max())]
     ax.plot(ends, ends, "--", color=GREY, lw=1, label="Equal")
-    ax.set(xlabel="Exact log-likelihood ratio (nats)", ylabel="Learned ratio (nats)")
+    ax.set(xlabel="Exact log-likelihood (nats)", ylabel="Learned (nats)")
     legend_above(ax, given=given)
     return figure
 

@@ -269,12 +269,15 @@ def _spikes(ax: Axes, shown: Shown) -> None:
         if parts:
             dots: Look = {**style, "marker": "s", "ms": 1.1, "mew": 0, "ls": ""}
             ax.plot(*np.concatenate(parts, axis=1), rasterized=True, **dots)
-    empty = {name: "no spikes" for name in names if name not in shown.spikes} | dict(shown.lost)
+    empty = {name: "rates, no spikes" for name in names if name not in shown.spikes} | dict(
+        shown.lost
+    )
     said = {names.index(name) + LANE / 2: text for name, text in empty.items()}
     if shown.premature:
         said = {len(names) / 2: WITHOUT_EVIDENCE.replace(" ", "\n")}
     for y, text in said.items():
-        ax.text(0.5, y, text, transform=ax.get_yaxis_transform(), ha="center", color=GREY)
+        ax.text(0.5, y, text, transform=ax.get_yaxis_transform(), ha="center", color=GREY,
+                bbox={"fc": "w", "ec": "none", "pad": 1})  # fmt: skip
     ax.set_yticks(np.arange(len(names)) + LANE / 2, names)
     ax.tick_params(axis="y", length=0)
 

@@ -214,7 +214,7 @@ class LearnedWeights(Facts):
         return np.array(times) / exact
 
     def plot(self, features: Features, run: int = 0, ax: Axes | None = None) -> Figure:
-        """Draw learned against exact log-likelihood ratios of single held-out readings.
+        """Draw learned against exact log-likelihoods of single held-out readings.
 
         Each hypothesis is compared with the mean over hypotheses.
 
