@@ -45,6 +45,15 @@ def test_an_exact_circuit_at_the_gap_of_the_test_decides_as_the_test():
     assert set(above.index) == {POPULATIONS, SPIKES}
 
 
+def test_a_circuit_that_costs_more_than_the_test_is_above_it():
+    """A hasty criterion has more errors than the gap of the test."""
+    table = decide_as_learned(learned(0.5), EVIDENCE, gap=GAP, engine="algebra", resamples=200)
+    wide = table.set_index(["who", "measure"])["value"]
+    assert wide[SPIKES, "cost"] > wide[TEST, "cost"]
+    more = 100 * (wide[SPIKES, "cost"] - wide[TEST, "cost"]) / wide[TEST, "cost"]
+    assert wide[SPIKES, "above_test"] == pytest.approx(more)
+
+
 def test_regret_is_what_the_best_threshold_would_have_saved_on_these_trials():
     rewards = criterion_outcomes(EXACT, EVIDENCE, LEVELS).rewards(XI).mean(axis=1)
     for k, regret in enumerate(100 * (rewards / rewards.max() - 1)):

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from importlib import resources
 
@@ -302,3 +302,16 @@ def test_commands_say_that_a_grating_is_too_fine(command, tmp_path, monkeypatch)
     engine = [] if command[0] == "decide" else ["--engine", "algebra"]
     with pytest.warns(CalibrationWarning):
         assert run(*command, *task, *engine) == 0
+
+
+def test_the_group_of_a_trial_is_the_fold_that_its_readings_are_from():
+    """Each fold has readings of one value, its number."""
+    one = shipped(SameDifferent())
+    sources = [
+        replace(one, log_likelihood=[np.full_like(part, fold) for part in one.log_likelihood])
+        for fold in range(4)
+    ]
+    drawn = Folds(sources).draw(30, 3, rng=stream(1, "folds"))
+    groups = Folds(sources).groups(30)
+    assert (drawn.log_likelihood == groups[:, None, None]).all()
+    assert np.bincount(groups).max() - np.bincount(groups).min() <= 1
