@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.model_comparison import compare_models
     from bgmodel.fitting.person import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.learning.from_reward import learn
     from bgmodel.stopping.task import StopTask
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
@@ -93,6 +94,7 @@ LAZY = {
     "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.person",
     "fit_people": "bgmodel.fitting.hierarchy.people",
+    "learn": "bgmodel.learning.from_reward",
     "load_circuit": "circuits.anatomy",
     "read_choices": "bgmodel.tables.choices",
     "read_evidence": "bgmodel.tables.evidence",
@@ -131,6 +133,7 @@ __all__ = [
     "fit",
     "fit_people",
     "gaussian_evidence",
+    "learn",
     "load_circuit",
     "load_taps",
     "msprt_threshold_from_gap",

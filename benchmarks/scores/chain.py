@@ -1,14 +1,13 @@
 """The whole chain, scored: taps in, reward out: make score.
 
-For 20 seeds each: the level of dopamine that ``bgmodel circuit learn`` learns on gratings, the
-circuit's accuracy in equal time compared with the test's, and decisions of test, populations and
-spikes at what reward taught them, on shipped taps and on recordings.
+For 20 seeds each: the level of dopamine that a circuit learns on gratings, its accuracy in equal
+time compared with the test's, and decisions of test, populations and spikes at what reward taught
+them, on shipped taps and on recordings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
@@ -17,7 +16,6 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.commands.dopamine import TOUCHED, learning
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.evidence import Evidence
@@ -25,8 +23,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.as_learned import TEST
-from bgmodel.learning.dopamine import playable_levels
-from bgmodel.learning.dopamine_learner import learn_in_circuit
+from bgmodel.learning.from_reward import XI, learn
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.recordings import find_recordings
@@ -34,7 +31,7 @@ from bgmodel.tactile.source import Folds, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.touch import ACCURACIES, T_MAX, chain
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Population
+from circuits.engines import Population, Rate
 from circuits.errors import quiet
 
 SCORING_SEED, SEEDS, COARSE_SEEDS = 40_011, 20, 2
@@ -73,23 +70,16 @@ def told(taps: str, seed: int) -> pd.DataFrame:
 
 
 def levels(taps: str, seed: int) -> pd.DataFrame:
-    """Let the circuit learn its level as ``bgmodel circuit learn`` does; return measures."""
-    task = replace(TOUCHED, period_mm=float(taps.split()[0]))
-    asked = replace(learning(), task=task, seed=seed)
-    evidence, fresh = (asked.drawn(name).evidence for name in ("learn", "learn, scored"))
-    model = asked.model(2).adapted_to(evidence)
-    model = replace(model, engine=model.engine.coarse())
-    nats = asked.threshold_at(2)
-    levels = playable_levels(model, 16, nats)
-    found = learn_in_circuit(
-        model, evidence, fresh, levels=levels, threshold_nats=nats, runs=10, seed=seed
-    )
-    rows = found.regrets["value"]
+    """Let the circuit learn its level, as ``bgmodel learn`` does; return measures."""
+    task = SameDifferent(float(taps.split()[0]), t_max=T_MAX)
+    model = BasalGanglia(load_circuit(DEFAULT, 2), Rate().coarse())
+    found = learn(task, model, seed=seed)
+    fresh = found.found.fresh  # type: ignore[union-attr]
     values = {
-        "gain": model.gain, "level": found.value, "best_level": found.fresh.best(found.xi)[0],
-        "regret": rows["learned"], "start_regret": rows["start"],
-        "warned": float(bool(found.cautions)),
-        "at_edge": float(bool(found.fresh.at_edge(found.xi))),
+        "gain": found.found.model.gain,  # type: ignore[union-attr]
+        "level": found.learned.mean(), "best_level": found.best, "regret": found.regret,
+        "start_regret": found.regrets.loc["start", "value"],
+        "warned": float(bool(found.cautions)), "at_edge": float(bool(fresh.at_edge(XI))),
     }  # fmt: skip
     return pd.DataFrame(values.items(), columns=["measure", "value"]).assign(**GIVEN)
 

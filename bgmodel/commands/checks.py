@@ -109,9 +109,9 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
     found: dict[str, Any] = {}
     for field in fields(command):
         value = settled.get(field.name, getattr(command, field.name))
-        if field.name in RECORDS:
+        if field.name in RECORDS and field.name not in idle:
             found |= options_of(value)
-        elif field.name not in (*UNRECORDED, *idle) and value is not None:
+        elif field.name not in (*RECORDS, *UNRECORDED, *idle) and value is not None:
             found[field.name] = recorded(value)
     return found
 

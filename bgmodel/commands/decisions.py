@@ -1,21 +1,17 @@
-"""Commands on evidence: decide by the sequential test; learn its gap from reward."""
+"""The command that decides by the sequential test."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
-from bgmodel.commands.checks import Shows, Writes, check_ending, check_whole, options_of, say
-from bgmodel.deciding.reward import check_xi
+from bgmodel.commands.checks import Shows, check_ending, options_of
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
-from bgmodel.learning.policies import BernoulliPolicy
-from bgmodel.learning.reinforce import Learner
 from bgmodel.support import files
-from bgmodel.support.memory import check_evidence_memory, check_learning_memory
+from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
 from bgmodel.tables.evidence import trials_of
@@ -28,8 +24,6 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-LEARNED = SameDifferent(t_max=30)
-"""Default task of `learn`."""
 GAP_NATS = 4.0
 """Default gap of `decide`, nats."""
 TAPPED = SameDifferent(trials=1000, t_max=30, step_ms=500.0)
@@ -154,66 +148,3 @@ class Decide(Shows):
             )
         density = {"density": self.density} if self._tactile else {}
         return trials_of(self.task, self.seed, "decide", prior=self.prior, **density)
-
-
-@dataclass(frozen=True)
-class GapLearn(Writes):
-    """Learn the gap from reward by REINFORCE with a baseline, and compare it with the optimum.
-
-    Example: bgmodel learn learning.parquet --period-mm 2 --xi 50 --start-delta 0.5
-    """
-
-    output: Positional[Path]
-    """File for the table of trials, .parquet or .csv."""
-    task: OmitArgPrefixes[Task] = LEARNED
-    """Tactile task with two alternatives."""
-    xi: float = 50.0
-    """Cost of an error, readings."""
-    start_delta: float = 0.5
-    """Initial gap, nats, 0..8."""
-    runs: int = 10
-    """Number of independent runs."""
-    policy: Literal["gaussian", "bernoulli"] = "gaussian"
-    """Policy: Gaussian over the gap, or the Bernoulli units of Lepora 2016."""
-    learner: Learner = field(default_factory=Learner)
-    seed: int = 0
-
-    def __call__(self) -> None:
-        """Run the command."""
-        from bgmodel.learning.gap import check_start, learn_gap
-
-        check_ending("output", self.output, ".parquet", ".csv")
-        check_whole(runs=self.runs)
-        check_xi(self.xi)
-        check_start(self.start_delta)
-        check_learning_memory(self.runs, self.learner.episodes)
-        # The range of the Gaussian one depends on the best gap.
-        policy = BernoulliPolicy() if self.policy == "bernoulli" else None
-        if not isinstance(self.task, Tactile):
-            raise InputError.of("task", "must be a tactile task", self.task.name)
-        readings = self.task.source()
-        say(f"learning {readings.where}, {self.runs} runs of {self.learner.episodes} episodes")
-        table, summary = learn_gap(
-            readings,
-            name=(getattr(self.task, self.task.main), self.task.fold),
-            xi=self.xi,
-            start_delta=self.start_delta,
-            runs=self.runs,
-            t_max=self.task.t_max,
-            policy=policy,
-            learner=self.learner,
-            seed=self.seed,
-        )
-        files.write_table(
-            table,
-            self.output,
-            seed=self.seed,
-            summary=summary,
-            command=options_of(self),
-        )
-        learned = np.asarray(summary["learned_delta"])
-        print(
-            f"learned gap {learned.mean():.2f} nats (sd {learned.std():.2f} over {self.runs} "
-            f"runs), exact optimum {summary['optimal_delta']:.2f} nats, regret "
-            f"{100 * np.mean(summary['regret']):.2f} % -> {self.output}"
-        )

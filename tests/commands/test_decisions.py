@@ -1,4 +1,4 @@
-"""The commands `decide` and `learn`."""
+"""The command `decide`."""
 
 import json
 from dataclasses import replace
@@ -91,23 +91,6 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
         assert (set(command) | set(command["task"])) & may_be_idle == had
 
 
-def test_the_policy_that_learns_is_the_one_that_is_named(tmp_path, monkeypatch, capsys):
-    def stop(*given, policy, **named):
-        raise ValueError(type(policy).__name__)
-
-    monkeypatch.setattr("bgmodel.learning.gap.learn_gap", stop)
-    for asked, kind in (
-        # The Gaussian one is that of learn_gap, whose range depends on the task.
-        ((), "NoneType"),
-        (("--policy", "gaussian"), "NoneType"),
-        (("--policy", "bernoulli"), "BernoulliPolicy"),
-    ):
-        assert run("learn", tmp_path / "out.csv", *asked) == 2
-        said = capsys.readouterr().err
-        assert kind in said
-        assert "10 runs of 40000 episodes\n" in said
-
-
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
     given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
@@ -144,13 +127,3 @@ def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
     arguments = ["--task", "orientation", "--channels", 3, "--posterior", 0.9]
     assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
     assert read_table(out)["response"].nunique() == 3
-
-
-def test_learn_writes_one_row_per_episode_of_every_run(tmp_path, capsys):
-    out = tmp_path / "learning.parquet"
-    short = ["--learner.episodes", 1500, "--runs", 2]
-    assert run("learn", out, "--period-mm", 2, "--start-delta", 0.5, *short) == 0
-    table = read_table(out)
-    assert len(table) == 3000
-    assert {"run", "episode", "delta", "reward", "dopamine"} <= set(table)
-    assert "exact optimum" in capsys.readouterr().out

@@ -21,14 +21,14 @@ COMMANDS = {
     "--posterior 0.55..0.99 "
     "--task orientation --channels 2..8 --period-mm 3»": f"""{DRAWN}, --period-mm 3.5,
         --fold 6, --prior 0.4 0.5, --task x, --delta -1, --no-such, --evidence absent.csv""",
-    f"learn {OUT} --runs 1..2 --t-max 2..11 --start-delta 0.01..8 --xi 1.0..100 --seed 3 "
+    f"learn {OUT} --runs 1..2 --t-max 2..11 --start 0.01..8 --xi 1.0..100 --seed 3 "
     "--learner.episodes 500": """--runs 0, --runs 1e12, --xi 0, --xi nan, --fold 9,
-        --start-delta 9, --t-max 0, --policy x, --seed -1, --period-mm 1.7, --learner.episodes 3,
-        --learner.rate 0""",
-    f"learn-weights {OUT} --runs 1..2 --t-max 3..11 --units 2..16 --posterior 0.6..0.95 --seed 3 "
-    "--learner.trials 20..80 «|--rule chosen|--rule opal|--critic settled»": """--runs 0,
+        --start 9, --t-max 0, --what x, --seed -1, --period-mm 1.7, --learner.episodes 3,
+        --learner.rate 0, --task orientation --channels 3""",
+    f"learn {OUT} --what weights --runs 1..2 --t-max 3..11 --units 2..16 --posterior 0.6..0.95 "
+    "--seed 3 --weights.trials 20..80 «|--rule chosen|--rule opal|--critic settled»": """--runs 0,
         --runs 1e12, --units 1, --rule x, --critic x, --posterior 0.4, --posterior 1, --fold 9,
-        --seed -1, --period-mm 1.7, --learner.trials 0, --learner.rate 0, --feedback.valid 2,
+        --seed -1, --period-mm 1.7, --weights.trials 0, --weights.rate 0, --feedback.valid 2,
         --feedback.given 0, --feedback.right 3, --channels 3""",
     "simulate here/out.npz --taps 1..11 --periods-mm «0 5|0|5» «|--yaw-deg -90.0..90» "
     f"{SEED}": """--taps 0, --taps 1e12, --taps a, --seed -1, --workers 0, --periods-mm -1,
@@ -50,10 +50,10 @@ COMMANDS = {
         --engine ensemble --edits 'neurons 1e9'""",
     f"circuit compare-edits {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
         {NO_EVIDENCE}, --accuracies 1, --accuracies 0.2, --trials 99, --gain -1, --workers 0""",
-    f"circuit learn {OUT} --circuit spiking_msprt --levels 2 --learner.episodes 500 "
+    f"learn {OUT} --what dopamine --circuit spiking_msprt --levels 2 --learner.episodes 500 "
     f"--trials 20..40 --t-max 30..40 --runs 1..2 {SEED}": f"""{WRONG_OPTIONS}, {NO_EVIDENCE},
         --xi 0, --levels 1, --levels 1e12, --runs 0, --posterior 0.3, --posterior 1, --gain 0,
-        --start-level 3, --trials 0, --fold 8, --learner.episodes 2, --engine algebra""",
+        --start 3, --trials 0, --fold 8, --learner.episodes 2, --engine algebra""",
     f"compare {OUT} {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT}, {NO_EVIDENCE},
         --accuracies 0, --accuracies x, --trials 99, --gain inf""",
     "experiment small.toml here/out.csv --trials 220": """--trials 99, --trials x, --seed -1,

@@ -1,0 +1,425 @@
+"""Learning from reward: of a threshold, of a level of dopamine, or of what readings mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.bootstrap import shown
+from bgmodel.deciding.reward import check_xi
+from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.sprt import threshold_from_posterior
+from bgmodel.learning.dopamine import playable_levels
+from bgmodel.learning.dopamine_learner import (
+    CRITERION,
+    LEVEL,
+    LEVELS,
+    CircuitLearned,
+    learn_in_circuit,
+)
+from bgmodel.learning.gap import increments, learn_gap
+from bgmodel.learning.policies import Policy
+from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.weights.deciders import FixedPoint
+from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
+from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.learned import LearnedWeights
+from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import whole
+from bgmodel.support.memory import check_learning_memory, check_memory
+from bgmodel.support.reprs import Facts
+from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
+from bgmodel.tables.evidence import EvidenceTable, trials_of
+from bgmodel.tactile.source import Source, Tactile, load_taps
+from bgmodel.task import Drawn, Gaussian, Task
+from bgmodel.theory.sprt import reward_curve
+from circuits.errors import InputError, require
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bgmodel.learning.weights.features import Features
+
+THRESHOLD, DOPAMINE, WEIGHTS = "threshold", "dopamine", "weights"
+"""What reward may move: the threshold of the test or of the circuit, the level of dopamine of a
+circuit, or the weights that turn readings into evidence."""
+XI, RUNS, TRIALS = 50.0, 10, 4000
+"""Defaults: cost of an error (readings), runs, and trials from which a circuit learns."""
+POSTERIOR = 0.68
+"""Stopping posterior at a level of 1: 0.39 nats, which dopamine moves to 0.68 to 0.99."""
+WEIGHTS_POSTERIOR, SCORED = 0.9, 2000
+"""Stopping posterior while weights are learned, and number of trials on which they are scored."""
+START_GAP = 0.5
+"""Initial boundary separation, nats."""
+READINGS = 20_000
+"""Gaussian readings of each truth from which the test learns."""
+UNITS = {THRESHOLD: "boundary separation (nats)", DOPAMINE: "level of dopamine",
+         WEIGHTS: "slope (nats per exact nat)"}  # fmt: skip
+OF_CIRCUIT = "log odds at which the circuit decides"
+
+
+@dataclass(frozen=True, repr=False)
+class FromReward(Facts):
+    """What reward taught, scored on trials that were not used for learning.
+
+    Parameters
+    ----------
+    what : str
+        What was learned: ``"threshold"``, ``"dopamine"`` or ``"weights"``.
+    unit : str
+        What its values are, with their unit.
+    learned : array (runs,)
+        The learned value of each run; for weights the slope against exact log-likelihoods.
+    best : float
+        The best value; for weights 1, that of exact log-likelihoods.
+    regrets : DataFrame
+        Excess cost over the best, in per cent of the least cost, with 95 % intervals: rows
+        "learned" and "start", columns value, low and high. The cost is the mean decision time plus
+        ``xi`` readings for each error; for weights it is the time at 90 % correct.
+    table : DataFrame
+        The course of learning: run, episode, mean, played, reward, dopamine (the reward prediction
+        error); for weights the weights: run, hypothesis, unit, weight.
+    cautions : tuple of str
+        What limits the result, usually empty.
+    found : CircuitLearned, LearnedWeights or dict
+        The result in detail.
+    """
+
+    what: str
+    unit: str
+    learned: Array
+    best: float
+    regrets: pd.DataFrame
+    table: pd.DataFrame
+    cautions: tuple[str, ...]
+    found: CircuitLearned | LearnedWeights | dict[str, Any]
+    scored: Features | None = None
+
+    @property
+    def regret(self) -> float:
+        """Regret of what was learned, mean over runs, per cent."""
+        return float(self.regrets.loc["learned", "value"])  # type: ignore[arg-type]
+
+    def facts(self) -> dict[str, str]:
+        """Return what was learned, the result in a sentence, and cautions."""
+        found = {"learned": self.unit, "result": self.verdict()}
+        return found | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
+
+    def verdict(self) -> str:
+        """Return the learned value, the best one, and the regret, in one sentence."""
+        rows = self.regrets.to_numpy()
+        texts = [shown(x, *ends, ".1f") if np.ptp(ends) else f"{x:.1f}" for x, *ends in rows]
+        begun = f" (at the start {texts[1]} %)" if len(texts) > 1 else ""
+        return (
+            f"learned {self.unit} {self.learned.mean():.2f} (sd {self.learned.std():.2f} over "
+            f"{len(self.learned)} runs), best {self.best:.2f}, regret {texts[0]} %{begun}"
+        )
+
+    def summary(self) -> pd.DataFrame:
+        """Return learned and best value, and regret with its 95 % interval, one row each."""
+        rows = {"learned": [self.learned.mean(), *self._ends()], "best": [self.best] * 3}
+        rows |= {f"regret_percent, {name}": list(row) for name, row in self.regrets.iterrows()}
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"])
+        return Readable(table.rename_axis("measure").reset_index())
+
+    def _ends(self) -> tuple[float, float]:
+        spread = _half_width(self.learned)
+        return self.learned.mean() - spread, self.learned.mean() + spread
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``table``."""
+        return self.table
+
+    def plot(self) -> Figure:
+        """Draw the course of learning (median and 10 to 90 % of runs) with the best value.
+
+        Weights are drawn as learned against exact log-likelihoods of readings.
+        """
+        from bgmodel.plots import acquisition
+        from circuits.plots import one_panel
+
+        if isinstance(self.found, LearnedWeights) and self.scored is not None:
+            return self.found.plot(self.scored)
+        figure, ax = one_panel(None)
+        every = self.table[self.table["episode"] % max(1, len(self.table) // 4000) == 0]
+        acquisition(ax, every.pivot(index="run", columns="episode", values="mean"), color="C0")
+        ax.axhline(self.best, color="k", lw=0.8, ls="--", label="Best")
+        ax.set(xlabel="Trial", ylabel=self.unit[0].upper() + self.unit[1:])
+        ax.legend(frameon=False)
+        return figure
+
+
+def learn(
+    task: Task,
+    model: BasalGanglia | None = None,
+    *,
+    what: str | None = None,
+    xi: float = XI,
+    runs: int = RUNS,
+    seed: int = 0,
+    trials: int = TRIALS,
+    start: float | None = None,
+    posterior: float | None = None,
+    learner: Learner | WeightLearner | None = None,
+    taps: pd.DataFrame | str | Path | None = None,
+    **more: Any,
+) -> FromReward:
+    """Let reward move a threshold, a level of dopamine, or the meaning of readings.
+
+    Reward is ``-T - xi`` for an error and ``-T`` for a right choice, where T is the decision time
+    in readings (Burguete, Griffith & Lepora 2023); for weights it is 1 or 0.
+
+    Parameters
+    ----------
+    task : Task
+        What is decided. An evidence table is halved: one half is for learning.
+    model : BasalGanglia, optional
+        The circuit that learns; without it, the optimal test does.
+    what : str, optional
+        ``"threshold"`` (of the test: its boundary separation; of a circuit: the posterior at which
+        it decides, as log odds), ``"dopamine"`` (a level), or ``"weights"``; by default the
+        threshold of the test, and the level of dopamine of a circuit.
+    xi : float
+        Cost of an error, readings.
+    runs, seed : int
+        Number of independent runs, and seed of all random numbers.
+    trials : int
+        Number of trials from which a circuit learns, and of others on which it is scored.
+    start : float, optional
+        Initial value; by default 0.5 nats for the test, and that of the earliest decisions for a
+        circuit.
+    posterior : float, optional
+        Posterior at which a circuit stops at a level of 1 (0.68 by default), or at which trials
+        stop while weights are learned (0.9).
+    learner : Learner or WeightLearner, optional
+        Number of episodes, step sizes and exploration.
+    taps : DataFrame or path, optional
+        Decoded taps in place of those of a tactile task.
+    **more
+        ``policy`` of the test's threshold; ``levels`` of dopamine or log odds; ``rule``,
+        ``critic``, ``feedback`` and ``units`` of weights, as for ``learn_weights``.
+
+    Raises
+    ------
+    ValueError
+        For a task without what is learned, or a circuit that cannot decide it.
+
+    Warns
+    -----
+    LearningWarning
+        If a circuit ended worse than it began, at an end of its range, or has too few trials.
+    """
+    require(isinstance(task, Task), "task", "must be a task, such as bg.SameDifferent()", task)
+    right = model is None or isinstance(model, BasalGanglia)
+    require(right, "model", "must be a bg.BasalGanglia or None, for the test", model)
+    what = what or (THRESHOLD if model is None else DOPAMINE)
+    names = (THRESHOLD, DOPAMINE, WEIGHTS)
+    require(what in names, "what", f"must be one of {', '.join(names)}", what)
+    check_xi(xi)
+    whole("runs", runs, 1)
+    stream(seed)
+    given = {"taps": taps} if taps is not None else {}
+    if what == WEIGHTS:
+        _know(more, "rule", "critic", "feedback", "units")
+        return _weights(task, model, posterior, given, learner, runs=runs, seed=seed, **more)
+    require(
+        learner is None or isinstance(learner, Learner), "learner", "must be a Learner", learner
+    )
+    episodes = learner.episodes if isinstance(learner, Learner) else Learner.episodes
+    check_learning_memory(runs, episodes)
+    same: dict[str, Any] = {"xi": xi, "runs": runs, "seed": seed, "learner": learner}
+    if model is None:
+        require(what == THRESHOLD, "model", "must be a circuit, which has dopamine", model)
+        _know(more, "policy")
+        return _of_test(task, START_GAP if start is None else start, given, **same, **more)
+    _know(more, "levels")
+    return _of_circuit(task, model, what, trials, start, posterior, given, **same, **more)
+
+
+def _know(more: dict[str, Any], *names: str) -> None:
+    known = ", ".join(names)
+    for name in more:
+        if name not in names:
+            raise InputError(f"{name} has no effect here, where {known} may be given", name)
+
+
+def _of_test(
+    task: Task, start: float, given: dict[str, Any], *, policy: Policy | None = None, **same: Any
+) -> FromReward:
+    """Learn the boundary separation of the test."""
+    readings = _readings(task, given, same["seed"])
+    name = (getattr(task, task.main), getattr(task, "fold", 0))  # type: ignore[attr-defined]
+    table, found = learn_gap(
+        readings, name=name, start_delta=start, t_max=task.t_max, policy=policy, **same
+    )
+    cost = -float(reward_curve(*increments(readings), np.array([start]), same["xi"],
+                               t_max=task.t_max)[0])  # fmt: skip
+    percent = 100 * np.array(found["regret"])
+    rows = {
+        "learned": _over_runs(percent),
+        "start": [100 * (cost / found["optimal_cost"] - 1)] * 3,  # exact
+    }
+    course = table.rename(columns={"mean_delta": "mean", "delta": "played"})
+    return FromReward(
+        THRESHOLD, UNITS[THRESHOLD], np.array(found["learned_delta"]), found["optimal_delta"],
+        pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"]), course, (),
+        found,
+    )  # fmt: skip
+
+
+def _readings(task: Task, given: dict[str, Any], seed: int) -> Source:
+    """Return all readings of a task with two alternatives, with their log-likelihoods."""
+    must = "must have 2 alternatives for the boundary separation of the test"
+    require(task.channels == 2, "channels", must, task.channels)
+    if isinstance(task, Tactile):
+        return task.source(**given)
+    if not isinstance(task, Gaussian):
+        raise InputError.of("task", "must be drawn for the test to learn", task.text)
+    drawn = replace(task, trials=2 * READINGS, t_max=1).evidence(seed=stream(seed, "readings"))
+    truth = needed_truth(drawn)
+    parts = [np.asarray(drawn.log_likelihood[truth == k, 0]) for k in range(2)]
+    return Source(parts, task.names, None, f"with a d' of {task.d_prime:g}")  # type: ignore[arg-type]
+
+
+def _of_circuit(
+    task: Task,
+    model: BasalGanglia,
+    what: str,
+    trials: int,
+    start: float | None,
+    posterior: float | None,
+    given: dict[str, Any],
+    *,
+    levels: Any = None,
+    **same: Any,
+) -> FromReward:
+    """Learn the level of dopamine of a circuit, or the posterior at which it decides."""
+    from circuits.engines import engine_of
+
+    require(
+        engine_of(model.engine).timed, "engine", "must be one with times: rate", model.engine.id
+    )
+    evidence, fresh = _learned_and_scored(task, trials, given, same["seed"])
+    model.circuit.check_nats("a stopping posterior")
+    many = levels if isinstance(levels, int) else max(LEVELS, np.size(levels))
+    numbers = 3 * 8.0 * many * evidence.trials
+    check_memory(numbers, f"{many} values for each of {evidence.trials} trials")
+    options: dict[str, Any] = {"what": CRITERION, "levels": levels}
+    if what == DOPAMINE:
+        at = POSTERIOR if posterior is None else posterior
+        nats = float(threshold_from_posterior(at, evidence.hypotheses))
+        model = model.adapted_to(evidence)
+        if levels is None or isinstance(levels, int):
+            levels = playable_levels(model, LEVELS if levels is None else levels, nats)
+        options = {"what": LEVEL, "levels": levels, "threshold_nats": nats}
+    if levels is not None:
+        ends = (float(np.min(levels)), float(np.max(levels)))
+        inside = start is None or ends[0] <= start <= ends[1]
+        must = (
+            f"must lie where {model.circuit.name} decides by evidence, {ends[0]:.3f}..{ends[1]:.3f}"
+        )
+        require(inside, "start", must, start)
+    found = learn_in_circuit(model, evidence, fresh, start=start, **options, **same)
+    names = {"tonic": "mean", "level": "played", "phasic": "dopamine"}
+    return FromReward(
+        what, UNITS[DOPAMINE] if what == DOPAMINE else OF_CIRCUIT, found.learned.learned,
+        found.fresh.best(same["xi"])[0], found.regrets.loc[["learned", "start"]],
+        found.to_dataframe().rename(columns=names), tuple(found.cautions), found,
+    )  # fmt: skip
+
+
+def _learned_and_scored(
+    task: Task, trials: int, given: dict[str, Any], seed: int
+) -> tuple[Evidence, Evidence]:
+    """Return the trials for learning, and others on which regret is measured."""
+    if not isinstance(task, EvidenceTable):
+        asked = task.changed(trials=trials)
+        return (
+            trials_of(asked, seed, "learn", **given).evidence,
+            trials_of(asked, seed, "learn, scored", **given).evidence,
+        )
+    evidence = trials_of(task, seed, "learn").evidence
+    if evidence.trials < 2:
+        raise InputError("evidence must hold 2 trials or more: half are scored", "evidence")
+    # Every second trial of each truth: a table may list its truths in turn.
+    order = np.argsort(needed_truth(evidence), kind="stable")
+    second = np.argsort(order, kind="stable") % 2 == 1
+    return evidence[~second], evidence[second]
+
+
+def _weights(
+    task: Task,
+    model: BasalGanglia | None,
+    posterior: float | None,
+    given: dict[str, Any],
+    learner: Any,
+    *,
+    runs: int,
+    seed: int,
+    rule: Any = "confidence",
+    critic: Any = None,
+    feedback: Feedback | None = None,
+    units: int = 16,
+) -> FromReward:
+    """Learn what readings mean; compare with the exact likelihoods."""
+    if not isinstance(task, Gaussian | Tactile):
+        raise InputError.of("task", "must be drawn, for sensory units to see", task.text)
+    learner = learner or WeightLearner()
+    must = "must be a WeightLearner"
+    require(isinstance(learner, WeightLearner), "learner", must, learner)
+    whole("units", units, 2)
+    at = WEIGHTS_POSTERIOR if posterior is None else posterior
+    chance = 1 / task.channels
+    must = f"must be above {chance:.3g}, chance, and below 1"
+    require(chance < at < 1, "posterior", must, at)
+    numbers = 8.0 * runs * (3 * learner.trials + 300.0 * task.t_max * units)
+    check_memory(numbers, f"{runs} runs of {learner.trials} trials")
+    learns, scores = _features(task, given, units)
+    same: dict[str, Any] = {"seed": seed, "rule": rule, "critic": critic, "feedback": feedback,
+                            "learner": learner, "runs": runs}  # fmt: skip
+    if model is None:
+        found = learn_weights(learns, decider=FixedPoint(criterion=at), **same)
+    else:
+        found = learn_weights_in_circuit(learns, InCircuit(model, at), **same)
+    test = scores(SCORED, rng=stream(seed, "learn-weights", "scored"))
+    percent = 100 * (found.relative_time(test, 0.9) - 1)
+    regrets = pd.DataFrame([_over_runs(percent)], ["learned"], ["value", "low", "high"])
+    slope = found.calibration(test).slope
+    table = found.to_dataframe()
+    return FromReward(WEIGHTS, UNITS[WEIGHTS], slope, 1.0, regrets, table, (), found, test)
+
+
+def _features(
+    task: Drawn, given: dict[str, Any], units: int
+) -> tuple[Any, Callable[..., Features]]:
+    """Return what sensory units see while learning, and how trials to score are drawn."""
+    timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
+    if isinstance(task, Gaussian):
+        drawn = GaussianFeatures(task.d_prime, task.channels, units, **timing)
+        return drawn, drawn.draw
+    assert isinstance(task, Tactile)
+    taps = load_taps(given.get("taps", task.taps))
+    learns, scores = tap_features(taps, task, units=units, fold=task.fold, **timing)
+    return learns, scores.draw
+
+
+def _half_width(values: Array) -> float:
+    """Return half of the 95 % interval of a mean over runs."""
+    if len(values) < 2:
+        return float("nan")
+    return float(1.96 * values.std(ddof=1) / np.sqrt(len(values)))
+
+
+def _over_runs(values: Array) -> list[float]:
+    """Return the mean over runs and its 95 % interval."""
+    mean, half = float(values.mean()), _half_width(values)
+    return [mean, mean - half, mean + half]

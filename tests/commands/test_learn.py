@@ -1,0 +1,116 @@
+"""The command `learn`: threshold, dopamine and weights, of the test and of a circuit."""
+
+import numpy as np
+import pytest
+
+from bgmodel import stream
+from bgmodel.support.files import read_provenance, read_table
+from tests.helpers import run
+
+SHORT = ("--runs", 2, "--learner.episodes", 600)
+FEW = ("--trials", 40, "--t-max", 10, "--levels", 4)
+COURSE = ["run", "episode", "mean", "played", "reward", "dopamine"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "circuit"),
+    [
+        (("--period-mm", 2), None),
+        (("--what", "dopamine", *FEW), "macaque"),
+        (("--by", "circuit", "--task", "gaussian", "--d-prime", 1, *FEW[:4]), "macaque"),
+    ],
+    ids=["test", "dopamine", "circuit"],
+)
+def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
+    asked, circuit, tmp_path, capsys
+):
+    out, picture = tmp_path / "learned.csv", tmp_path / "learned.png"
+    assert run("learn", out, *asked, *SHORT, "--drawing", picture) == 0
+    said = capsys.readouterr().out
+    assert "regret" in said
+    table = read_table(out)
+    assert list(table) == COURSE
+    assert len(table) == 1200
+    assert picture.stat().st_size > 5000
+    about = read_provenance(out)["parameters"]
+    assert len(about["summary"]["learned"]) == 2
+    assert about.get("circuit", {}).get("name") == circuit
+    assert "feedback" not in about["command"]
+    assert about["command"]["task"]["name"] in ("same-different", "gaussian")
+
+
+def test_weights_are_written_with_their_scores(tmp_path, capsys):
+    out, picture = tmp_path / "weights.parquet", tmp_path / "weights.png"
+    short = ("--runs", 2, "--weights.trials", 600, "--t-max", 20, "--seed", 3)
+    assert run("learn", out, "--what", "weights", *short, "--drawing", picture) == 0
+    assert picture.stat().st_size > 5000
+    assert "slope" in capsys.readouterr().out
+    table = read_table(out)
+    assert list(table) == ["run", "hypothesis", "unit", "weight"]
+    assert len(table) == 2 * 2 * 16
+    about = read_provenance(out)["parameters"]
+    assert len(about["summary"]["learned"]) == 2
+    assert "levels" not in about["command"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("--what", "weights", "--rule", "hebb"), "rule must be one of confidence"),
+        (("--what", "weights", "--critic", "exact"), "critic must be one of mean"),
+        (("--what", "weights", "--posterior", 0.5), "posterior must lie between chance, 0.5"),
+        (("--what", "weights", "--units", 1), "units must be a whole number >= 2"),
+        (("--channels", 3), "same-different has 2 alternatives"),
+        (("--task", "orientation", "--channels", 3), "channels must have 2 alternatives"),
+        (("--fold", 7), "fold must be 0..5"),
+        (("--drawing", "weights.txt"), "drawing must end in"),
+        (("--what", "weights", "--feedback.given", 0), "nothing can be learned"),
+        (("--what", "weights", "--feedback.wrong", -1), "takes rewards as 0 or 1"),
+        (("--what", "dopamine", "--levels", 1), "levels must be >= 2"),
+        (("--what", "dopamine", "--by", "test"), "model must be a circuit"),
+        (("--what", "dopamine", "--engine", "algebra"), "engine must be one with times"),
+        (
+            ("--what", "dopamine", "--trials", 40, "--start", 3),
+            "start must lie where macaque decides by evidence, 0.581",
+        ),
+        (
+            ("--what", "dopamine", "--trials", 40, "--start", 3, "--circuit", "spiking_msprt"),
+            "start must lie where spiking_msprt decides by evidence, 0.772",
+        ),
+        (("--what", "dopamine", "--levels", 10**7), "of memory"),
+    ],
+)
+def test_options_that_cannot_be_met_are_refused(tmp_path, capsys, wrong, said):
+    out = tmp_path / "out.csv"
+    assert run("learn", out, *wrong) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
+    """Tables: every second trial is kept; otherwise trials are redrawn. The noise is always new."""
+    from bgmodel.learning import dopamine_learner as level
+
+    seen, real = [], level.level_outcomes
+
+    def watched(model, evidence, *given, **more):
+        seen.append((model.seed, evidence))
+        return real(model, evidence, *given, **more)
+
+    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
+    rng = stream(1, "table")
+    rows = [
+        f"{n},{t},{x:.4f},0,{'ab'[n % 3 % 2]}"
+        for n in range(20)
+        for t, x in enumerate(rng.normal(0.5 - (n % 3 % 2), 1, 8))
+    ]
+    mine = tmp_path / "mine.csv"
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
+    few = ("--what", "dopamine", "--levels", 4, "--runs", 1, "--learner.episodes", 600)
+    for given in (("--evidence", mine), ("--trials", 40, "--t-max", 10)):
+        seen.clear()
+        assert run("learn", tmp_path / "out.csv", *given, *few, "--force") == 0
+        (seed, learned), (other, scored) = seen
+        assert seed != other
+        assert learned.trials == scored.trials
+        assert not np.array_equal(learned.log_likelihood, scored.log_likelihood)

@@ -1,0 +1,122 @@
+"""One function lets reward move a threshold, a level of dopamine or weights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bgmodel as bg
+from bgmodel.learning.from_reward import DOPAMINE, THRESHOLD, WEIGHTS, _learned_and_scored, learn
+from bgmodel.learning.gap import learn_gap
+from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tactile.task import EdgeTurn, SameDifferent
+from bgmodel.task import Gaussian
+from bgmodel.theory.sprt import Gaussian as GaussianSteps
+from bgmodel.theory.sprt import optimal_delta
+from tests.helpers import long_table, refused
+
+SHORT = Learner(episodes=1500)
+RATE = bg.BasalGanglia("macaque", "rate")
+FEW = {"runs": 2, "seed": 3}
+
+
+def test_the_gap_of_the_test_is_that_of_its_own_function():
+    """The same streams: numbers stored before are found again."""
+    task = SameDifferent(2.0)
+    found = learn(task, learner=SHORT, **FEW)
+    table, summary = learn_gap(
+        task.source(), name=(2.0, 0), xi=50.0, start_delta=0.5, t_max=40, learner=SHORT, **FEW
+    )
+    assert found.what == THRESHOLD
+    np.testing.assert_array_equal(found.learned, summary["learned_delta"])
+    assert found.best == summary["optimal_delta"]
+    assert found.regret == pytest.approx(100 * np.mean(summary["regret"]))
+    np.testing.assert_array_equal(found.table["mean"], table["mean_delta"])
+
+
+def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
+    """The log-likelihood ratio of a reading is normal, with mean d'^2 / 2 and variance d'^2."""
+    found = learn(Gaussian(d_prime=1.0), learner=SHORT, **FEW)
+    exact = optimal_delta(GaussianSteps(-0.5, 1.0), GaussianSteps(0.5, 1.0), 50.0, t_max=40)
+    assert found.best == pytest.approx(exact.delta, rel=0.05)
+    assert found.regret < found.regrets.loc["start", "value"]
+
+
+@pytest.mark.parametrize(
+    ("task", "model", "what"),
+    [
+        (SameDifferent(2.0), None, THRESHOLD),
+        (SameDifferent(2.0), None, WEIGHTS),
+        (Gaussian(d_prime=1.0), RATE, DOPAMINE),
+        (Gaussian(d_prime=1.0), RATE, THRESHOLD),
+    ],
+    ids=str,
+)
+def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
+    learner = WeightLearner(trials=300) if what == WEIGHTS else SHORT
+    found = learn(task, model, what=what, learner=learner, trials=200, **FEW)
+    again = learn(task, model, what=what, learner=learner, trials=200, **FEW)
+    np.testing.assert_array_equal(found.learned, again.learned)
+    assert found.what == what
+    assert found.learned.shape == (2,)
+    rows = found.summary().set_index("measure")
+    assert rows.loc["learned", "value"] == pytest.approx(found.learned.mean())
+    assert rows.loc["regret_percent, learned", "value"] == found.regret
+    assert found.to_dataframe().groupby("run").ngroups == 2
+    assert found.plot().axes[0].get_xlabel()
+    assert f"{found.learned.mean():.2f}" in repr(found)
+
+
+def test_by_default_the_test_learns_its_threshold_and_a_circuit_its_dopamine():
+    assert learn(SameDifferent(), learner=SHORT, **FEW).what == THRESHOLD
+    found = learn(Gaussian(d_prime=1.0), RATE, learner=SHORT, trials=200, **FEW)
+    assert found.what == DOPAMINE
+
+
+def test_taps_of_another_sensor_teach_another_threshold():
+    rng = np.random.default_rng(4)
+    yaw = rng.uniform(-180, 180, 1200)
+    taps = bg.load_taps().iloc[:1200].assign(yaw_deg=yaw, edge_deg=yaw + rng.normal(0, 4, 1200))
+    found = learn(EdgeTurn(step_deg=5.0), taps=taps, learner=SHORT, **FEW)
+    assert found.best > 0
+    with refused("taps .*edge"):
+        learn(EdgeTurn(), learner=SHORT)
+
+
+@pytest.mark.parametrize("order", ["in turn", "in blocks", "at random"])
+def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
+    truth = np.arange(60) % 2
+    rng = bg.stream(2)
+    truth = {"in turn": truth, "in blocks": np.sort(truth)}.get(order, rng.permutation(truth))
+    values = bg.stream(1).normal(size=(60, 2, 2))
+    long_table(bg.Evidence(values, truth)).to_csv(tmp_path / "mine.csv", index=False)
+    halves = _learned_and_scored(EvidenceTable(tmp_path / "mine.csv"), 7, {}, 0)
+    assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2
+    found = np.concatenate([each.log_likelihood for each in halves])
+    assert len({each.tobytes() for each in found}) == 60
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"task": "gaussian"}, "task"),
+        ({"model": "macaque"}, "model"),
+        ({"what": "gap"}, "what"),
+        ({"what": DOPAMINE}, "model"),
+        ({"task": Gaussian(3)}, "channels"),
+        ({"task": EvidenceTable("mine.csv"), "what": WEIGHTS}, "task"),
+        ({"xi": 0.0}, "xi"),
+        ({"runs": 0}, "runs"),
+        ({"seed": -1}, "seed"),
+        ({"rule": "confidence"}, "rule"),
+        ({"what": WEIGHTS, "learner": SHORT}, "learner"),
+        ({"learner": WeightLearner()}, "learner"),
+        ({"model": replace(RATE, engine="algebra")}, "engine"),
+        ({"model": RATE, "start": 9.0, "trials": 40}, "start"),
+    ],
+)
+def test_what_cannot_be_learned_is_one_sentence(given, says):
+    with refused(says):
+        learn(**({"task": SameDifferent()} | given))
