@@ -363,7 +363,7 @@ def chain(
         gap = {
             "learned_gap_nats": float(np.mean(summary["learned_delta"])),
             "optimal_gap_nats": float(summary["optimal_delta"]),
-            "regret": float(np.mean(summary["regret"])),
+            "learned_gap_regret_percent": 100 * float(np.mean(summary["regret"])),
         }
     rng, step_ms = stream(seed, "touch, learned"), evidence.step_ms
     before = readings.draw(TO_LEARN, T_MAX, rng=rng, step_ms=step_ms)
@@ -374,7 +374,7 @@ def chain(
     courses.append(own[["run", "episode", "mean_delta"]].assign(who=POPULATIONS))
     few = evidence[:spiking]
     learned = decide_as_learned(
-        circuit, few, gap=gap.get("learned_gap_nats"), groups=readings.groups(few.trials),
+        circuit, few, gaps=(gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None, groups=readings.groups(few.trials),
         engine=engine_of("ensemble", workers=workers), seed=seed,
     )  # fmt: skip
     return Chain(pd.concat(courses), learned, gap, circuit)
@@ -444,7 +444,7 @@ def _speed(ax: Axes, of: Story) -> None:
     accuracy_axis(ax, 1 / of.numbers["hypotheses"])
     longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
     ax.set(xlim=(0, 1.3 * longest), xlabel="Mean decision time (readings)",
-           ylabel="Expected accuracy",
+           ylabel="Accuracy",
            title="Speed and accuracy")  # fmt: skip
     ax.legend(frameon=False, fontsize=7)
 
@@ -499,7 +499,8 @@ def _decision(ax: Axes, of: Story) -> None:
         ax.plot([], [], color="0.3", label=who[0].upper() + who[1:], ls=dashed)
         if choice >= 0:
             ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
-    if (level := of.numbers.get("spikes_learned_criterion")) is not None:
+    of_spikes = of.learned[(of.learned["who"] == SPIKES) & (of.learned["measure"] == "criterion")]
+    for level in of_spikes["value"] if len(of.learned) else ():
         ax.axhline(level, color="0.3", lw=0.8, ls=":", label="Learned threshold")
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
     ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="Time (readings)",
@@ -542,17 +543,23 @@ img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
 src="data:image/png;base64,{encoded}"></p>
 <p><b>a</b>, accuracy of a single reading (mean and range over {folds} folds of taps) and mean
 posterior of the likeliest hypothesis (dotted). <b>b</b>, accuracy against mean decision time, of
-the test and of the circuit's population rates with noise (lines), and of the test and the circuit
-in spikes at what each learned from reward (markers); 95 % intervals over folds. <b>c</b>, what is
+the test and of the circuit's population rates with noise (lines: expected accuracy, the mean
+posterior of the choice), and of the test and the circuit in spikes at what each learned from reward
+(markers: proportion correct); 95 % intervals over folds. <b>c</b>, what is
 learned from reward when an error costs {XI:g} readings: the gap of the test, and the circuit's
 threshold, learned by populations and drawn as the gap that it corresponds to; median and 10 to
 90 % of {RUNS} runs. <b>d</b>, OUT of each alternative on one trial, of the test (at the circuit's
-gain) and of the circuit in spikes at its learned threshold; vertical lines mark decisions.</p>
+gain) and of the circuit in spikes, one colour for each; both stop at the circuit's learned
+threshold (vertical lines).</p>
+<p>test_accuracy and test_readings are those of the test that stops at a posterior of {POSTERIOR:g}.
+</p>
 {numbers}
 <h2>At what reward taught</h2>
 <p>The same {spikes} trials, decided by the test at its learned gap, and by the circuit at its
 learned threshold, as population rates with noise and in spikes. cost is the mean decision time
-plus {XI:g} readings per error. regret is the excess cost over the best criterion on these trials,
+plus {XI:g} readings per error. criterion is the OUT at which each stops,
+nats (of the test at gain 1, of the circuit at its gain). regret is the excess cost over the best
+criterion, which was found on other trials (so that it may be below 0 by chance), and
 above_test the excess cost over the test, both in per cent; 95 % intervals (bootstrap over folds of
 taps).</p>
 {learned or "<p>Taps do not distinguish the hypotheses: nothing is learned.</p>"}

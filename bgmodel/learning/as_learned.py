@@ -22,16 +22,13 @@ from circuits.errors import require
 
 TEST, POPULATIONS, SPIKES = "test", "circuit, populations", "circuit in spikes"
 """Who decides."""
-LOWER = 0.6
-"""Lowest threshold at which spikes are tried, as a share of the learned one: lower ones take
-longer, and the regret of a criterion is known once the cost rises on both sides of it."""
 
 
 def decide_as_learned(
     learned: CircuitLearned,
     evidence: Evidence,
     *,
-    gap: float | None = None,
+    gaps: tuple[float, float] | None = None,
     engine: Engine | str = "ensemble",
     groups: npt.ArrayLike | None = None,
     resamples: int = RESAMPLES,
@@ -48,8 +45,8 @@ def decide_as_learned(
         The circuit and its learned threshold, as from ``learn_in_circuit``.
     evidence : Evidence
         Readings of the trials, with their truth.
-    gap : float, optional
-        Gap that the test has learned, nats; without it the test is left out.
+    gaps : (float, float), optional
+        Gap that the test has learned, and the best one, nats; without them the test is left out.
     engine : Engine or str
         Engine that simulates spikes.
     groups, resamples : optional
@@ -62,9 +59,10 @@ def decide_as_learned(
     DataFrame
         One row per decider and measure: who, measure, value, low, high (95 % interval, a bootstrap
         over trials or their groups). Measures: criterion (the learned OUT, nats), accuracy,
-        readings (mean decision time), cost (readings), regret (excess cost over the best threshold
-        on these trials, per cent) and above_test (excess cost over the test, per cent). The best
-        threshold is chosen on the trials on which it is scored, which raises the regret a little.
+        readings (mean decision time), cost (readings), regret (excess cost over the best criterion,
+        per cent) and above_test (excess cost over the test, per cent). The best criterion of the
+        circuit is that of the trials from which it learned; on other trials the learned one may be
+        better by chance, with a regret below 0.
 
     Raises
     ------
@@ -73,19 +71,18 @@ def decide_as_learned(
     """
     require(learned.what == CRITERION, "learned", "must be a learned criterion", learned.what)
     check_resamples(resamples, groups)
-    levels = threshold_of(np.union1d(learned.fresh.levels, learned.value))
-    level = learned.threshold_nats
-    levels = levels[levels >= LOWER * level]
-    found = {}
-    if gap is not None:
-        criterion = float(msprt_threshold_from_gap(gap))
-        others = -np.log(np.linspace(0.55, 0.999, 60))
-        falling = np.union1d(others, criterion)[::-1]
-        found[TEST] = tradeoff(Msprt().run(evidence), evidence, falling), criterion
+    found: dict[str, tuple[Tradeoff, float, float]] = {}
+    if gaps is not None:
+        own, best = (float(msprt_threshold_from_gap(gap)) for gap in gaps)
+        swept = tradeoff(Msprt().run(evidence), evidence, _falling(own, best))
+        found[TEST] = swept, own, best
+    own = learned.threshold_nats
+    best = float(threshold_of(learned.outcomes.best(learned.xi)[0]))
     for who, run in ((POPULATIONS, learned.model.engine), (SPIKES, engine_of(engine))):
         model = replace(learned.model, engine=run)
+        levels = _falling(own, best)
         swept = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-        found[who] = swept, level
+        found[who] = swept, own, best
     weights = resampled(evidence.trials, resamples, stream(seed, "bootstrap"), groups)
     parts = {who: _measures(*one, evidence, learned.xi, weights) for who, one in found.items()}
     rows = []
@@ -97,16 +94,21 @@ def decide_as_learned(
 
 
 def _measures(
-    swept: Tradeoff, level: float, evidence: Evidence, xi: float, weights: Array
+    swept: Tradeoff, own: float, best: float, evidence: Evidence, xi: float, weights: Array
 ) -> dict[str, Array]:
     """Return the measures of decisions at a threshold, one value per row of weights."""
     outcomes = LevelOutcomes.of(swept, evidence)
-    k = int(np.abs(outcomes.levels - level).argmin())
+    k, top = (int(np.abs(outcomes.levels - each).argmin()) for each in (own, best))
     share = weights / weights.sum(axis=1, keepdims=True)
+    cost, least = (-share @ outcomes.rewards(xi)[each] for each in (k, top))
     return {
-        "criterion": np.full(len(weights), level),
+        "criterion": np.full(len(weights), own),
         "accuracy": share @ outcomes.correct[k],
         "readings": share @ outcomes.steps[k],
-        "cost": -share @ outcomes.rewards(xi)[k],
-        "regret": outcomes.regrets(level, xi, weights),
+        "cost": cost,
+        "regret": 100 * (cost / least - 1),
     }
+
+
+def _falling(*levels: float) -> Array:
+    return np.unique(levels)[::-1]
