@@ -373,8 +373,9 @@ def chain(
         own["mean_delta"] *= 2 / model.gain
     courses.append(own[["run", "episode", "mean_delta"]].assign(who=POPULATIONS))
     few = evidence[:spiking]
+    gaps = (gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None
     learned = decide_as_learned(
-        circuit, few, gaps=(gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None, groups=readings.groups(few.trials),
+        circuit, few, gaps=gaps, groups=readings.groups(few.trials),
         engine=engine_of("ensemble", workers=workers), seed=seed,
     )  # fmt: skip
     return Chain(pd.concat(courses), learned, gap, circuit)

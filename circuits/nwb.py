@@ -82,7 +82,10 @@ def write_nwb(
     first, circuit = picked[0][0], picked[0][0].circuit
     about = {"engine": first.engine, **first.about, "trials": columns["trial"]}
     identity = json.dumps([digest(circuit), about], sort_keys=True, default=str)
-    key = hashlib.sha256(identity.encode()).hexdigest()[:32]
+    done = hashlib.sha256(identity.encode())
+    for part, k in picked:  # the same circuit and seed on another task
+        done.update(np.ascontiguousarray(part.output_nats[k]).tobytes())
+    key = done.hexdigest()[:32]
     file = NWBFile(
         session_description=f"simulation of {circuit.name}, not a recording",
         identifier=key,

@@ -174,11 +174,12 @@ class ExperimentRun(Shows):
         about |= {"posterior": posterior, "seed": experiment.seed}
         where = {"trials": trials, "output": self.output}
         self.show(done.text(), rows, **about, **where)
-        self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
+        written = "" if self.output is None else f", measures -> {self.output}"
+        self.note(f"{trials} trials{written and f' -> {self._trials_path()}'}{written}")
 
     def _check_apart(self, evidence: Path | None) -> None:
         """Refuse to overwrite the evidence that the experiment's file names."""
-        inputs = [] if evidence is None else [("task.file", evidence)]
+        inputs = [] if evidence is None else [("task.evidence", evidence)]
         outputs = [] if self.output is None else [("output", self.output)]
         check_apart([*inputs, *outputs, *(("trials", path) for path in self.more_outputs())])
 

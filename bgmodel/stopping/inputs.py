@@ -168,6 +168,12 @@ def with_input(
         ("duration_ms", lasts, lasts > 0, "must be > 0"),
     ):
         require(allowed.all(), name, must, float(value.ravel()[np.argmin(allowed)]))
+    marks = onset.size > 2 and set(onset.ravel()) == {0.0, 1.0}
+    if marks:
+        EditWarning.warn(
+            "every trial receives the input, from 0 or 1 ms on: is this a mask of trials? Give the "
+            "onset in ms, and NaN for trials without it"
+        )
     onset = np.where(given, onset, np.inf)
     on = np.clip((begins + step - onset) / step, 0, 1)
     off = np.clip((begins + step - onset - lasts) / step, 0, 1)
@@ -195,6 +201,8 @@ def _per_step(step_ms: float, every_ms: float | None) -> int:
 
 def _per_trial(name: str, evidence: Evidence, given: npt.ArrayLike) -> Array:
     """Return one number per trial, (trials, 1)."""
+    # A mask would be onsets of 0 and 1 ms, and amounts of 0 and 1 nat.
+    require(np.asarray(given).dtype != bool, name, "must be numbers, not true and false", given)
     values = np.asarray(reals(name, given), dtype=np.float64)
     must = f"must be one number, or ({evidence.trials},)"
     require(values.shape in ((), (evidence.trials,)), name, must, values.shape)

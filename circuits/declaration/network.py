@@ -57,8 +57,9 @@ class Network(Mapping[str, "Population | Projection"]):
         if p.weight * SIGNS[what] < 0:
             must = f"the weight must be {'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
             raise InputError(f"{p.name}: {p.source} releases {what}, so {must}", "weight")
-        fits, must = SYNAPSES.get(p.synapse, what) == what, f"must bind {what}, which it releases"
-        require(fits, "synapse", must, p.synapse, owner=p.source)
+        fits = SYNAPSES.get(p.synapse, what) == what
+        must = f"must bind {what}, which {p.source} releases"
+        require(fits, "synapse", must, p.synapse, owner=p.name)
         _check_counts(p, channels, "factors", "intact_by_channel")
 
     def population(self, name: str) -> Population:

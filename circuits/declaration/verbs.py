@@ -202,10 +202,14 @@ class EditableTable(CircuitTable):
         rows = self.pathways(source, into) if arrow else onto
         found = [p for p in rows if synapse and p.synapse == synapse]
         if not found:
-            names = ", ".join(p.name for p in rows) or "no pathway"
-            said = f"{self.name}: no pathway of {place} has the receptor {shown(synapse)}: {names}"
-            declare = f"declare it, as in set {rows[0].pair if rows else place}.synapse {synapse}"
-            raise InputError(f"{said}; {declare}", "synapse", synapse)
+            known = ", ".join(f"{p.name} ({p.synapse or 'none declared'})" for p in rows)
+            where = "of" if arrow else "onto"
+            raise InputError(
+                f"{self.name}: no pathway {where} {place} has the receptor {shown(synapse)}: "
+                f"{known or 'there is none'}",
+                "synapse",
+                synapse,
+            )
         return self._multiplied(found, "intact", 1 - fraction, channel)
 
     def _multiplied(

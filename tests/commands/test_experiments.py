@@ -81,7 +81,7 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
     out = tmp_path / "out.csv"
     assert run("experiment", experiment_file, out) == 0
     page = capsys.readouterr().out
-    assert page.endswith(f"120 trials -> {out}\n")
+    assert page.endswith(f", measures -> {out}\n")
     row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
     assert f"control: {row}\nmanipulation: {row}; set STN->GPe.delay_ms 4\n" in page
     assert re.search(r"accuracy none, within 0\.05 .*the model agrees", page)

@@ -149,3 +149,19 @@ def test_an_input_after_the_trials_changes_nothing_and_is_warned_of():
     with unwarned():
         with_input(go, NEVER, -2.0)
         with_input(go, 50.0, 0.0)
+
+
+def test_a_mask_of_trials_is_no_list_of_onsets():
+    """True would be 1 ms: every trial would have light, and both truths alike."""
+    go = evidence(8)
+    lit = np.arange(8) % 3 == 0
+    for name, given_as in (
+        ("onset_ms", {"onset_ms": lit}),
+        ("amount_nats", {"onset_ms": 20.0, "amount_nats": lit}),
+    ):
+        with refused(name):
+            with_input(go, **given_as)
+    with pytest.warns(EditWarning, match="mask"):
+        with_input(go, lit.astype(int))
+    with unwarned():
+        with_input(go, np.zeros(8))
