@@ -76,7 +76,7 @@ def test_dopamine_learns_in_a_file_as_in_its_table(here):
     few = ["--task", "gaussian", "--d-prime", 1]
     few += ["--trials", 60, "--t-max", 20, "--levels", 3, "--runs", 1, "--learner.episodes", 600]
     for name, output in (("spiking_msprt", "a.parquet"), ("mine.toml", "b.parquet")):
-        assert run("circuit", "learn", output, "--circuit", name, *few) == 0
+        assert run("learn", output, "--what", "dopamine", "--circuit", name, *few) == 0
     pd.testing.assert_frame_equal(pd.read_parquet("a.parquet"), pd.read_parquet("b.parquet"))
     behind = [read_provenance(name)["parameters"] for name in ("a.parquet", "b.parquet")]
     assert behind[0]["circuit"] == behind[1]["circuit"]
@@ -140,7 +140,7 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     "command",
     [("circuit", "show"), ("circuit", "run", "a.csv"),
      ("circuit", "compare-edits", "a.csv", "lesion STN 20%"),
-     ("circuit", "learn", "a.csv"), ("compare", "a.csv")],
+     ("learn", "a.csv", "--what", "dopamine"), ("compare", "a.csv")],
 )  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "says"),

@@ -49,8 +49,8 @@ def gratings(tmp_path):
         ),
         (("learn",), ("--runs", 1, "--learner.episodes", 500)),
         (
-            ("circuit", "learn"),
-            (*FEW, "--engine", "rate", "--runs", 1, "--levels", 3, "--learner.episodes", 500),
+            ("learn",),
+            ("--what", "dopamine", *FEW, "--engine", "rate", "--runs", 1, "--levels", 3, "--learner.episodes", 500),
         ),
     ],
 )

@@ -151,8 +151,8 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
 @pytest.mark.parametrize(
     ("line", "starts", "said"),
     [
-        ("circuit learn a.csv", "learning.dopamine_learner.level_outcomes",
-         "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s\n"),
+        ("learn a.csv --what dopamine", "learning.dopamine_learner.level_outcomes",
+         "macaque on rate learns dopamine, same-different, 2 alternatives, period_mm 2, in 10 "),
         ("experiment stn_conflict", "experiments.experiment.Experiment.run",
          "an experiment on macaque on population, 2 circuits, 2000 trials of up to "),
         ("simulate t.npz --taps 2", "tactile.library.contact_library",

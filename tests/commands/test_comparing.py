@@ -97,7 +97,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
     halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
     for command in (("compare",), ("circuit", "compare-edits")):
         assert "decide without evidence" in refusal(*command, tmp_path / "a.csv", *task, *halved)
-    learned = ("circuit", "learn", tmp_path / "a.csv", "--circuit", "spiking_msprt")
+    learned = ("learn", tmp_path / "a.csv", "--what", "dopamine", "--circuit", "spiking_msprt")
     assert "no level of dopamine" in refusal(*learned, "--edits", "scale ctx->STN 0.5")
     assert not list(tmp_path.iterdir())
     given = (*task[:-1], 40, "scale ctx->STN 0.5", "--engine", "rate", "--accuracies", 0.8)
@@ -173,7 +173,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):
     )
     assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
-    assert "at every level" in refusal("circuit", "learn", tmp_path / "c.csv", *little)
+    assert "at every level" in refusal("learn", tmp_path / "c.csv", "--what", "dopamine", *little)
 
 
 def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):

@@ -52,7 +52,7 @@ def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
         (Gaussian(d_prime=1.0), RATE, DOPAMINE),
         (Gaussian(d_prime=1.0), RATE, THRESHOLD),
     ],
-    ids=str,
+    ids=["gap", "weights", "dopamine", "log odds"],
 )
 def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     learner = WeightLearner(trials=300) if what == WEIGHTS else SHORT
