@@ -61,12 +61,15 @@ if TYPE_CHECKING:
     from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_models
     from bgmodel.fitting.person import fit
+    from bgmodel.from_taps import touch
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.learning.from_reward import learn
     from bgmodel.stopping.task import StopTask
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import EvidenceTable, read_evidence
+    from bgmodel.tactile.decoder import load_decoder, train_decoder
+    from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
     from circuits import engines
@@ -96,7 +99,11 @@ LAZY = {
     "fit_people": "bgmodel.fitting.hierarchy.people",
     "learn": "bgmodel.learning.from_reward",
     "load_circuit": "circuits.anatomy",
+    "load_decoder": "bgmodel.tactile.decoder",
     "read_choices": "bgmodel.tables.choices",
+    "simulate_taps": "bgmodel.tactile.sensor",
+    "touch": "bgmodel.from_taps",
+    "train_decoder": "bgmodel.tactile.decoder",
     "read_evidence": "bgmodel.tables.evidence",
 }
 """Names whose modules load circuits and pandas; they are imported on first access."""
@@ -135,14 +142,18 @@ __all__ = [
     "gaussian_evidence",
     "learn",
     "load_circuit",
+    "load_decoder",
     "load_taps",
     "msprt_threshold_from_gap",
     "read_choices",
     "read_evidence",
+    "simulate_taps",
     "sprt_threshold_from_gap",
     "stream",
     "tally",
     "threshold_from_posterior",
+    "touch",
+    "train_decoder",
 ]
 
 if not TYPE_CHECKING:  # otherwise mypy would accept any attribute name

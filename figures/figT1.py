@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,11 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bgmodel.from_taps import Touched, touch
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
-from bgmodel.touch import STEPS_DEG, Story, story
 from figures.common import Settings, run
 
 STEP_MS = 50.0
@@ -30,14 +29,12 @@ def compute(settings: Settings, simulated: Path, real: Path | None = None, *, ou
         "learner": Learner(episodes=settings.episodes),
     }  # fmt: skip
     told = {
-        "simulated": story(
-            read_table(simulated), SameDifferent, settings.periods_mm, 2.0, AXES["simulated"],
-            **given,
+        "simulated": touch(
+            SameDifferent(2.0), read_table(simulated), values=settings.periods_mm, **given
         )
     }  # fmt: skip
     if real is not None:
-        taps, task = decoded_edges(settings.seed, real), partial(EdgeTurn, 2)
-        told["real"] = story(taps, task, STEPS_DEG, 5.0, AXES["real"], **given)
+        told["real"] = touch(EdgeTurn(2, 5.0), decoded_edges(settings.seed, real), **given)
     rows = pd.concat([each.to_dataframe().assign(sensor=name) for name, each in told.items()])
     recordings = real.name if real else "none"
     write_table(rows, output, seed=settings.seed, settings=settings, recordings=recordings)
@@ -50,7 +47,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     figure, axes = plt.subplots(len(sensors), 4, figsize=(11, 2.6 * len(sensors)), squeeze=False)
     for row, name in enumerate(sensors):
         rows = table[table["sensor"] == name]
-        one = Story.from_dataframe(rows, AXES[name], STEP_MS)
+        one = Touched.from_dataframe(rows, AXES[name], STEP_MS)
         one.draw(axes[row], LETTERS[name])
         axes[row, 0].set_ylabel(f"{ROWS[name]}\n{axes[row, 0].get_ylabel()}")
     return figure

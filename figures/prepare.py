@@ -60,8 +60,8 @@ def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> N
             rng = stream(settings.seed, "held-out taps", period, yaw)
             taps = simulate(np.full(count, period), yaw, rng=rng, library=contacts, **SENSOR)
             decoded = network.decode(taps)
-            parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**decoded))
-    table = pd.concat(parts, ignore_index=True).drop(columns="strength")
+            parts.append(decoded[["period_mm", "yaw_deg", "psi_deg", "orientation_deg"]])
+    table = pd.concat(parts, ignore_index=True)
     # A tenth of a degree is far below any decoder error, and compresses well.
     for name in ("psi_deg", "orientation_deg"):
         table[name] = table[name].round(1).astype(np.float32)

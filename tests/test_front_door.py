@@ -1,5 +1,6 @@
 """What most users do, each in three lines from ``import bgmodel as bg``."""
 
+import importlib.util
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
 from tests.helpers import refused, run
+from tests.tactile.striped import QUICK, striped_taps
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -172,3 +174,22 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
     with refused("posterior"):
         salience.decide()
     assert run("circuit", "run", out, "--circuit", "gpr", "--gain", 0.2, "--force") == 2
+
+
+@pytest.mark.parametrize("name", sorted(set(bg.__all__) - {"engines", "__version__"}))
+def test_no_name_of_the_front_door_is_that_of_a_module(name):
+    """Importing the module would replace the function."""
+    assert importlib.util.find_spec(f"bgmodel.{name}") is None
+
+
+def test_a_decoder_is_trained_stored_and_decodes_from_the_front_door(tmp_path):
+    taps = striped_taps(600)
+    decoder = bg.train_decoder(taps, training=QUICK, seed=2)
+    decoder.save(tmp_path / "mine.safetensors")
+    decoded = bg.load_decoder(tmp_path / "mine.safetensors").decode(taps)
+    assert decoded["trained_on"].all()
+    assert {"yaw_deg", "psi_deg", "orientation_deg", "strength"} <= set(decoded)
+    fresh = decoder.decode(striped_taps(60, seed=9))
+    assert "trained_on" not in fresh
+    fresh.to_parquet(tmp_path / "fresh.parquet")
+    pd.testing.assert_frame_equal(bg.load_taps(tmp_path / "fresh.parquet"), fresh)

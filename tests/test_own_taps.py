@@ -15,6 +15,7 @@ from tests.helpers import refused, run
 ALGEBRA = ("--engine", "algebra")
 FEW = ("--trials", 60, "--t-max", 12)
 EDGES = ("--task", "edge-turn", "--step-deg", 5)
+DOPAMINE = ("--what", "dopamine", *FEW, "--runs", 1, "--levels", 3, "--learner.episodes", 500)
 GRATINGS = ("--task", "same-different", "--period-mm", 2)
 
 
@@ -48,10 +49,7 @@ def gratings(tmp_path):
             ("lesion STN 10%", "--trials", 120, "--t-max", 20, "--accuracies", 0.8, *ALGEBRA),
         ),
         (("learn",), ("--runs", 1, "--learner.episodes", 500)),
-        (
-            ("learn",),
-            ("--what", "dopamine", *FEW, "--engine", "rate", "--runs", 1, "--levels", 3, "--learner.episodes", 500),
-        ),
+        (("learn",), DOPAMINE),
     ],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")

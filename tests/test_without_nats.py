@@ -85,7 +85,7 @@ def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monk
         (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
         (("circuit", "run", "a.csv", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
           "--circuit"), "a posterior has no meaning there; give a threshold"),
-        (("learn", "a.csv", "--what", "dopamine", "--gain", ".1", "--circuit"), "has no meaning there"),
+        (("learn", "a.csv", "--what", "dopamine", "--gain", ".1", "--circuit"), "no meaning there"),
     ],
 )  # fmt: skip
 def test_each_way_in_that_needs_a_posterior_refuses_in_one_sentence(

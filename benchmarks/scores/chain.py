@@ -19,6 +19,7 @@ from bgmodel import stream
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.evidence import Evidence
+from bgmodel.from_taps import ACCURACIES, T_MAX, chain
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.sprt import Msprt
@@ -29,7 +30,6 @@ from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.recordings import find_recordings
 from bgmodel.tactile.source import Folds, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
-from bgmodel.touch import ACCURACIES, T_MAX, chain
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Population, Rate
 from circuits.errors import quiet

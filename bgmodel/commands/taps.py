@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
@@ -19,9 +18,7 @@ from bgmodel.commands.checks import (
     say,
 )
 from bgmodel.support import files
-from bgmodel.support.arrays import Array, Reals
-from bgmodel.support.memory import check_memory
-from bgmodel.support.seeds import stream
+from bgmodel.support.arrays import Reals
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
@@ -79,30 +76,21 @@ class Simulate(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.library import contact_library, to_solve
+        from bgmodel.tactile.library import to_solve
         from bgmodel.tactile.pressing import LibraryPlan
-        from bgmodel.tactile.sensor import simulate
+        from bgmodel.tactile.sensor import simulate_taps
 
         check_whole(taps=self.taps, workers=self.workers)
         check_ending("output", self.output, ".npz")
         if self.task != "orientation":
             check_idle(self, ["channels"], "a task other than orientation")
-        numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
-        check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
-        yaws = self._yaws_deg()
-        # Taps at given yaws are held-out taps: their noise must differ from that of training taps.
-        rng = stream(self.seed, "simulate", *yaws)
-        periods = np.repeat(self.periods_mm, self.taps)
-        count = len(periods)
-        yaw = _in_turn(yaws, count) if yaws else rng.uniform(-90, 90, count)
-        plan = LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm)
-        contacts = to_solve(plan)
+        contacts = to_solve(LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm))
         first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
-        say(f"{first}simulating {count} taps")
-        library = contact_library(plan, workers=self.workers)
-        taps = simulate(
-            periods, yaw, rng=rng, tip=self.tip, nuisance=self.nuisance, library=library
-        )
+        say(f"{first}simulating {self.taps * len(self.periods_mm)} taps")
+        taps = simulate_taps(
+            self.taps, self.periods_mm, self._yaws_deg(), seed=self.seed, tip=self.tip,
+            skin=self.skin, nuisance=self.nuisance, workers=self.workers,
+        )  # fmt: skip
         taps.save(self.output, files.provenance(self.seed, command=options_of(self)))
         print(f"{len(taps)} taps of {len(self.periods_mm)} gratings -> {self.output}")
 
@@ -190,11 +178,10 @@ class Decode(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         decoder = Decoder.load(self.decoder)
         taps, about = _taps(self, decoder.rest_mm)
-        table = taps.labels.assign(**decoder.decode(taps))
-        known = decoder.knows(taps)
-        if known.any():
-            say(f"the decoder was trained on {known.sum()} of these taps: tasks refuse the table")
-            table["trained_on"] = known
+        table = decoder.decode(taps)
+        if "trained_on" in table:
+            known = table["trained_on"].sum()
+            say(f"the decoder was trained on {known} of these taps: tasks refuse the table")
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
         behind: dict[str, Any] = {
@@ -208,24 +195,17 @@ class Decode(Writes):
 
 def _taps(command: Train | Decode, rest: Reals | None = None) -> tuple[Taps, dict[str, Any]]:
     """Return taps and their provenance, from a file or from a folder of recordings."""
-    path, edge, mm_per_px, pins = command.taps, command.edge, command.mm_per_px, command.pins
+    from bgmodel.tactile.decoder import taps_of
+
+    path, pins = command.taps, command.pins
     if not path.is_dir():
-        from bgmodel.tactile.taps import Taps
-
         check_idle(command, ["mm_per_px", "pins"], "a file of taps")
-        taps, about = Taps.load(path)
-        if edge and taps.stimulus != "edge":
-            raise InputError(f"{path.name} holds taps of a {taps.stimulus}, not of an edge", "path")
-        return taps, about
-    if mm_per_px is None:
-        raise InputError("recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px")
-    from bgmodel.tactile.recordings import pins_found, read_taps
+    stimulus = "edge" if command.edge else "grating" if path.is_dir() else None
+    taps, about = taps_of(
+        path, stimulus=stimulus, mm_per_px=command.mm_per_px, rest=rest, pins=pins
+    )
+    if path.is_dir():
+        from bgmodel.tactile.recordings import pins_found
 
-    stimulus = "edge" if edge else "grating"
-    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=stimulus, pins=pins)
-    print(f"{path.name}: {pins_found(taps, pins)}")
-    return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": stimulus}
-
-
-def _in_turn(values: tuple[float, ...], count: int) -> Array:
-    return np.resize(np.asarray(values, dtype=float), count)
+        print(f"{path.name}: {pins_found(taps, pins)}")
+    return taps, about

@@ -68,20 +68,16 @@ class Touch(Asks, Shows):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.source import load_taps
-        from bgmodel.touch import STEPS_DEG, page, story
+        from bgmodel.from_taps import page, touch
 
         self._check()
         self.folder.mkdir(parents=True, exist_ok=True)
         decoded = self._decoded()
         say(f"deciding on {self.trials} trials, learning gap and threshold, and deciding in spikes")
         task = self._task
-        found = story(
-            load_taps(decoded),
-            self._asked,
-            PERIODS_MM if self._grating else STEPS_DEG,
-            self.period_mm if self._grating else self.step_deg,
-            "period of the grating (mm)" if self._grating else "step between alternatives (deg)",
+        found = touch(
+            self._asked(),
+            decoded,
             trials=self.trials,
             folds=self.folds,
             step_ms=self.step_ms,
@@ -112,11 +108,10 @@ class Touch(Asks, Shows):
     def _task(self) -> str:
         return self.task or ("same-different" if self._grating else "edge-turn")
 
-    def _asked(self, stimulus: float | None = None) -> Tactile:
-        """Return the task, by default with the stimulus of the options, mm or degrees."""
-        default = self.period_mm if self._grating else self.step_deg
-        value = default if stimulus is None else stimulus
-        return tactile_task(self._task, self.channels, period_mm=value, step_deg=value)
+    def _asked(self) -> Tactile:
+        """Return the task."""
+        stimulus = {"period_mm": self.period_mm, "step_deg": self.step_deg}
+        return tactile_task(self._task, self.channels, **stimulus)
 
     @property
     def _simulated(self) -> dict[str, Any]:

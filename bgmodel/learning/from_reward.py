@@ -116,8 +116,10 @@ class FromReward(Facts):
 
     def verdict(self) -> str:
         """Return the learned value, the best one, and the regret, in one sentence."""
-        rows = self.regrets.to_numpy()
-        texts = [shown(x, *ends, ".1f") if np.ptp(ends) else f"{x:.1f}" for x, *ends in rows]
+        texts = [
+            shown(x, low, high, ".1f") if low < high else f"{x:.1f}"
+            for x, low, high in self.regrets.to_numpy()
+        ]
         begun = f" (at the start {texts[1]} %)" if len(texts) > 1 else ""
         return (
             f"learned {self.unit} {self.learned.mean():.2f} (sd {self.learned.std():.2f} over "

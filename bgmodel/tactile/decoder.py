@@ -19,6 +19,7 @@ from bgmodel.tactile.taps import Taps
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
+    import pandas as pd
     import torch
 
 _ALONE = threading.Lock()
@@ -111,20 +112,39 @@ class Decoder:
         """Return which taps were used in training or validation, (taps,)."""
         return np.isin(taps.numbers(), self.trained_on)
 
-    def decode(self, taps: Taps) -> dict[str, Reals]:
+    def decode(self, taps: Taps | str | Path, *, mm_per_px: float | None = None) -> pd.DataFrame:
         """Decode the angle of each tap.
+
+        Parameters
+        ----------
+        taps : Taps or path
+            Taps, their file, or a folder of recordings.
+        mm_per_px : float, optional
+            Scale of recordings; by default that of those it was trained on.
 
         Returns
         -------
-        dict of arrays (taps,)
-            As returned by the network's ``read``: ``psi_deg`` and ``orientation_deg`` for gratings,
-            or ``edge_deg`` for edges; and ``strength``, the length of the decoded vector.
+        DataFrame
+            One row per tap: its labels, what the network decodes (``psi_deg`` and
+            ``orientation_deg`` for gratings, or ``edge_deg`` for an edge), and ``strength``, the
+            length of the decoded vector. Taps of the training are marked in ``trained_on``, and
+            tasks refuse a table with any.
 
         Raises
         ------
         ValueError
             If the stimulus or the pins differ from those the decoder was trained on.
         """
+        if not isinstance(taps, Taps):
+            scale = self.about.get("taps", {}).get("mm_per_px") if mm_per_px is None else mm_per_px
+            stimulus = self.training.network
+            taps = taps_of(taps, stimulus=stimulus, mm_per_px=scale, rest=self.rest_mm)[0]
+        table = taps.labels.assign(**self._read(taps))
+        known = self.knows(taps)
+        return table.assign(trained_on=known) if known.any() else table
+
+    def _read(self, taps: Taps) -> dict[str, Reals]:
+        """Return what the network decodes, by name, (taps,) each."""
         _check_stimulus(taps, self.training)
         if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
             taps.rest_mm, self.rest_mm, atol=1e-3
@@ -202,6 +222,90 @@ class Decoder:
             raise InputError(
                 f"{str(path)!r} does not hold a decoder of this program: {reason}", "path"
             ) from error
+
+
+def taps_of(
+    source: Taps | str | Path,
+    *,
+    stimulus: str | None = None,
+    mm_per_px: float | None = None,
+    rest: Reals | None = None,
+    pins: int | None = None,
+) -> tuple[Taps, dict[str, Any]]:
+    """Return taps and their provenance: taps, those of a file, or of a folder of recordings.
+
+    Parameters
+    ----------
+    source : Taps or path
+        Taps, their file (.npz), or a folder of recordings with its targets csv.
+    stimulus : str, optional
+        What was tapped, "grating" (the default for recordings) or "edge".
+    mm_per_px : float, optional
+        Scale of recordings, which need it.
+    rest, pins : optional
+        As for ``recordings.read_taps``.
+
+    Raises
+    ------
+    ValueError
+        If the source cannot be read or is of another stimulus, or recordings have no scale.
+    """
+    if isinstance(source, Taps):
+        return source, {}
+    path = Path(source)
+    if not path.is_dir():
+        taps, about = Taps.load(path)
+        same = stimulus in (None, taps.stimulus)
+        said = f"{path.name} holds taps of a {taps.stimulus}, not of a {stimulus}"
+        if not same:
+            raise InputError(said, "path")
+        return taps, about
+    if mm_per_px is None:
+        raise InputError("recordings need their scale: mm_per_px, mm per pixel", "mm_per_px")
+    from bgmodel.tactile.recordings import read_taps
+
+    what = stimulus or "grating"
+    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=what, pins=pins)
+    return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": what}
+
+
+def train_decoder(
+    taps: Taps | str | Path,
+    *,
+    edge: bool = False,
+    mm_per_px: float | None = None,
+    seed: int = 0,
+    training: Training | None = None,
+    device: str = "cpu",
+) -> Decoder:
+    """Train a decoder on taps, their file, or a folder of recordings.
+
+    Parameters
+    ----------
+    taps : Taps or path
+        Labelled taps, as for ``taps_of``.
+    edge : bool
+        Whether recordings are of an edge; otherwise they are of gratings.
+    mm_per_px : float, optional
+        Scale of recordings, mm per pixel.
+    seed, device :
+        As for ``train``.
+    training : Training, optional
+        Training options; by default those tuned for gratings or for an edge.
+
+    Raises
+    ------
+    ValueError
+        As for ``taps_of`` and ``train``.
+    """
+    found, about = taps_of(taps, stimulus="edge" if edge else None, mm_per_px=mm_per_px)
+    training = training or (EDGE if found.stimulus == "edge" else Training())
+    return train(found, seed=seed, training=training, about={"taps": about}, device=device)
+
+
+def load_decoder(path: str | Path) -> Decoder:
+    """Return a decoder from its file, .safetensors or .onnx; as ``Decoder.load``."""
+    return Decoder.load(path)
 
 
 def train(

@@ -26,4 +26,4 @@ def decoded_edges(seed: int, recordings: Path) -> pd.DataFrame:
     taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
     decoder = train(taps, seed=seed, training=EDGE)
     held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
-    return held.labels[["yaw_deg"]].assign(edge_deg=decoder.decode(held)["edge_deg"])
+    return decoder.decode(held)[["yaw_deg", "edge_deg"]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -9,7 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Singles
-from bgmodel.support.checks import check_range
+from bgmodel.support.checks import check_range, whole
+from bgmodel.support.memory import check_memory
+from bgmodel.support.seeds import stream
+from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
@@ -133,6 +137,54 @@ def simulate(
     labels[["shear_x_mm", "shear_y_mm"]] = nuisance.shear_sd_mm * place[:, 2:]
     displacement, labels["frame"] = _filmed(noiseless(labels, tip, library), nuisance, noise)
     return Taps(displacement, tip.rest_mm(), labels)
+
+
+def simulate_taps(
+    taps: int = 1000,
+    periods_mm: Sequence[float] = PERIODS_MM,
+    yaw_deg: Sequence[float] = (),
+    *,
+    seed: int = 0,
+    tip: Tip | None = None,
+    skin: Skin | None = None,
+    nuisance: Nuisance | None = None,
+    workers: int = 1,
+) -> Taps:
+    """Tap gratings with the simulated TacTip.
+
+    Parameters
+    ----------
+    taps : int
+        Number of taps per grating.
+    periods_mm : sequence of float
+        Periods of the gratings, mm.
+    yaw_deg : sequence of float
+        Yaws, used in turn, degrees; without any, uniform in -90..90, as for training. Taps at
+        given yaws have other noise than those for training with the same seed.
+    seed : int
+        Seed of all random numbers.
+    tip, skin, nuisance : optional
+        The sensor and its variability.
+    workers : int
+        Number of processes for the contact mechanics, which are solved once and stored.
+
+    Raises
+    ------
+    ValueError
+        As for ``simulate``.
+    """
+    from bgmodel.tactile.library import contact_library
+    from bgmodel.tactile.pressing import LibraryPlan
+
+    count = whole("taps", taps, 1) * len(periods_mm)
+    tip, skin = tip or Tip(), skin or Skin()
+    check_memory(3 * 8 * 2.0 * count * len(tip.rest_mm()), f"{count} taps")
+    rng = stream(seed, "simulate", *yaw_deg)
+    given = np.asarray(yaw_deg, dtype=float)
+    yaws = np.resize(given, count) if given.size else rng.uniform(-90, 90, count)
+    library = contact_library(LibraryPlan(skin=skin, radius_mm=tip.radius_mm), workers=workers)
+    periods = np.repeat(np.asarray(periods_mm, dtype=float), taps)
+    return simulate(periods, yaws, rng=rng, tip=tip, nuisance=nuisance, library=library)
 
 
 def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:

@@ -100,7 +100,7 @@ def test_memory_is_asked_for_what_the_taps_take(tmp_path, monkeypatch, refusal):
         asked.append(needed)
         raise ValueError("asked")
 
-    monkeypatch.setattr("bgmodel.commands.taps.check_memory", refuse)
+    monkeypatch.setattr("bgmodel.tactile.sensor.check_memory", refuse)
     assert "asked" in refusal("simulate", tmp_path / "t.npz", "--taps", 1000, "--periods-mm", 0, 5)
     assert asked == [3 * 2000 * 361 * 2 * 8]
 

@@ -132,7 +132,7 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
         @staticmethod
         def decode(taps):
             np.testing.assert_array_equal(taps.rest_mm, pins)
-            return {"edge_deg": taps.labels["yaw_deg"].to_numpy() + 3}
+            return taps.labels.assign(edge_deg=taps.labels["yaw_deg"] + 3)
 
     monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
     monkeypatch.setattr("bgmodel.tactile.edges.train", train)

@@ -1,4 +1,4 @@
-"""The story of one sensor: what its taps say, and who decides how on them."""
+"""From a sensor's taps to decisions: what they say, and who decides how on them."""
 
 from dataclasses import replace
 from functools import partial
@@ -8,14 +8,15 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from bgmodel import touch
+import bgmodel as bg
+from bgmodel import from_taps
+from bgmodel.from_taps import Touched, page, touch
 from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_table
 from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
-from bgmodel.touch import Story, page, story
-from tests.helpers import run
+from tests.helpers import refused, run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
@@ -31,10 +32,10 @@ def taps_of(count=2400, scrambled=False):
 
 def told(taps, task=EdgeDirection, count=2, step=5.0):
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(touch, "TO_LEARN", 1000)
-        few.setattr(touch, "TO_SPIKE", 30)
-        return story(
-            taps, partial(task, count), (2.0, step, 20.0), step, "step (deg)", trials=240, seed=1,
+        few.setattr(from_taps, "TO_LEARN", 1000)
+        few.setattr(from_taps, "TO_SPIKE", 30)
+        return touch(
+            task(count, step), taps, values=(2.0, step, 20.0), trials=240, seed=1,
             learner=Learner(episodes=500),
         )  # fmt: skip
 
@@ -86,8 +87,8 @@ def test_readings_claim_what_they_reach_and_spread_as_the_decoder_errs(found):
     np.testing.assert_allclose(curve["spread_deg"], SD_DEG, rtol=0.05)
 
 
-def test_a_story_comes_back_from_its_table(found):
-    again = Story.from_dataframe(found.to_dataframe(), found.axis, found.step_ms)
+def test_a_result_comes_back_from_its_table(found):
+    again = Touched.from_dataframe(found.to_dataframe(), found.axis, found.step_ms)
     assert again.numbers == found.numbers
     pd.testing.assert_frame_equal(again.to_dataframe(), found.to_dataframe(), check_like=True)
 
@@ -102,6 +103,12 @@ def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):
     assert SPIKES in text
     assert all(remark[:20] in text for remark in found.remarks)
     assert len(found.plot().axes) == 4
+
+
+@pytest.mark.parametrize("task", [bg.Gaussian(), "same-different"])
+def test_a_task_without_taps_is_refused(task):
+    with refused("task"):
+        touch(task)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -120,9 +127,9 @@ def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
 def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr("bgmodel.touch.Learner", partial(Learner, episodes=500))
-    monkeypatch.setattr("bgmodel.touch.TO_LEARN", 1000)
-    monkeypatch.setattr("bgmodel.touch.TO_SPIKE", 20)
+    monkeypatch.setattr("bgmodel.from_taps.Learner", partial(Learner, episodes=500))
+    monkeypatch.setattr("bgmodel.from_taps.TO_LEARN", 1000)
+    monkeypatch.setattr("bgmodel.from_taps.TO_SPIKE", 20)
     monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=8))
     shown, folders = hexagon(), []
     for name, count in (("train", 320), ("held", 360)):
@@ -153,7 +160,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
         (["--period-mm", "7"], "period_mm must be one of"),
         (["--channels", "3"], "same-different has 2 alternatives"),
         (["--folds", "1"], "folds must be a whole number >= 2"),
-        (["--task", "orientation", "--channels", "9"], "count must be 2 to 8"),
+        (["--task", "orientation", "--channels", "9"], "channels must be 2 to 8"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(given, says, tmp_path, monkeypatch, capsys):

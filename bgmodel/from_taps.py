@@ -7,6 +7,7 @@ import html
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -29,11 +30,13 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tactile.source import Folds, Source, Tactile
+from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
-from circuits.errors import collected
+from circuits.errors import InputError, collected
 from circuits.plots import PALETTE, look, panels, saved, styled
 
 if TYPE_CHECKING:
@@ -54,12 +57,12 @@ that it decides in spikes."""
 STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Angular steps of the psychometric curve of an edge, degrees."""
 PARTS = ("psychometric", "curves", "table", "learning", "learned", "courses", "decided")
-"""Tables of a story."""
+"""Tables of a result."""
 LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
 
 @dataclass(frozen=True)
-class Story:
+class Touched:
     """Results for one sensor's decoded taps.
 
     Parameters
@@ -132,8 +135,8 @@ class Story:
         return cast("pd.DataFrame", pd.concat(every))
 
     @classmethod
-    def from_dataframe(cls, rows: pd.DataFrame, axis: str, step_ms: float) -> Story:
-        """Return a story from its table, its axis and the time between readings."""
+    def from_dataframe(cls, rows: pd.DataFrame, axis: str, step_ms: float) -> Touched:
+        """Return the result from its table, its axis and the time between readings."""
         given = {name: rows[rows["part"] == name].dropna(axis=1, how="all") for name in PARTS}
         numbers = rows[rows["part"] == "numbers"]
         values = dict(zip(numbers["measure"], numbers["value"], strict=True))
@@ -169,34 +172,30 @@ class Story:
             ax.spines[["top", "right"]].set_visible(False)
 
 
-def story(
-    taps: pd.DataFrame,
-    task_of: Callable[[float], Tactile],
-    values: Sequence[float],
-    value: float,
-    axis: str,
+def touch(
+    task: Tactile | None = None,
+    taps: pd.DataFrame | str | Path | None = None,
     *,
+    values: Sequence[float] | None = None,
     trials: int = 1200,
     folds: int = FOLDS,
     step_ms: float = 50.0,
     learner: Learner | None = None,
     seed: int = 0,
-    workers: int = 1,
-) -> Story:
-    """Run test, learner and circuit on decoded taps.
+    workers: int = 2,
+) -> Touched:
+    """Decide on decoded taps by the test and by the circuit, and let reward set the criteria.
+
+    The circuit learns by populations and decides in spikes.
 
     Parameters
     ----------
-    taps : DataFrame
-        Decoded taps, as from ``load_taps``.
-    task_of : function
-        Maps the value of a stimulus to the task.
-    values : sequence of float
-        Stimulus values of the psychometric curve.
-    value : float
-        Stimulus value used for all other results.
-    axis : str
-        Quantity that varies between stimuli.
+    task : Tactile, optional
+        The question, such as ``EdgeTurn(2, step_deg=5)``; by default ``SameDifferent()``.
+    taps : DataFrame or path, optional
+        Decoded taps, as from ``load_taps`` or ``Decoder.decode``; by default those of the task.
+    values : sequence of float, optional
+        Stimuli of the psychometric curve, mm or degrees.
     trials : int
         Number of trials on which test and circuit decide.
     folds : int
@@ -211,10 +210,21 @@ def story(
     Raises
     ------
     ValueError
-        If there are too few taps for a task.
+        If the task is not tactile, or there are too few taps for it.
     """
+    task = SameDifferent() if task is None else task
+    if not isinstance(task, Tactile):
+        raise InputError.of("task", "must be a tactile task, such as bg.SameDifferent()", task)
+    grating, value = task.stimulus == "grating", float(getattr(task, task.main))
+    if values is None:
+        values = PERIODS_MM if grating else STEPS_DEG
+    axis = "period of the grating (mm)" if grating else "step between alternatives (deg)"
+    taps = load_taps(task.taps if taps is None else taps)
+
+    def task_of(stimulus: float) -> Tactile:
+        return task.changed(**{task.main: stimulus})
+
     with collected() as caught:
-        task = task_of(value)
         readings = folds_of(taps, task, folds)
         readings.sources[0].warn_if_silent()
         evidence = readings.draw(trials, T_MAX, rng=stream(seed, "touch"), step_ms=step_ms)
@@ -239,7 +249,7 @@ def story(
         "spiking_trials": min(trials, TO_SPIKE),
         **taught.gap,
     }
-    return Story(
+    return Touched(
         axis, curve, found.curves, found.table, taught.courses, taught.learned, numbers, courses,
         decided, step_ms, tuple(dict.fromkeys(caught)),
     )  # fmt: skip
@@ -248,7 +258,7 @@ def story(
 def _one_reading(
     taps: pd.DataFrame, task: Tactile, stimulus: float, folds: int
 ) -> dict[str, float]:
-    """Return measures of one reading at a stimulus; see ``Story.psychometric``."""
+    """Return measures of one reading at a stimulus; see ``Touched.psychometric``."""
     sources = folds_of(taps, task, folds).sources
     accuracy = [_over_hypotheses(source, _right) for source in sources]
     claimed = [_over_hypotheses(source, _claimed) for source in sources]
@@ -305,7 +315,7 @@ class Chain:
     Parameters
     ----------
     courses, learned : DataFrame
-        Courses of learning and decisions at what was learned, see ``Story``; empty if readings do
+        Courses of learning and decisions at what was learned, see ``Touched``; empty if readings do
         not distinguish the hypotheses.
     gap : dict
         The test's learned gap, the best one and the regret; empty for more than two alternatives.
@@ -346,7 +356,7 @@ def chain(
     evidence : Evidence
         Trials to decide at what was learned.
     learner, seed, workers :
-        As for ``story``.
+        As for ``touch``.
     spiking : int
         Largest number of these trials that are decided in spikes, the first ones.
     """
@@ -414,7 +424,7 @@ def _readable(model: BasalGanglia) -> float:
 # ---- figure and page
 
 
-def _psychometric(ax: Axes, of: Story) -> None:
+def _psychometric(ax: Axes, of: Touched) -> None:
     from bgmodel.plots import accuracy_axis
 
     rows = of.psychometric
@@ -430,7 +440,7 @@ def _psychometric(ax: Axes, of: Story) -> None:
     ax.legend(frameon=False, fontsize=7, loc="lower right")
 
 
-def _speed(ax: Axes, of: Story) -> None:
+def _speed(ax: Axes, of: Touched) -> None:
     from bgmodel.plots import accuracy_axis
 
     names = {"MSPRT": "Test (MSPRT)", CIRCUIT: "Circuit (populations)",
@@ -450,7 +460,7 @@ def _speed(ax: Axes, of: Story) -> None:
     ax.legend(frameon=False, fontsize=7)
 
 
-def _as_learned(ax: Axes, of: Story) -> None:
+def _as_learned(ax: Axes, of: Touched) -> None:
     """Mark the decisions of test and spikes at what each learned, with 95 % intervals."""
     if not len(of.learned):
         return
@@ -465,7 +475,7 @@ def _as_learned(ax: Axes, of: Story) -> None:
                         color=colour, capsize=2, lw=0.8, label=label)  # fmt: skip
 
 
-def _learning(ax: Axes, of: Story) -> None:
+def _learning(ax: Axes, of: Touched) -> None:
     if not len(of.learning):
         ax.set(xticks=[], yticks=[], title="Learning")
         why = "Nothing can be learned from taps that\ndo not distinguish the hypotheses"
@@ -489,7 +499,7 @@ def _learning(ax: Axes, of: Story) -> None:
     ax.legend(frameon=False, fontsize=7)
 
 
-def _decision(ax: Axes, of: Story) -> None:
+def _decision(ax: Axes, of: Touched) -> None:
     for who, choice, time_ms in of.decided[["who", "choice", "time_ms"]].itertuples(index=False):
         dashed, steps = ("--", "steps-post") if who == "test" else ("-", "default")
         rows = of.courses[of.courses["who"] == who]
@@ -500,8 +510,8 @@ def _decision(ax: Axes, of: Story) -> None:
         ax.plot([], [], color="0.3", label=who[0].upper() + who[1:], ls=dashed)
         if choice >= 0:
             ax.axvline(time_ms / of.step_ms, color="0.3", lw=0.8, ls=dashed)
-    of_spikes = of.learned[(of.learned["who"] == SPIKES) & (of.learned["measure"] == "criterion")]
-    for level in of_spikes["value"] if len(of.learned) else ():
+    if len(of.learned):
+        level = of.learned.set_index(["who", "measure"])["value"][SPIKES, "criterion"]
         ax.axhline(level, color="0.3", lw=0.8, ls=":", label="Learned threshold")
     last = max(3.0, of.decided["time_ms"].max() / of.step_ms)
     ax.set(xlim=(0, 1.5 * last), ylim=(0, 3), xlabel="Time (readings)",
@@ -512,7 +522,7 @@ def _decision(ax: Axes, of: Story) -> None:
 PANELS = (_psychometric, _speed, _learning, _decision)
 
 
-def page(of: Story, title: str, made: str) -> str:
+def page(of: Touched, title: str, made: str) -> str:
     """Return a story as a single HTML page: figure, numbers and warnings.
 
     Parameters
