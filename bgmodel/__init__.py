@@ -67,7 +67,8 @@ if TYPE_CHECKING:
     from bgmodel.stopping.task import StopTask
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
-    from bgmodel.tables.evidence import EvidenceTable, read_evidence
+    from bgmodel.tables.evidence import read_evidence
+    from bgmodel.tables.given import EvidenceTable
     from bgmodel.tactile.decoder import load_decoder, train_decoder
     from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
@@ -84,7 +85,7 @@ LAZY = {
     "Experiment": "bgmodel.experiments.experiment",
     "EdgeDirection": "bgmodel.tactile.task",
     "EdgeTurn": "bgmodel.tactile.task",
-    "EvidenceTable": "bgmodel.tables.evidence",
+    "EvidenceTable": "bgmodel.tables.given",
     "Orientation": "bgmodel.tactile.task",
     "SameDifferent": "bgmodel.tactile.task",
     "load_taps": "bgmodel.tactile.source",

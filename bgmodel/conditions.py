@@ -19,7 +19,7 @@ from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support import toml_files
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
-from bgmodel.tables.evidence import EvidenceTable, read_once, trials_of
+from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.task import Gaussian, Task
 from circuits import DEFAULT
 from circuits.checks import check_finite, check_positive, check_types

@@ -24,7 +24,7 @@ KINDS = {
     "orientation": "bgmodel.tactile.task.Orientation",
     "edge-turn": "bgmodel.tactile.task.EdgeTurn",
     "edge-direction": "bgmodel.tactile.task.EdgeDirection",
-    "table": "bgmodel.tables.evidence.EvidenceTable",
+    "table": "bgmodel.tables.given.EvidenceTable",
 }
 """Classes of tasks by the name that they have in files and commands."""
 
@@ -77,8 +77,15 @@ class Task:
         def step_ms(self) -> float:
             """Time between readings, ms."""
 
-    expectancy_nats: ClassVar[float] = 0.0
-    expectancy_ms: ClassVar[float] = 0.0
+    @property
+    def expectancy_nats(self) -> float:
+        """Largest expectancy at the end of a foreperiod, nats."""
+        return 0.0
+
+    @property
+    def expectancy_ms(self) -> float:
+        """Duration of that foreperiod, ms."""
+        return 0.0
 
     def __post_init__(self) -> None:
         check_types(self, type(self).__name__)
@@ -166,10 +173,10 @@ class Drawn(Task):
     """Largest number of readings in a trial."""
     step_ms: float = 50.0
     """Time between readings, ms."""
-    expectancy_nats: float = 0.0  # type: ignore[misc]
+    expectancy_nats: float = 0.0
     """Largest expectancy at the end of a foreperiod, common to all channels, nats of evidence. It
     rises from 0 to a value drawn for each trial from a uniform distribution up to this."""
-    expectancy_ms: float = 0.0  # type: ignore[misc]
+    expectancy_ms: float = 0.0
     """Duration of that foreperiod, ms."""
 
     main: ClassVar[str]

@@ -210,13 +210,14 @@ def test_options_say_what_they_are():
     assert all(is_dataclass(kind) for kind in kinds)
 
 
-GRATING = "period_mm=2 step_deg=5 fold=0"
+GAUSSIAN = "channels=2 d_prime=0.5 conflict=0"
+GRATING = "fold=0 period_mm=2 a_deg=-45 b_deg=45"
 LEARNER = "episodes=40000 rate=0.04 half_episodes=1000 baseline_rate=0.01 carried=0 last=500"
 WEIGHTS = (
     "trials=10000 rate=0.5 half_trials=3000 gain_plus=1 gain_minus=1 trace_decay=1 averaged=0.25 "
     "keep=100 right=1 wrong=0 valid=1 given=1"
 )
-MANY = f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=110 step_ms=50"
+MANY = "trials=1000 t_max=110 step_ms=50"
 SENSOR = (
     "pitch_mm=1.2 pin_mm=1.5 radius_mm=20 camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 "
     "gel_mm=15 gel_shear_mpa=0.01 force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 "
@@ -249,7 +250,7 @@ def numbers(options):
         (
             "touch",
             "channels=2 period_mm=2 step_deg=5 taps=1000 held_out_taps=1200 trials=1200 "
-            f"step_ms=50 workers=2 seed=0 {SENSOR}",
+            f"folds=10 step_ms=50 workers=2 seed=0 {SENSOR}",
         ),
         (
             "watch camera a.csv --decoder b --taps c --mm-per-px 1",
@@ -258,17 +259,17 @@ def numbers(options):
         ),
         (
             "decide a.csv",
-            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=30 step_ms=500 "
-            f"{EXPECTED} onset_ms=0 inner_folds=10 seed=0",
+            f"trials=1000 t_max=30 step_ms=500 {EXPECTED} {GRATING} onset_ms=0 inner_folds=10 "
+            "seed=0",
         ),
         (
             "learn a.csv",
-            f"seed=0 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=4000 t_max=40 step_ms=50 "
-            f"{EXPECTED} xi=50 runs=10 levels=16 units=16 {LEARNER} {WEIGHTS}",
+            f"seed=0 trials=4000 t_max=40 step_ms=50 {EXPECTED} {GRATING} xi=50 runs=10 levels=16 "
+            f"units=16 {LEARNER} {WEIGHTS}",
         ),
         (
             "compare a.csv",
-            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
+            f"seed=0 {MANY} {EXPECTED} {GAUSSIAN} accuracies=0.9,0.95,0.97 workers=2",
         ),
         ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001 workers=2"),
         ("experiment", "workers=2"),
@@ -277,12 +278,12 @@ def numbers(options):
         ("circuit show", ""),
         (
             "circuit run a.csv",
-            f"seed=0 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
-            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 nwb_trials=0",
+            f"seed=0 trials=100 t_max=40 step_ms=50 {EXPECTED} {GAUSSIAN} workers=2 "
+            "spike_trials=10 nwb_trials=0",
         ),
         (
             "circuit compare-edits a.csv",
-            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
+            f"seed=0 {MANY} {EXPECTED} {GAUSSIAN} accuracies=0.9,0.95,0.97 workers=2",
         ),
         ("circuit designed", "seed=0 thresholds=0.35,0.25,0.15 trials=200 workers=2"),
     ],

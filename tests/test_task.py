@@ -11,7 +11,7 @@ import bgmodel as bg
 from bgmodel.conditions import Condition, circuit_seen_from, seen_from
 from bgmodel.names import CircuitName
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.tables.evidence import EvidenceTable, trials_of
+from bgmodel.tables.given import EvidenceTable, trials_of
 from bgmodel.tactile.source import load_taps
 from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent, tactile_task
 from bgmodel.task import KINDS, Gaussian, Task, kind_of, settings_of_tasks

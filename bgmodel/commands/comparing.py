@@ -23,7 +23,7 @@ from bgmodel.conditions import Setup
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.support import files
-from bgmodel.tables.evidence import trials_of
+from bgmodel.tables.given import trials_of
 from bgmodel.task import Gaussian, Task
 from circuits.declaration.edits import Edits
 from circuits.errors import collected

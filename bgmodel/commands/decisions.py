@@ -14,7 +14,7 @@ from bgmodel.support import files
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
-from bgmodel.tables.evidence import trials_of
+from bgmodel.tables.given import trials_of
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import SameDifferent

@@ -84,7 +84,7 @@ class LearnRun(Writes):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.learning.dopamine_learner import CircuitLearned
-        from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, learn
+        from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
         from bgmodel.learning.reinforce import LearningStopped, course
 
         check_ending("output", self.output, ".parquet", ".csv")
@@ -98,14 +98,15 @@ class LearnRun(Writes):
         elif self.what == DOPAMINE:
             require(self.levels >= 2, "levels", "must be >= 2", self.levels)
             more["levels"] = self.levels
+        learns = planned(
+            asked.task, model, what=self.what, xi=self.xi, runs=self.runs, seed=asked.seed,
+            start=self.start, posterior=self._posterior(), trials=asked.task.trials, **more,
+        )  # fmt: skip
         who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
         say(f"{who} learns {self.what}, {asked.task.text}, in {self.runs} runs")
         try:
             with quiet(LearningWarning):
-                found = learn(
-                    asked.task, model, what=self.what, xi=self.xi, runs=self.runs, seed=asked.seed,
-                    start=self.start, posterior=self._posterior(), trials=asked.task.trials, **more,
-                )  # fmt: skip
+                found = learns()
         except LearningStopped as stop:
             table = course(stop.learned, mean="mean", played="played", error="dopamine")
             files.write_table(table, self.output, seed=asked.seed, **self._behind(model))

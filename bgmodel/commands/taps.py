@@ -78,12 +78,13 @@ class Simulate(Writes):
         """Run the command."""
         from bgmodel.tactile.library import to_solve
         from bgmodel.tactile.pressing import LibraryPlan
-        from bgmodel.tactile.sensor import simulate_taps
+        from bgmodel.tactile.sensor import check_taps, simulate_taps
 
         check_whole(taps=self.taps, workers=self.workers)
         check_ending("output", self.output, ".npz")
         if self.task != "orientation":
             check_idle(self, ["channels"], "a task other than orientation")
+        check_taps(self.taps, self.periods_mm, self.tip)
         contacts = to_solve(LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm))
         first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
         say(f"{first}simulating {self.taps * len(self.periods_mm)} taps")

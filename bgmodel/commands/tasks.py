@@ -12,7 +12,7 @@ from typing import Any, Literal, get_type_hints
 
 from tyro.constructors import StructConstructorSpec, StructFieldSpec
 
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import KINDS, Task, kind_of
 from circuits.errors import InputError
 
@@ -68,7 +68,10 @@ def _task(known: dict[str, Any], task: str, evidence: Path | None, **given: Any)
 
 def _own(kind: type[Task], changed: dict[str, Any], what: str) -> dict[str, Any]:
     has = {each.name for each in fields(kind)}
-    for name in changed.keys() - has:
+    for name in sorted(changed.keys() - has):
+        if kind is EvidenceTable:
+            said = f"{name} is for evidence that is drawn and does not apply to {what}"
+            raise InputError(said, name)
         users = [other.name for other in _classes() if name in {f.name for f in fields(other)}]
         if name == "channels":
             raise InputError(f"{what} has {kind.channels} alternatives", name)

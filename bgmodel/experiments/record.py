@@ -17,7 +17,7 @@ from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Integers
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require

@@ -22,7 +22,7 @@ from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Gaussian, Task
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS

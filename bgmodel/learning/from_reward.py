@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +24,16 @@ from bgmodel.learning.dopamine_learner import (
     CircuitLearned,
     learn_in_circuit,
 )
-from bgmodel.learning.gap import increments, learn_gap
+from bgmodel.learning.gap import check_start, increments, learn_gap
 from bgmodel.learning.policies import Policy
 from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.weights.critics import critic_of
 from bgmodel.learning.weights.deciders import FixedPoint
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights
+from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
@@ -38,10 +41,11 @@ from bgmodel.support.memory import check_learning_memory, check_memory
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.evidence import EvidenceTable, trials_of
+from bgmodel.tables.given import EvidenceTable, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
 from bgmodel.theory.sprt import reward_curve
+from circuits.engines import engine_of
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -220,6 +224,28 @@ def learn(
     LearningWarning
         If a circuit ended worse than it began, at an end of its range, or has too few trials.
     """
+    return planned(
+        task, model, what=what, xi=xi, runs=runs, seed=seed, trials=trials, start=start,
+        posterior=posterior, learner=learner, taps=taps, **more,
+    )()  # fmt: skip
+
+
+def planned(
+    task: Task,
+    model: BasalGanglia | None,
+    *,
+    what: str | None,
+    xi: float,
+    runs: int,
+    seed: int,
+    trials: int,
+    start: float | None,
+    posterior: float | None,
+    learner: Any = None,
+    taps: Any = None,
+    **more: Any,
+) -> Callable[[], FromReward]:
+    """Check all arguments of ``learn``, and return what learns."""
     require(isinstance(task, Task), "task", "must be a task, such as bg.SameDifferent()", task)
     right = model is None or isinstance(model, BasalGanglia)
     require(right, "model", "must be a bg.BasalGanglia or None, for the test", model)
@@ -232,7 +258,11 @@ def learn(
     given = {"taps": taps} if taps is not None else {}
     if what == WEIGHTS:
         _know(more, "rule", "critic", "feedback", "units")
-        return _weights(task, model, posterior, given, learner, runs=runs, seed=seed, **more)
+        at = WEIGHTS_POSTERIOR if posterior is None else posterior
+        learner = learner or WeightLearner()
+        _check_weights(task, at, learner, runs, **more)
+        drawn: Any = task
+        return partial(_weights, drawn, model, at, given, learner, runs=runs, seed=seed, **more)
     require(
         learner is None or isinstance(learner, Learner), "learner", "must be a Learner", learner
     )
@@ -242,9 +272,45 @@ def learn(
     if model is None:
         require(what == THRESHOLD, "model", "must be a circuit, which has dopamine", model)
         _know(more, "policy")
-        return _of_test(task, START_GAP if start is None else start, given, **same, **more)
+        must = "must have 2 alternatives for the boundary separation of the test"
+        require(task.channels == 2, "channels", must, task.channels)
+        begun = START_GAP if start is None else start
+        check_start(begun)
+        return partial(_of_test, task, begun, given, **same, **more)
     _know(more, "levels")
-    return _of_circuit(task, model, what, trials, start, posterior, given, **same, **more)
+    engine = engine_of(model.engine)
+    require(engine.timed, "engine", "must be one with times, such as rate", engine.id)
+    model.circuit.check_nats("a stopping posterior")
+    levels: Any = more.get("levels")
+    many = levels if isinstance(levels, int) else max(LEVELS, np.size(levels))
+    numbers = 3 * 8.0 * many * trials
+    check_memory(numbers, f"{many} values for each of {trials} trials")
+    return partial(_of_circuit, task, model, what, trials, start, posterior, given, **same, **more)
+
+
+def _check_weights(
+    task: Task,
+    posterior: float,
+    learner: Any,
+    runs: int,
+    *,
+    rule: Any = "confidence",
+    critic: Any = None,
+    feedback: Feedback | None = None,
+    units: int = 16,
+) -> None:
+    """Raise ValueError for weights that cannot be learned."""
+    if not isinstance(task, Gaussian | Tactile):
+        raise InputError.of("task", "must be drawn, for sensory units to see", task.text)
+    must = "must be a WeightLearner"
+    require(isinstance(learner, WeightLearner), "learner", must, learner)
+    critic_of(rule_of(rule).critic if critic is None else critic)
+    whole("units", units, 2)
+    chance = 1 / task.channels
+    must = f"must be above {chance:.3g}, chance, and below 1"
+    require(chance < posterior < 1, "posterior", must, posterior)
+    numbers = 8.0 * runs * (3 * learner.trials + 300.0 * task.t_max * units)
+    check_memory(numbers, f"{runs} runs of {learner.trials} trials")
 
 
 def _know(more: dict[str, Any], *names: str) -> None:
@@ -280,8 +346,6 @@ def _of_test(
 
 def _readings(task: Task, given: dict[str, Any], seed: int) -> Source:
     """Return all readings of a task with two alternatives, with their log-likelihoods."""
-    must = "must have 2 alternatives for the boundary separation of the test"
-    require(task.channels == 2, "channels", must, task.channels)
     if isinstance(task, Tactile):
         return task.source(**given)
     if not isinstance(task, Gaussian):
@@ -305,16 +369,7 @@ def _of_circuit(
     **same: Any,
 ) -> FromReward:
     """Learn the level of dopamine of a circuit, or the posterior at which it decides."""
-    from circuits.engines import engine_of
-
-    require(
-        engine_of(model.engine).timed, "engine", "must be one with times: rate", model.engine.id
-    )
     evidence, fresh = _learned_and_scored(task, trials, given, same["seed"])
-    model.circuit.check_nats("a stopping posterior")
-    many = levels if isinstance(levels, int) else max(LEVELS, np.size(levels))
-    numbers = 3 * 8.0 * many * evidence.trials
-    check_memory(numbers, f"{many} values for each of {evidence.trials} trials")
     options: dict[str, Any] = {"what": CRITERION, "levels": levels}
     if what == DOPAMINE:
         at = POSTERIOR if posterior is None else posterior
@@ -359,11 +414,11 @@ def _learned_and_scored(
 
 
 def _weights(
-    task: Task,
+    task: Drawn,
     model: BasalGanglia | None,
-    posterior: float | None,
+    at: float,
     given: dict[str, Any],
-    learner: Any,
+    learner: WeightLearner,
     *,
     runs: int,
     seed: int,
@@ -373,18 +428,6 @@ def _weights(
     units: int = 16,
 ) -> FromReward:
     """Learn what readings mean; compare with the exact likelihoods."""
-    if not isinstance(task, Gaussian | Tactile):
-        raise InputError.of("task", "must be drawn, for sensory units to see", task.text)
-    learner = learner or WeightLearner()
-    must = "must be a WeightLearner"
-    require(isinstance(learner, WeightLearner), "learner", must, learner)
-    whole("units", units, 2)
-    at = WEIGHTS_POSTERIOR if posterior is None else posterior
-    chance = 1 / task.channels
-    must = f"must be above {chance:.3g}, chance, and below 1"
-    require(chance < at < 1, "posterior", must, at)
-    numbers = 8.0 * runs * (3 * learner.trials + 300.0 * task.t_max * units)
-    check_memory(numbers, f"{runs} runs of {learner.trials} trials")
     learns, scores = _features(task, given, units)
     same: dict[str, Any] = {"seed": seed, "rule": rule, "critic": critic, "feedback": feedback,
                             "learner": learner, "runs": runs}  # fmt: skip

@@ -22,7 +22,7 @@ from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
-from bgmodel.tables.evidence import EvidenceTable, read_once, trials_of
+from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tables.trials import Trials
 from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks

@@ -5,10 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +19,10 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
-from bgmodel.support.seeds import stream
 from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
 from bgmodel.tables.text_files import separated
 from bgmodel.tables.trials import RESULT, Trials
-from bgmodel.task import Drawn, Task
-from circuits.errors import DataWarning, InputError, require, within
+from circuits.errors import DataWarning, InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that identify trials, the first one only if a table has it."""
@@ -34,79 +30,6 @@ OURS = (*KEYS, "step", "truth")
 """Columns of an evidence table with a meaning, in addition to ``ll_<hypothesis>``."""
 DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
-
-
-@dataclass(frozen=True)
-class EvidenceTable(Task):
-    """Your own evidence, in a table of log-likelihoods as for ``read_evidence_table``."""
-
-    evidence: Path
-    """The file, .csv or .parquet."""
-    step_ms: float = 50.0
-    """Time between readings, ms."""
-
-    name: ClassVar[str] = "table"
-
-    def __post_init__(self) -> None:
-        if isinstance(self.evidence, str):
-            object.__setattr__(self, "evidence", Path(self.evidence))
-        require(isinstance(self.evidence, Path), "evidence", "must be a path", self.evidence)
-        super().__post_init__()
-
-    @property
-    def channels(self) -> int:
-        """Number of alternatives."""
-        return read_once(self).evidence.hypotheses
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return read_once(self).evidence.trials
-
-    @property
-    def t_max(self) -> int:
-        """Number of readings of the longest trial."""
-        return read_once(self).evidence.steps
-
-    @property
-    def file(self) -> Path:
-        """Path of the table."""
-        return self.evidence
-
-    @property
-    def text(self) -> str:
-        """The name of the file."""
-        return self.evidence.name
-
-
-@cache
-def read_once(task: EvidenceTable) -> Trials:
-    """Return the trials of an evidence table, which is read only once (cached)."""
-    return read_evidence_table(task.evidence, step_ms=task.step_ms)
-
-
-def trials_of(
-    task: Task, seed: int, name: str, *, prior: Sequence[float] | None = None, **more: Any
-) -> Trials:
-    """Return the trials of a task: evidence, names of hypotheses, and other columns of a table.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked.
-    seed, name : int and str
-        Seed and name of the random-number stream.
-    prior : sequence of float (channels,), optional
-        Prior probabilities assumed by the integrator; equal if omitted.
-    **more
-        As for ``Drawn.evidence``.
-    """
-    if isinstance(task, EvidenceTable):
-        return read_evidence_table(task.evidence, prior=prior, step_ms=task.step_ms)
-    assert isinstance(task, Drawn)
-    ahead = stream(seed, name, "expectancy")
-    found = task.drawn_with(stream(seed, name), ahead, prior, **more)
-    return Trials(found, list(task.names))
 
 
 def read_evidence_table(

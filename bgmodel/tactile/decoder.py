@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from bgmodel.support.arrays import Integers, Reals, Truths
+from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.onnx_file import OnnxNetwork, onnx_bytes
@@ -207,7 +208,7 @@ class Decoder:
             If the file is missing, truncated, not a decoder, or has other parameters, or if its
             ending is neither .safetensors nor .onnx.
         """
-        path = Path(path)
+        path = path_of(path)
         if not path.is_file():
             raise InputError(f"there is no decoder {str(path)!r}", "path", path)
         _check_ending(path)

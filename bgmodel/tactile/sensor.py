@@ -176,15 +176,22 @@ def simulate_taps(
     from bgmodel.tactile.library import contact_library
     from bgmodel.tactile.pressing import LibraryPlan
 
-    count = whole("taps", taps, 1) * len(periods_mm)
     tip, skin = tip or Tip(), skin or Skin()
-    check_memory(3 * 8 * 2.0 * count * len(tip.rest_mm()), f"{count} taps")
+    count = check_taps(taps, periods_mm, tip)
     rng = stream(seed, "simulate", *yaw_deg)
     given = np.asarray(yaw_deg, dtype=float)
     yaws = np.resize(given, count) if given.size else rng.uniform(-90, 90, count)
     library = contact_library(LibraryPlan(skin=skin, radius_mm=tip.radius_mm), workers=workers)
     periods = np.repeat(np.asarray(periods_mm, dtype=float), taps)
     return simulate(periods, yaws, rng=rng, tip=tip, nuisance=nuisance, library=library)
+
+
+def check_taps(taps: int, periods_mm: Sequence[float], tip: Tip) -> int:
+    """Return the number of taps of all gratings; ValueError if they need too much memory."""
+    count = whole("taps", taps, 1) * len(periods_mm)
+    numbers = 2.0 * count * len(tip.rest_mm())
+    check_memory(3 * 8 * numbers, f"{taps} taps of {len(periods_mm)} gratings")
+    return count
 
 
 def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:

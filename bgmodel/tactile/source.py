@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
@@ -22,6 +21,9 @@ from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
 from bgmodel.task import Drawn
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FOLDS = 6
 MOST_HYPOTHESES = 8
@@ -255,6 +257,8 @@ def held_out_taps() -> pd.DataFrame:
     One row per tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
     ``bgmodel.support.files.read_provenance`` returns the provenance of the file.
     """
+    import pandas as pd
+
     return pd.read_parquet(SHIPPED).astype("float64")
 
 
@@ -274,6 +278,8 @@ def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
         If it cannot be read, or if its decoder was trained on some of these taps: its accuracy on
         them would not generalise to new taps.
     """
+    import pandas as pd
+
     if isinstance(taps, pd.DataFrame):
         return taps  # as loaded, or a user's own
     if taps is None:

@@ -67,7 +67,7 @@ def test_what_an_error_is_about_is_named_first():
 
 def test_every_family_of_warnings_is_silenced_as_one():
     families = [kind for name, kind in vars(errors).items() if name.endswith("Warning")]
-    assert len(families) == 9
+    assert len(families) == 10
     assert all(issubclass(kind, errors.BgmodelWarning) for kind in families)
     assert issubclass(errors.BgmodelWarning, UserWarning)
 

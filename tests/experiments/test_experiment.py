@@ -20,7 +20,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.stopping.task import StopTask
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from circuits import anatomy

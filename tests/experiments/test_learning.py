@@ -12,7 +12,7 @@ from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.record import Changes
 from bgmodel.learning.weights import learn
 from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits

@@ -10,7 +10,7 @@ from bgmodel.learning.from_reward import DOPAMINE, THRESHOLD, WEIGHTS, _learned_
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.weights.feedback import WeightLearner
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.theory.sprt import Gaussian as GaussianSteps

@@ -9,7 +9,7 @@ from bgmodel.support import files
 from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
-from bgmodel.tables.evidence import EvidenceTable
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Gaussian
 from tests.helpers import long_table, some_evidence
 
