@@ -1,4 +1,4 @@
-# make figures | pictures | test | slow | lint | docs | notebooks | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
+# make demo | figures | pictures | test | slow | lint | docs | notebooks | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 PYTHONS ?= python3.11 python3.12 python3.13
@@ -17,11 +17,14 @@ test slow validate: export PYTHONDONTWRITEBYTECODE =
 SEED ?= $(shell date +%s)
 PYTEST = $(BIN)/python -m pytest -n $(CORES) --dist loadfile --randomly-seed=$(SEED)
 
-.PHONY: figures pictures test slow lint docs notebooks validate faults score benchmark dist shipped-taps clean
+.PHONY: demo figures pictures test slow lint docs notebooks validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
 	$(BIN)/bgmodel figures --cores $(CORES) $(if $(FAST),--fast)
+
+demo: $(VENV)/core.installed
+	$(BIN)/bgmodel demo
 
 # Small copies of the figures of a full run, kept with the documentation. Figure R1 needs recordings.
 pictures: figures
@@ -79,6 +82,10 @@ shipped-taps: figures
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: make PYTHON=python3.12 ..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/core.installed: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
 
 $(VENV)/%.installed: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[$*]'

@@ -139,6 +139,8 @@ def check_room(points: Sequence[Point], folder: Path) -> None:
 def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
     """Lock a folder: exclusively, or shared by several parts of a sweep.
 
+    A lock of filelock is never shared.
+
     Raises
     ------
     ValueError
