@@ -161,7 +161,7 @@ def test_stated_posteriors_are_observed(kind):
         (lambda: Density(kind="histogram"), "kind"),
         (lambda: Density(cap_nats=0), "cap_nats"),
         (lambda: Density(shrink=2), "shrink"),
-        (lambda: Orientation(9), "count"),
+        (lambda: Orientation(9), "channels"),
         (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
         (
             lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)),
