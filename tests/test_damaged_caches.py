@@ -66,7 +66,7 @@ def test_a_new_process_mends_what_an_earlier_one_left(folder):
         done = subprocess.run(
             [sys.executable, "-c", COMMAND],
             env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-            cwd=Path(__file__).parents[2],
+            cwd=Path(__file__).parents[1],
             capture_output=True,
             text=True,
             check=True,

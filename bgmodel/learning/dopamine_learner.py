@@ -330,10 +330,6 @@ class CircuitLearned(Facts):
             f"regret {texts[0]} % (at the start {texts[1]} %)"
         )
 
-    def summary(self) -> pd.DataFrame:
-        """Return one row per run, as from ``scored_runs``."""
-        return scored_runs(self.learned.learned, self.fresh, xi=self.xi, start_level=self.start)
-
     def to_dataframe(self) -> pd.DataFrame:
         """Return the course of learning, as from ``learned_table``."""
         return learned_table(self.learned)

@@ -257,9 +257,8 @@ def taps_of(
     if not path.is_dir():
         taps, about = Taps.load(path)
         same = stimulus in (None, taps.stimulus)
-        said = f"{path.name} holds taps of a {taps.stimulus}, not of a {stimulus}"
         if not same:
-            raise InputError(said, "path")
+            raise InputError(f"{path.name} holds taps of a {taps.stimulus}: not {stimulus}", "path")
         return taps, about
     if mm_per_px is None:
         raise InputError("recordings need their scale: mm_per_px, mm per pixel", "mm_per_px")

