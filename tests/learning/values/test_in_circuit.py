@@ -73,3 +73,10 @@ def test_choices_of_the_circuit_teach_the_learner(circuit):
 def test_bad_input_is_refused(call, field):
     with refused(field):
         call()
+
+
+def test_no_trial_of_a_block_has_the_number_of_one_of_another(circuit):
+    """Trials of one number would have one noise in the circuit."""
+    values = np.tile([0.4, 0.6], (5, 1))
+    numbers = [circuit.evidence(values, number).numbers for number in range(3)]
+    assert np.concatenate(numbers).tolist() == list(range(15))

@@ -296,3 +296,11 @@ def test_feedback_that_is_right_half_of_the_time_is_warned_of():
     with pytest.warns(NoiseWarning, match="tells nothing"):
         learn_weights(CELLS, seed=1, runs=1, critic="affine", feedback=Feedback(valid=0.5),
                       learner=WeightLearner(trials=10))  # fmt: skip
+
+
+def test_labels_are_exchanged_from_the_trial_of_the_reversal_on():
+    truth = np.array([0, 1, 2])
+    feedback = Feedback(reversal=5)
+    for number, label in ((4, [0, 1, 2]), (5, [1, 2, 0]), (6, [1, 2, 0])):
+        assert feedback.label(truth, 3, number).tolist() == label
+    assert Feedback().label(truth, 3, 9).tolist() == [0, 1, 2]
