@@ -6,6 +6,9 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+# Imported before threads draw: it reads its styles under filters of warnings that are those of all
+# threads, and would take a warning of another one.
+import matplotlib.style  # noqa: F401
 import numpy as np
 import pandas as pd
 
