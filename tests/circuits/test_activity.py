@@ -164,3 +164,11 @@ def test_labelled_arrays_hold_what_the_activity_holds():
         rate = found.rate_hz.sel(nucleus=pooled, channel=channel)
         assert np.array_equal(rate, activity.rates_hz[pooled][:, :, 0])
     assert "rate_hz" not in replace(activity, rates_hz={}).to_xarray()
+
+
+def test_a_rate_at_its_baseline_stands_for_no_nats():
+    """OUT is read from SNr, whose cells fire at 0 nats too."""
+    circuit = anatomy.macaque(2)
+    assert circuit.population("SNr").baseline_hz > 0
+    activity = run_algebra(circuit, np.zeros((1, 1, 2)))
+    np.testing.assert_allclose(activity.decoded_nats("SNr"), activity.output_nats, atol=1e-9)
