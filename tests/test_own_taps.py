@@ -94,9 +94,11 @@ def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
     table = read_table(edges)
     table["trained_on"] = np.arange(len(table)) < 7
     table.to_csv(tmp_path / "known.csv", index=False)
-    for taps in (tmp_path / "known.csv", str(tmp_path / "known.csv")):
+    for taps in (tmp_path / "known.csv", str(tmp_path / "known.csv"), table):
         with refused("taps trained on 7 of its 1500"):
-            bg.EdgeTurn(taps=taps).evidence(seed=1)
+            bg.EdgeTurn().evidence(taps=taps, seed=1)
+    with refused("taps trained on 7 of its 1500"):
+        bg.EdgeTurn(taps=tmp_path / "known.csv").evidence(seed=1)
 
 
 @pytest.mark.parametrize(

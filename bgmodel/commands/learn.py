@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from bgmodel.commands.checks import (
     Writes,
     check_ending,
+    check_idle,
     options_of,
     recorded,
     save_figure,
@@ -31,6 +32,10 @@ if TYPE_CHECKING:
 
 TOUCHED = SameDifferent(trials=4000, t_max=40)
 """Default task; its trials are those from which a circuit learns, and as many to score it."""
+
+
+OF_WEIGHTS = ("rule", "critic", "weights", "feedback", "units")
+"""Options of the learning of weights."""
 
 
 def touched() -> Condition:
@@ -90,13 +95,13 @@ class LearnRun(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         if self.drawing is not None:
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
+        self._check_idle()
         asked, model = self.condition, self._model()
         more: dict[str, Any] = {"learner": self.learner}
         if self.what == WEIGHTS:
             more = {"learner": self.weights, "rule": self.rule, "critic": self.critic,
                     "feedback": self.feedback, "units": self.units}  # fmt: skip
         elif self.what == DOPAMINE:
-            require(self.levels >= 2, "levels", "must be >= 2", self.levels)
             more["levels"] = self.levels
         learns = planned(
             asked.task, model, what=self.what, xi=self.xi, runs=self.runs, seed=asked.seed,
@@ -126,6 +131,24 @@ class LearnRun(Writes):
             save_figure(found.plot(), self.drawing)
             print(f"figure -> {self.drawing}")
 
+    def _check_idle(self) -> None:
+        """Refuse options that have no effect on what is learned."""
+        idle = ["learner", "xi"] if self.what == "weights" else sorted(OF_WEIGHTS)
+        check_idle(self, idle, f"--what {self.what}")
+        if self.what != "dopamine":
+            check_idle(self, ["levels"], f"--what {self.what}")
+        if not self._by_circuit:
+            usual = replace(touched(), posterior=self.condition.posterior)
+            for name in ("circuit", "edits", "engine", "gain", "threshold"):
+                given = getattr(self.condition, name)
+                must = "has no effect on the test: leave it out, or let the circuit learn"
+                require(given == getattr(usual, name), name, must, given)
+
+    @property
+    def _by_circuit(self) -> bool:
+        """Whether the circuit learns."""
+        return self.by == "circuit" or (self.by is None and self.what == "dopamine")
+
     def _posterior(self) -> float | None:
         """Return the posterior at which a circuit stops, also if a threshold is given."""
         threshold = self.condition.threshold
@@ -135,8 +158,7 @@ class LearnRun(Writes):
         """Return the options in effect and the circuit, for the provenance of the result."""
         from bgmodel.integrators.given import identity
 
-        of_weights = {"rule", "critic", "weights", "feedback", "units"}
-        idle = {"learner", "xi", "start"} if self.what == "weights" else of_weights
+        idle = {"learner", "xi", "start"} if self.what == "weights" else {*OF_WEIGHTS}
         if self.what != "dopamine":
             idle |= {"levels"}
         if model is None:
@@ -148,9 +170,7 @@ class LearnRun(Writes):
 
     def _model(self) -> BasalGanglia | None:
         """Return the edited circuit on its engine; None if the test learns."""
-        from bgmodel.learning.from_reward import DOPAMINE
-
-        if (self.by or ("circuit" if self.what == DOPAMINE else "test")) == "test":
+        if not self._by_circuit:
             return None
         say_of_edits(self.condition.edits)
         model = self.condition.model(self.condition.task.channels)

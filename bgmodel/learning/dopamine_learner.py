@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.bootstrap import RESAMPLES, interval, resampled, shown
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -20,7 +20,6 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, course, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
-from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from circuits.errors import DeadlineWarning, InputError, LearningWarning, quiet, require
 
@@ -211,7 +210,7 @@ def scored_runs(
 
 
 @dataclass(frozen=True, repr=False)
-class CircuitLearned(Facts):
+class CircuitLearned:
     """What a circuit has learned from reward, scored on trials that were not used for learning.
 
     Parameters
@@ -307,27 +306,6 @@ class CircuitLearned(Facts):
             f"the best {self.what} is the {edge} end of those that {self.model.circuit.name} can "
             f"use, {low:.3f} to {high:.3f}: at this cost of an error it would pay to decide "
             f"{'later' if late else 'sooner'} still{cure if of_level else ''}"
-        )
-
-    def facts(self) -> dict[str, str]:
-        """Return the circuit, its gain, what was learned, its regret and cautions."""
-        found = {
-            "circuit": self.model.circuit.name,
-            "engine": self.model.engine.id,
-            "gain": f"{self.model.gain:g}",
-            "result": self.verdict(),
-        }
-        return found | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
-
-    def verdict(self) -> str:
-        """Return the learned value, the best one, and both regrets, in one sentence."""
-        ends = self.learned.learned
-        rows = self.regrets.to_numpy()[:2]
-        texts = [shown(value, low, high, ".1f") for value, low, high in rows]
-        return (
-            f"learned {self.what} {ends.mean():.2f} (sd {ends.std():.2f} over {len(ends)} runs), "
-            f"best of {len(self.fresh.levels)} on fresh trials {self.fresh.best(self.xi)[0]:.2f}, "
-            f"regret {texts[0]} % (at the start {texts[1]} %)"
         )
 
     def to_dataframe(self) -> pd.DataFrame:

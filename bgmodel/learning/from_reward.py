@@ -258,6 +258,7 @@ def planned(
     given = {"taps": taps} if taps is not None else {}
     if what == WEIGHTS:
         _know(more, "rule", "critic", "feedback", "units")
+        require(start is None, "start", "must be left out: weights start at 0", start)
         at = WEIGHTS_POSTERIOR if posterior is None else posterior
         learner = learner or WeightLearner()
         _check_weights(task, at, learner, runs, **more)
@@ -272,6 +273,8 @@ def planned(
     if model is None:
         require(what == THRESHOLD, "model", "must be a circuit, which has dopamine", model)
         _know(more, "policy")
+        must = "must be left out: the test stops at the gap that it learns"
+        require(posterior is None, "posterior", must, posterior)
         must = "must have 2 alternatives for the boundary separation of the test"
         require(task.channels == 2, "channels", must, task.channels)
         begun = START_GAP if start is None else start
@@ -283,6 +286,7 @@ def planned(
     model.circuit.check_nats("a stopping posterior")
     levels: Any = more.get("levels")
     many = levels if isinstance(levels, int) else max(LEVELS, np.size(levels))
+    require(many >= 2, "levels", "must be >= 2", many)
     numbers = 3 * 8.0 * many * trials
     check_memory(numbers, f"{many} values for each of {trials} trials")
     return partial(_of_circuit, task, model, what, trials, start, posterior, given, **same, **more)

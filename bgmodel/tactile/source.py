@@ -280,20 +280,22 @@ def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    if isinstance(taps, pd.DataFrame):
-        return taps  # as loaded, or a user's own
     if taps is None:
         return held_out_taps()
-    require(isinstance(taps, str | Path), "taps", "must be a table or a path", taps)
-    path = Path(taps)
-    table = read_table(path)
+    if isinstance(taps, pd.DataFrame):
+        name, table = "the table", taps
+    else:
+        require(isinstance(taps, str | Path), "taps", "must be a table or a path", taps)
+        name, table = Path(taps).name, read_table(Path(taps))
     known = table["trained_on"].sum() if "trained_on" in table else 0
     if known:
         raise InputError(
-            f"the decoder of {path.name} was trained on {known} of its {len(table)} taps: decode "
+            f"the decoder of {name} was trained on {known} of its {len(table)} taps: decode "
             "taps that were not used in its training",
             "taps",
         )
+    if table is taps:
+        return table
     copies = int(table.duplicated().sum())
     if copies > COPIED * len(table):
         DataWarning.warn(

@@ -78,6 +78,13 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
             "start must lie where spiking_msprt decides by evidence, 0.772",
         ),
         (("--what", "dopamine", "--levels", 10**7), "of memory"),
+        (("--edits", "lesion STN"), "edits has no effect on the test"),
+        (("--gain", 0.3), "gain has no effect on the test"),
+        (("--posterior", 0.9), "posterior must be left out"),
+        (("--rule", "chosen"), "--rule has no effect with --what threshold"),
+        (("--levels", 4), "--levels has no effect with --what threshold"),
+        (("--what", "weights", "--xi", 20), "--xi has no effect with --what weights"),
+        (("--what", "weights", "--start", 1), "start must be left out"),
     ],
 )
 def test_options_that_cannot_be_met_are_refused(tmp_path, capsys, wrong, said):
