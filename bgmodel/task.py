@@ -48,7 +48,7 @@ def settings_of_tasks() -> dict[str, Field[Any]]:
 
 @dataclass(frozen=True)
 class Task:
-    """A task: what all of them have in common.
+    """Base of all tasks.
 
     Raises
     ------

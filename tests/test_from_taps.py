@@ -102,7 +102,9 @@ def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):
     assert "over 10 folds" in text
     assert SPIKES in text
     assert all(remark[:20] in text for remark in found.remarks)
-    assert len(found.plot().axes) == 4
+    axes = found.plot().axes
+    assert len(axes) == 4
+    assert "Learned threshold" in axes[3].get_legend_handles_labels()[1]
 
 
 @pytest.mark.parametrize("task", [bg.Gaussian(), "same-different"])

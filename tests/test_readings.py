@@ -7,7 +7,7 @@ from bgmodel.readings import are_sums, products
 
 
 def test_independent_readings_have_no_serial_correlation_however_short_the_trials():
-    """Deviations from a trial's mean correlate by -1 / steps, which is taken off."""
+    """Deviations from a trial's mean correlate by -1 / steps, which is subtracted."""
     rng = stream(1, "readings")
     for steps in (4, 10):
         pooled = np.array([products(x) for x in rng.normal(size=(4000, steps, 2))])

@@ -47,6 +47,7 @@ from bgmodel.task import Drawn, Gaussian, Task
 from bgmodel.theory.sprt import reward_curve
 from circuits.engines import engine_of
 from circuits.errors import InputError, require
+from circuits.plots import PALETTE, one_panel, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,7 +69,6 @@ READINGS = 20_000
 """Gaussian readings of each truth from which the test learns."""
 UNITS = {THRESHOLD: "boundary separation (nats)", DOPAMINE: "level of dopamine",
          WEIGHTS: "slope (nats per exact nat)"}  # fmt: skip
-OF_CIRCUIT = "log odds at which the circuit decides"
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,19 +145,20 @@ class FromReward(Facts):
         """Return ``table``."""
         return self.table
 
+    @styled
     def plot(self) -> Figure:
         """Draw the course of learning (median and 10 to 90 % of runs) with the best value.
 
         Weights are drawn as learned against exact log-likelihoods of readings.
         """
         from bgmodel.plots import acquisition
-        from circuits.plots import one_panel
 
         if isinstance(self.found, LearnedWeights) and self.scored is not None:
             return self.found.plot(self.scored)
         figure, ax = one_panel(None)
         every = self.table[self.table["episode"] % max(1, len(self.table) // 4000) == 0]
-        acquisition(ax, every.pivot(index="run", columns="episode", values="mean"), color="C0")
+        wide = every.pivot(index="run", columns="episode", values="mean")
+        acquisition(ax, wide, color=PALETTE[0], label="Median of runs")
         ax.axhline(self.best, color="k", lw=0.8, ls="--", label="Best")
         ax.set(xlabel="Trial", ylabel=self.unit[0].upper() + self.unit[1:])
         ax.legend(frameon=False)
@@ -392,7 +393,7 @@ def _of_circuit(
     found = learn_in_circuit(model, evidence, fresh, start=start, **options, **same)
     names = {"tonic": "mean", "level": "played", "phasic": "dopamine"}
     return FromReward(
-        what, UNITS[DOPAMINE] if what == DOPAMINE else OF_CIRCUIT, found.learned.learned,
+        what, UNITS[DOPAMINE] if what == DOPAMINE else CRITERION, found.learned.learned,
         found.fresh.best(same["xi"])[0], found.regrets.loc[["learned", "start"]],
         found.to_dataframe().rename(columns=names), tuple(found.cautions), found,
     )  # fmt: skip

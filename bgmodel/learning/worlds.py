@@ -137,9 +137,9 @@ class LevelOutcomes:
         return {0: "lower", len(self.levels) - 1: "upper"}.get(best, "")
 
     def unresolved(self, xi: float, weights: Array) -> float:
-        """Return the regret to be expected from choosing the best level on so many trials.
+        """Return the regret to be expected from choosing the best level on this number of trials.
 
-        Each row of weights (resamples, trials) stands for other trials, whose best level is scored
+        Each row of weights (resamples, trials) represents other trials, whose best level is scored
         on these: the regret, as a share of the least cost, is averaged over rows. Learning from
         these trials, however long, is no better.
         """
