@@ -21,7 +21,7 @@ PYTEST = $(BIN)/python -m pytest -n $(CORES) --dist loadfile --randomly-seed=$(S
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
-	$(BIN)/bgmodel figures --cores $(CORES) $(if $(FAST),--fast)
+	$(BIN)/bgmodel figures --workers $(CORES) $(if $(FAST),--fast)
 
 demo: $(VENV)/core.installed
 	$(BIN)/bgmodel demo

@@ -2,18 +2,21 @@
 
     import bgmodel as bg
 
+    task = bg.SameDifferent(period_mm=2)              # Orientation(4), EdgeTurn(5), Gaussian()
+    evidence = task.evidence(500, taps=bg.load_taps(), seed=1)   # or taps="decoded.parquet"
     circuit = bg.load_circuit("macaque")              # print(circuit), circuit.plot()
     edited = circuit.lesion("STN", 0.1).dopamine(0.9)
     edited = circuit.edited("lesion STN 10%", "dopamine 0.9")    # the same, as in files
-    evidence = bg.gaussian_evidence(500, d_prime=0.5, t_max=110, seed=1)
     model = bg.BasalGanglia(edited, seed=1)           # engine="ensemble" runs spikes
     decision = model.decide(evidence, posterior=0.82) # .accuracy, .to_dataframe(), .plot()
     model.activity(evidence[:5]).to_xarray().rate_hz.sel(nucleus="STN", channel=0)
     bg.compare(model, evidence).summary()             # with the MSPRT, trial by trial
+    bg.learn(task, model, xi=50).summary()            # reward moves dopamine
+    bg.touch(task).plot()                             # all of it: taps, decisions, reward, spikes
     bg.StopTask(delay_ms=60).decide(model, evidence, posterior=0.82)    # stop signals
     bg.Experiment.from_toml("lesion.toml").run().summary()
     bg.Sweep.from_toml("grid.toml").run().to_xarray()
-    bg.bench("macaque").summary()                     # an exam of published numbers
+    bg.take_exam("macaque").summary()                     # an exam of published numbers
     bg.discriminate("msprt", "max vs average").summary()    # the task that tells two models apart
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
@@ -36,7 +39,6 @@ except ImportError as error:
     ) from error
 
 from bgmodel.deciding.decision import Decision, first_crossing
-from bgmodel.deciding.tally import tally
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import (
@@ -55,11 +57,11 @@ if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
     from bgmodel.conditions import Condition
     from bgmodel.discriminating.discriminate import discriminate
-    from bgmodel.exam.exam import Exam, bench
+    from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
     from bgmodel.fitting.hierarchy.people import fit_people
-    from bgmodel.fitting.model_comparison import compare_models
+    from bgmodel.fitting.model_comparison import compare_fits
     from bgmodel.fitting.person import fit
     from bgmodel.from_taps import touch
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -68,12 +70,10 @@ if TYPE_CHECKING:
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
-    from bgmodel.tables.given import EvidenceTable
     from bgmodel.tactile.decoder import load_decoder, train_decoder
     from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
-    from circuits import engines
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
 
@@ -85,15 +85,14 @@ LAZY = {
     "Experiment": "bgmodel.experiments.experiment",
     "EdgeDirection": "bgmodel.tactile.task",
     "EdgeTurn": "bgmodel.tactile.task",
-    "EvidenceTable": "bgmodel.tables.given",
     "Orientation": "bgmodel.tactile.task",
     "SameDifferent": "bgmodel.tactile.task",
     "load_taps": "bgmodel.tactile.source",
     "StopTask": "bgmodel.stopping.task",
     "Sweep": "bgmodel.sweeps.sweep",
-    "bench": "bgmodel.exam.exam",
+    "take_exam": "bgmodel.exam.exam",
     "compare": "bgmodel.comparison.compare",
-    "compare_models": "bgmodel.fitting.model_comparison",
+    "compare_fits": "bgmodel.fitting.model_comparison",
     "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.person",
@@ -118,7 +117,6 @@ __all__ = [
     "EdgeDirection",
     "EdgeTurn",
     "Evidence",
-    "EvidenceTable",
     "Exam",
     "Experiment",
     "Gaussian",
@@ -131,11 +129,9 @@ __all__ = [
     "Sweep",
     "Trace",
     "__version__",
-    "bench",
     "compare",
-    "compare_models",
+    "compare_fits",
     "discriminate",
-    "engines",
     "explore",
     "first_crossing",
     "fit",
@@ -151,7 +147,7 @@ __all__ = [
     "simulate_taps",
     "sprt_threshold_from_gap",
     "stream",
-    "tally",
+    "take_exam",
     "threshold_from_posterior",
     "touch",
     "train_decoder",
@@ -163,8 +159,6 @@ if not TYPE_CHECKING:  # otherwise mypy would accept any attribute name
         """Import and return a lazily loaded name."""
         from importlib import import_module
 
-        if name == "engines":
-            return import_module("circuits.engines")
         if name not in LAZY:
             raise AttributeError(f"module 'bgmodel' has no attribute {name!r}")
         found = getattr(import_module(LAZY[name]), name)

@@ -1,37 +1,55 @@
-"""The ``bgmodel`` command: a thin layer, whose options come from parameter classes."""
+"""The ``bgmodel`` command: its functions by name, and errors of use in one sentence."""
 
 from __future__ import annotations
 
+import ast
 import io
 import os
-import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr
-from functools import reduce
-from operator import or_
-from typing import Annotated, Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from importlib.resources import files
+from textwrap import indent
+from typing import Any
 
-import tyro
-from tyro.constructors import (
-    ConstructorRegistry,
-    PrimitiveConstructorSpec,
-    PrimitiveTypeInfo,
-    StructConstructorSpec,
-    StructTypeInfo,
-)
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from bgmodel.commands.checks import Writes, check_outputs
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 ABOUT = (
     "Test hypotheses about the basal ganglia: run intact and edited circuits on evidence, and "
     "compare their decisions with those of the optimal test. Start with `bgmodel demo`. "
-    "`bgmodel --version` prints the version; `bgmodel --tyro-print-completion bash` (or zsh) "
-    "prints a script that completes names and options with the tab key."
+    "`bgmodel --completion bash` (zsh, fish) prints a script that completes names and options."
 )
+COMMANDS: dict[str, str | dict[str, str]] = {
+    "demo": "demo:demo",
+    "touch": {
+        "": "touch:touch",
+        "simulate": "touch_steps:simulate",
+        "train": "touch_steps:train",
+        "decode": "touch_steps:decode",
+        "watch": "watch:watch",
+    },
+    "circuit": {"show": "circuit:show", "run": "circuit:run", "export": "circuit:export"},
+    "decide": "decide:decide",
+    "compare": "compare:compare",
+    "learn": "learn:learn",
+    "fit": "fits:fit",
+    "experiment": "experiment:experiment",
+    "sweep": "sweep:sweep",
+    "exam": "exam:exam",
+    "explore": "explore:explore",
+    "figures": "figures:figures",
+}
+"""Each command: the module within ``bgmodel.commands`` and the function; of a group, those of its
+commands, and under "" of the group itself."""
+TEMPLATES = {"experiment": "bgmodel.experiments.experiment", "sweep": "bgmodel.sweeps.sweep"}
+"""Commands whose help shows a whole file, and the modules that have it."""
+GROUPS = {"circuit": "Show a circuit's table, run it on evidence, or export it to Brian2."}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -39,22 +57,13 @@ def main(arguments: list[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal may not have every character of a table or of a user's names.
         sys.stdout.reconfigure(errors="backslashreplace")
-    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
-        print(f"bgmodel {__version__}")
-        return 0
+    given = sys.argv[1:] if arguments is None else arguments
     try:
-        command = parsed(arguments)
-        if isinstance(command, Writes):
-            check_outputs(command)
-        with _plain_warnings():
-            command()
+        run(given)
     except BrokenPipeError:  # the reader closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except ImportError as error:
-        print(f"bgmodel: {error}", file=sys.stderr)
-        return 2
-    except (ValueError, OSError) as error:
+    except (ImportError, ValueError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
@@ -63,130 +72,111 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
-    """Return the requested command; ValueError with one sentence if it is invalid.
+def run(given: Sequence[str]) -> None:
+    """Run the command of some arguments; errors as for ``parsed``, and those of the command."""
+    with _plain_warnings():
+        parsed(given)()
+    if {"-h", "--help"} & {*given} and given[0] in TEMPLATES:
+        whole = getattr(import_module(TEMPLATES[given[0]]), given[0].title()).template()
+        print(f"A whole file, which --template writes:\n\n{indent(whole, '    ')}")
 
-    A request for help ends the program, as in tyro.
+
+def parsed(given: Sequence[str]) -> partial[None]:
+    """Return the command of some arguments, with the arguments of its function.
+
+    Raises
+    ------
+    ValueError
+        With one sentence, for arguments that the command does not have or that it refuses.
     """
-    # Imported within main, which reports in one sentence another package named circuits.
-    from bgmodel.commands.table import COMMANDS
-
-    given = sys.argv[1:] if arguments is None else arguments
-    _check_named(COMMANDS, given)
-    if [word.partition("=")[0] for word in given].count("--edits") > 1:
-        raise InputError("--edits is given twice: write all edits after one --edits", "edits")
-    printed = io.StringIO()
+    if given[:1] == ["--completion"]:
+        return partial(_print_completion, *given[1:2])
     try:
-        with redirect_stderr(printed):
-            command: Callable[[], None] = tyro.cli(
-                choices(COMMANDS),
-                prog="bgmodel",
-                description=ABOUT,
-                args=arguments,
-                registry=_registry(),
-            )
-            return command
-    except SystemExit as stop:
-        if stop.code == 2:
-            raise ValueError(_sentence(printed.getvalue())) from None
-        raise
+        app = application(given)
+        command, bound, _ = app.parse_args(given, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        if isinstance(error.__cause__, InputError):
+            raise error.__cause__ from None
+        words = given[:2] if given and isinstance(COMMANDS.get(given[0]), dict) else given[:1]
+        about = f"`bgmodel {' '.join([*words, '--help'])}` lists what there is"
+        raise InputError(f"{_sentence(error)}; {about}", "arguments") from None
+    return partial(command, *bound.args, **bound.kwargs)
 
 
-def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
-    """Raise ValueError for help on an unknown command: tyro would show another help."""
-    commands: Any = top
-    before = "bgmodel"
-    if not {"-h", "--help"} & {*arguments}:
-        return
-    for word in arguments:
-        if word.startswith("-") or not isinstance(commands, Mapping):
-            return
-        if word not in commands:
-            other = f" (but there is `bgmodel {word}`)" if word in top else ""
-            raise ValueError(
-                f"there is no command `{before} {word}`{other}; there are "
-                f"{', '.join(f'`{before} {name}`' for name in commands)}"
-            )
-        before, commands = f"{before} {word}", commands[word]
-        commands = commands[1] if isinstance(commands, tuple) else None
+def _print_completion(shell: Any = "") -> None:
+    known = ("bash", "zsh", "fish")
+    require(shell in known, "completion", f"must be one of {', '.join(known)}", shell)
+    print(application(["all"]).generate_completion(prog_name="bgmodel", shell=shell))
 
 
-def _registry() -> ConstructorRegistry:
-    """Return tyro's rules, with additions for whole numbers such as 1e5, names and edits."""
-    from bgmodel.commands.tasks import of_tasks
-    from bgmodel.names import Name
-    from bgmodel.task import Task
-    from circuits.declaration.edits import Edits
+def application(given: Sequence[str] = ()) -> App:
+    """Return the parser of all commands, which imports only the one that is run.
 
-    registry = ConstructorRegistry()
-
-    @registry.struct_rule
-    def tasks(info: StructTypeInfo) -> StructConstructorSpec | None:
-        kind, default = info.type, info.default
-        return of_tasks(default) if isinstance(kind, type) and issubclass(kind, Task) else None
-
-    @registry.primitive_rule
-    def whole(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
-        if info.type is not int:
-            return None
-        return PrimitiveConstructorSpec(
-            nargs=1,
-            metavar="INT",
-            instance_from_str=lambda given: _whole(given[0]),
-            is_instance=lambda value: isinstance(value, int),
-            str_from_instance=lambda value: [str(value)],
-        )
-
-    @registry.primitive_rule
-    def listed(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Name] | None:
-        kind = info.type
-        if not (isinstance(kind, type) and issubclass(kind, Name)):
-            return None
-        return PrimitiveConstructorSpec(
-            nargs=1,
-            metavar=f"{{{','.join(kind.known())}}}",
-            instance_from_str=lambda given: kind.parse(given[0]),
-            is_instance=lambda value: isinstance(value, str),
-            str_from_instance=lambda value: [str(value)],
-        )
-
-    @registry.primitive_rule
-    def edits(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Edits] | None:
-        if info.type is not Edits:
-            return None
-        return PrimitiveConstructorSpec(
-            nargs="*",
-            metavar="EDIT [EDIT ...]",
-            instance_from_str=Edits,
-            is_instance=lambda value: isinstance(value, Edits),
-            str_from_instance=list,
-        )
-
-    return registry
+    Parameters
+    ----------
+    given : sequence of str
+        The arguments, of which the first name the command; ("all",) imports every command.
+    """
+    usual = Parameter(negative_bool=(), negative_iterable=(), show_default=_default)
+    app = App(name="bgmodel", help=ABOUT, version=f"bgmodel {__version__}",
+              help_format="markdown", default_parameter=usual)  # fmt: skip
+    for order, (name, place) in enumerate(COMMANDS.items()):
+        if isinstance(place, str):
+            _add(app, (name,), place, given, order)
+            continue
+        about = _about(place[""]) if "" in place else GROUPS[name]
+        chosen = "" in place and (given[:1] == ["all"] or given[:1] == [name])
+        group = App(name=name, help=None if chosen else about, sort_key=order)
+        for inner, own in place.items():
+            if inner:
+                _add(group, (name, inner), own, given, order)
+            elif chosen:
+                group.default(_function(own))
+        app.command(group)
+    return app
 
 
-def _whole(text: str) -> int:
-    try:
-        number = float(text)
-        if number == int(number):
-            return int(text) if text.lstrip("+-").isdecimal() else int(number)
-    except (ValueError, OverflowError):
-        pass
-    raise ValueError(f"it must be a whole number, got {text!r}")
+def _add(app: App, words: tuple[str, ...], place: str, given: Sequence[str], order: int) -> None:
+    """Add a command: its function if it is the one that is run, otherwise where it is."""
+    if given[:1] == ["all"] or (*given[: len(words)],) == words:
+        app.command(_function(place), name=words[-1], sort_key=order)
+    else:
+        about = _about(place)
+        app.command(f"bgmodel.commands.{place}", name=words[-1], help=about, sort_key=order)
 
 
-def _sentence(box: str) -> str:
-    """Return the first part of tyro's error box as one line."""
-    lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
-    # If the terminal's encoding has no frames, the title is on its own above a line.
-    title = 0 if box.lstrip().startswith("╭") else 1
-    parts = re.split(r"[─-]{3,}", " ".join(lines))[title:]
-    kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
-    text = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
-    text = re.sub(r"\s+", " ", text).strip().rstrip(".")
-    text = re.sub(r"^Error parsing --(\S+): it must", r"\1 must", text)
-    text = re.sub(r"^Error parsing \[.*?\]: it must", "the name must", text)
-    return f"{text} (bgmodel COMMAND --help lists the options)"
+def _function(place: str) -> Callable[..., None]:
+    module, name = place.split(":")
+    found: Callable[..., None] = getattr(import_module(f"bgmodel.commands.{module}"), name)
+    return found
+
+
+def _default(value: Any) -> str | None:
+    """Return a default as help shows it; None for one that says nothing."""
+    if value is None or value is False or value in ("", ()):
+        return None
+    if isinstance(value, tuple):
+        return " ".join(map(str, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _about(place: str) -> str:
+    """Return the first line of a command's docstring, without importing its module."""
+    module, name = place.split(":")
+    source = files("bgmodel.commands").joinpath(f"{module}.py").read_text(encoding="utf-8")
+    (found,) = (
+        each for each in ast.parse(source).body
+        if isinstance(each, ast.FunctionDef) and each.name == name
+    )  # fmt: skip
+    return (ast.get_docstring(found) or "").partition("\n")[0]
+
+
+def _sentence(error: CycloptsError) -> str:
+    """Return an error of use as one sentence."""
+    if isinstance(error, UnusedCliTokensError):
+        words = " ".join(map(repr, error.unused_tokens or ()))
+        return f"{words} is not expected here: a result is saved by --save FILE"
+    return " ".join(str(error).split()).rstrip(".,; ")
 
 
 @contextmanager
@@ -200,14 +190,11 @@ def _plain_warnings() -> Iterator[None]:
         warnings.formatwarning = before
 
 
-def choices(commands: Mapping[str, Any]) -> Any:
-    """Return the type that tyro parses: one subcommand per name, nested for groups."""
-    options: list[Any] = []
-    for name, command in commands.items():
-        about, kind = command if isinstance(command, tuple) else (None, command)
-        if isinstance(kind, Mapping):
-            kind = choices(kind)
-        options.append(
-            Annotated[Any, tyro.conf.subcommand(name=name, constructor=kind, description=about)]
-        )
-    return reduce(or_, options)
+def commands(app: App | None = None, before: str = "") -> Iterator[tuple[str, App]]:
+    """Yield the name and the parser of every command."""
+    app = application(["all"]) if app is None else app
+    if app.default_command is not None and before:
+        yield before, app
+    for name in app:
+        if not name.startswith("-"):
+            yield from commands(app[name], f"{before} {name}".strip())

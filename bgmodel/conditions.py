@@ -82,7 +82,10 @@ class Setup:
         require(self.seed >= 0, "seed", "must be at least 0", self.seed)
         if self.gain is not None:
             check_positive(gain=self.gain)
-        require(isinstance(self.edits, Edits), "edits", "must be an Edits of lines", self.edits)
+        lines = self.edits
+        listed = isinstance(lines, list | tuple) and all(isinstance(line, str) for line in lines)
+        require(listed, "edits", "must be a list of lines", lines)
+        object.__setattr__(self, "edits", Edits(lines))
         if self.edits:
             from circuits.ignored import check_edits
 

@@ -1,4 +1,4 @@
-"""One decision of the spiking circuit and of the MSPRT: the first thing to look at."""
+"""The whole chain on shipped taps: evidence, spikes against the optimal test, reward."""
 
 from __future__ import annotations
 
@@ -8,16 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.deciding.decision import Decision, first_crossing
+from bgmodel.deciding.decision import Decision, crossing_of_each
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
-from bgmodel.simulated_evidence import separated_evidence
+from bgmodel.integrators.sprt import Msprt, msprt_threshold_from_gap
+from bgmodel.learning.from_reward import FromReward, learn
+from bgmodel.learning.reinforce import Learner
+from bgmodel.plots import acquisition
 from bgmodel.support.seeds import stream
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Plain
-from circuits.plots import FROM_ONSET, GREY, channel_lines, legend_above, panels, raster, styled
+from circuits.plots import (
+    FROM_ONSET,
+    GREY,
+    PALETTE,
+    channel_lines,
+    legend_above,
+    panels,
+    raster,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,114 +43,119 @@ NUCLEI = {
     "GPe": "GPe",
     "SNr": "SNr (output)",
 }
-POSTERIOR, D_PRIME, READINGS, STEP_MS = 0.85, 0.8, 20, 50.0
+TASK = SameDifferent(period_mm=2.0, t_max=8)
+"""Are two taps of gratings, 2 mm apart, of one orientation? A reading every 50 ms."""
+XI, RUNS, LEARNER = 50.0, 5, Learner(episodes=4000)
+"""Cost of an error (readings), number of runs of the learner, and a short course of learning."""
 CELLS = 30
 """Cells per channel in the raster."""
+TEST, CIRCUIT = "MSPRT", "circuit"
 
 
 @dataclass(frozen=True)
 class Demo:
-    """One trial: evidence, activity of the circuit, and both decisions.
+    """What reward taught, and one trial decided with it by spikes and by the test.
 
     Parameters
     ----------
+    learned : FromReward
+        The boundary separation that reward taught the optimal test.
     evidence : Evidence
-        Evidence of one trial; the first alternative is true.
+        Readings of one trial of taps, log-likelihoods.
     spikes : dict of DataFrame
         Spikes by nucleus: channel, neuron and time_ms.
     traces : dict of Trace
         OUT of "circuit" and "MSPRT", nats.
     decisions : dict of Decision
         Decisions of both; they may be undecided at the end of the readings.
+    threshold_nats : float
+        The threshold on OUT of both: the learned boundary separation, at the circuit's gain.
     readable_nats : float
         Highest OUT within the range of the read-out.
     gain : float
         Nats in the circuit per nat of evidence; the same for the test.
     """
 
+    learned: FromReward
     evidence: Evidence
     spikes: dict[str, pd.DataFrame]
     traces: dict[str, Trace]
     decisions: dict[str, Decision]
+    threshold_nats: float
     readable_nats: float
     gain: float
 
     def summary(self) -> str:
-        """Return a description of the trial in a few sentences."""
-        test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
+        """Return a description of the chain in a few sentences."""
+        test, own = (self._outcome(name) for name in (TEST, CIRCUIT))
+        separation = self.learned.learned.mean()
+        posterior = np.exp(-self.threshold_nats)
         return (
-            f"One trial with {self.evidence.hypotheses} alternatives, of which alternative 1 is "
-            f"true, and a reading of evidence every {STEP_MS:g} ms. The optimal test (MSPRT, on "
-            f"evidence scaled by the circuit's gain of {self.gain:g}) {test}; the spiking circuit, "
-            f"on the same readings, {own}. OUT is the firing rate of SNr in nats. For the leading "
-            "alternative it follows the test's -ln P, and the first alternative whose OUT falls to "
-            f"-ln {POSTERIOR:g} is chosen. Use --seed N for another trial."
+            "A simulated TacTip taps gratings, a neural network decodes the angle of each tap, and "
+            "the log-likelihoods of the angles are the evidence: are two gratings the same "
+            f"(alternative 1) or different (2)? One reading every {TASK.step_ms:g} ms.\n"
+            f"Reward, minus the readings taken and minus {XI:g} for an error, taught the optimal "
+            f"test to decide at a boundary separation of {separation:.2f} nats (best "
+            f"{self.learned.best:.2f}; excess cost {self.learned.regret:.1f} %). At the circuit's "
+            f"gain of {self.gain:.2g} that is a posterior of {posterior:.2f}.\n"
+            f"On one trial with this threshold the test {test}; the spiking circuit, on the same "
+            f"readings, {own}. OUT is the firing rate of SNr in nats: for the leading alternative "
+            "it follows the test's -ln P. Use --seed N for another trial."
         )
 
+    def _outcome(self, name: str) -> str:
+        choice, time_ms = int(self.decisions[name].choice[0]), self.decisions[name].time_ms[0]
+        if choice < 0:
+            return "made no choice before the end"
+        truth = np.asarray(self.evidence.truth)[0]
+        right = "right" if choice == truth else "wrong"
+        return f"chose alternative {choice + 1} ({right}) after {time_ms:.0f} ms"
 
-def _outcome(decision: Decision) -> str:
-    choice = int(decision.choice[0])
-    if choice < 0:
-        return "made no choice before the end"
-    right = "right" if choice == 0 else "wrong"
-    return f"chose alternative {choice + 1} ({right}) after {decision.time_ms[0]:.0f} ms"
 
-
-def demo(seed: int = 1, alternatives: int = 3) -> Demo:
-    """Run the default circuit and the MSPRT at its gain on one trial of Gaussian evidence.
+def demo(seed: int = 1) -> Demo:
+    """Let reward teach a threshold on shipped taps, and decide one trial with it.
 
     Parameters
     ----------
     seed : int
-        Seed of the evidence and of the noise of cells.
-    alternatives : int
-        Number of alternatives, 2 to 12.
-
-    Returns
-    -------
-    Demo
-        The trial: evidence and OUT in nats, spikes in ms from the onset of evidence.
+        Seed of the evidence, of learning and of the noise of cells.
 
     Raises
     ------
     ValueError
-        If the circuit has too few channels, or the seed is not a whole number >= 0.
+        If the seed is not a whole number >= 0.
     """
-    table = load_circuit(DEFAULT, alternatives)
-    evidence = separated_evidence(
-        1,
-        READINGS,
-        D_PRIME / np.sqrt(2),
-        rng=stream(seed, "demo"),
-        hypotheses=alternatives,
-        step_ms=STEP_MS,
-    )
+    learned = learn(TASK, xi=XI, runs=RUNS, seed=seed, learner=LEARNER)
     # The plain engine has the same spikes as the compiled one, without compiling.
-    model = BasalGanglia(table, Plain(spikes=tuple(NUCLEI)), seed=seed).adapted_to(evidence)
-    activity = model.activity(evidence)
+    engine = Plain(spikes=tuple(NUCLEI))
+    usual = TASK.evidence(200, seed=stream(seed, "demo", "usual"))
+    model = BasalGanglia(load_circuit(DEFAULT, 2), engine, seed=seed).adapted_to(usual)
+    evidence = TASK.evidence(1, seed=stream(seed, "demo"))
+    activity = model.activity(evidence, checked=False)
     traces = {
-        "circuit": model.trace(activity, evidence),
-        "MSPRT": Msprt(model.gain).run(evidence),
+        CIRCUIT: model.trace(activity, evidence),
+        TEST: Msprt(model.gain).run(evidence),
     }
-    criterion = threshold_from_posterior(POSTERIOR, alternatives)
+    threshold = float(msprt_threshold_from_gap(model.gain * learned.learned.mean()))
     decisions = {
-        name: first_crossing(trace, float(criterion), forced=False)
+        name: crossing_of_each(trace, np.array([threshold]), forced=False, checked=False)
         for name, trace in traces.items()
     }
     assert activity.spikes is not None
-    return Demo(evidence, activity.spikes, traces, decisions, table.readable_nats[1], model.gain)
+    readable = model.circuit.readable_nats[1]
+    return Demo(
+        learned, evidence, activity.spikes, traces, decisions, threshold, readable, model.gain
+    )
 
 
 @styled
 def draw(found: Demo) -> Figure:
-    """Draw evidence, OUT with -ln P, and the spikes of every nucleus."""
+    """Draw what reward taught, evidence, OUT with -ln P, and the spikes of every nucleus."""
     figure, grid = panels(
-        2 + len(NUCLEI),
-        size=(6.4, 8.2),
-        sharex=True,
-        height_ratios=[1.7, 2.2] + [1] * len(NUCLEI),
+        3 + len(NUCLEI), size=(6.4, 9.0), height_ratios=[1.7, 1.5, 2.0] + [1] * len(NUCLEI)
     )
-    axes = grid[:, 0]
+    learning, *axes = grid[:, 0]
+    _learning(learning, found.learned)
     _evidence(axes[0], found.evidence)
     _out(axes[1], found)
     for panel, (name, label) in zip(axes[2:], NUCLEI.items(), strict=True):
@@ -149,38 +166,45 @@ def draw(found: Demo) -> Figure:
     marks = "vertical lines: decisions of test (dashed) and circuit"
     axes[2].set_title(f"Spikes of {CELLS} cells per alternative; {marks}")
     axes[-1].set_xlabel(FROM_ONSET)
-    axes[-1].set_xlim(0, (READINGS + 1) * STEP_MS)
     for panel in axes:
-        for name, style in (("MSPRT", "--"), ("circuit", "-")):
+        panel.set_xlim(0, (TASK.t_max + 1) * TASK.step_ms)
+        panel.tick_params(labelbottom=panel is axes[-1])
+        for name, style in ((TEST, "--"), (CIRCUIT, "-")):
             panel.axvline(found.decisions[name].time_ms[0], color="k", lw=0.8, ls=style)
     return figure
+
+
+def _learning(panel: Axes, learned: FromReward) -> None:
+    wide = learned.table.pivot(index="run", columns="episode", values="mean")
+    acquisition(panel, wide, color=PALETTE[3], label=f"Median and 10 to 90 % of {RUNS} runs")
+    panel.axhline(learned.best, color="k", lw=0.8, ls="--", label="Best")
+    panel.set(xlabel="Trial of learning", ylabel="Boundary\nseparation (nats)")
+    panel.set_xlim(0, LEARNER.episodes)
+    legend_above(panel, 2, "Reward moves the threshold of the test")
 
 
 def _evidence(panel: Axes, evidence: Evidence) -> None:
     total = evidence.own_totals[0]
     channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
-    for i, line in enumerate(panel.lines):
-        line.set_label(f"Alternative {i + 1}" + (" (true)" if i == 0 else ""))
+    truth = int(np.asarray(evidence.truth)[0])
+    for i, (line, name) in enumerate(zip(panel.lines, ("same", "different"), strict=True)):
+        line.set_label(f"{i + 1}: {name}" + (" (true)" if i == truth else ""))
     panel.set_ylabel("Evidence\n(nats)")
-    legend_above(panel, 4, "Summed evidence for each alternative, the input of its channel")
+    legend_above(panel, 4, "Summed log-likelihoods of taps, the input of each channel")
 
 
 def _out(panel: Axes, found: Demo) -> None:
-    for name, style in (("circuit", {"lw": 1.3}), ("MSPRT", {"ls": "--", "lw": 1.0})):
+    for name, style in ((CIRCUIT, {"lw": 1.3}), (TEST, {"ls": "--", "lw": 1.0})):
         trace = found.traces[name]
         rows = _long(trace.time_ms, np.asarray(trace.out_nats[0]))
-        channel_lines(panel, rows, steps=name == "MSPRT", **style)
-        label = "OUT of the circuit" if name == "circuit" else "−ln P, MSPRT at its gain"
+        channel_lines(panel, rows, steps=name == TEST, **style)
+        label = "OUT of the circuit" if name == CIRCUIT else "−ln P, MSPRT at its gain"
         panel.plot([], [], color="0.3", label=label, **style)
-    panel.axhline(
-        -np.log(POSTERIOR), color="k", lw=0.8, ls=":", label=f"Criterion −ln {POSTERIOR:g}"
-    )
+    level = found.threshold_nats
+    panel.axhline(level, color="k", lw=0.8, ls=":", label="Learned threshold")
     top = max(2.0, 1.2 * found.readable_nats)
     panel.axhspan(found.readable_nats, top, color="0.94", lw=0, zorder=0)
-    right = (READINGS + 1) * STEP_MS - 8
-    panel.text(
-        right, 0.975 * top, "Beyond the read-out", ha="right", va="top", fontsize=7, color=GREY
-    )
+    panel.text(6, 0.975 * top, "Beyond the read-out", va="top", fontsize=7, color=GREY)
     panel.set(ylabel="OUT (nats)", ylim=(0, top))
     legend_above(panel)
 

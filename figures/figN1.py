@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.stats import t
 
-from bgmodel import Msprt, stream, tally
+from bgmodel import Msprt, stream
+from bgmodel.deciding.tally import tally
 from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import FOLDS, source

@@ -25,15 +25,16 @@ NOT_CORE = ("torch", "cv2", "safetensors", "pynwb", "snakemake")
 """What extras bring: the core must run without."""
 COMMANDS = (
     "--version",
-    "demo demo.png",
+    "demo --plot demo.png",
     "circuit show spiking_msprt",
     "circuit show bogacz_gurney --channels 4 --save mine.toml",
-    "circuit run spikes.csv --trials 20",
-    "circuit run mean.csv --trials 9 --engine algebra --gain 1 --circuit mine.toml --channels 4",
-    "decide decisions.csv --trials 100",
-    "data roitman_shadlen_2002",
+    "circuit run --task trials=20 --save spikes.csv",
+    "circuit run --task trials=9 channels=4 --engine algebra --gain 1 --circuit mine.toml "
+    "--save mean.csv",
+    "decide --task trials=100 --save decisions.csv",
+    "fit",
     "experiment",
-    "experiment stn_lesion_partial outcome.csv --engine population --trials 200",
+    "experiment stn_lesion_partial --engine population --trials 200 --save outcome.csv",
     "sweep sweep.toml",
 )
 """Every package of data is read by one of them: tables, taps, experiments."""

@@ -39,7 +39,6 @@ CALLS = {
     bg.threshold_from_posterior: {"posterior": 0.9},
     bg.sprt_threshold_from_gap: {"delta": 1.0},
     bg.first_crossing: {"trace": TRACE, "thresholds": 0.3},
-    bg.tally: {"trace": TRACE, "truth": EVIDENCE.truth, "thresholds": [0.3]},
     bg.load_circuit: {"name": "macaque"},
     CIRCUIT.row: {"name": "STN"},
     CIRCUIT.edited: {"lines": "lesion STN"},
@@ -65,7 +64,6 @@ CALLS = {
     bg.Orientation: {},
     bg.EdgeTurn: {},
     bg.EdgeDirection: {},
-    bg.EvidenceTable: {"evidence": "e.csv"},
     bg.Gaussian().evidence: {"seed": 1},
     bg.load_taps: {},
     bg.load_decoder: {"path": "nothing.onnx"},
@@ -74,12 +72,12 @@ CALLS = {
     bg.Sweep.from_toml: {"file": "grid.toml"},
     bg.fit: {"data": TRIALS, "model": "constant_gap"},
     bg.fit_people: {"data": TRIALS, "model": "constant_gap"},
-    bg.compare_models: {},
-    bg.bench: {},
+    bg.compare_fits: {},
+    bg.take_exam: {},
     bg.discriminate: {"first": "msprt", "second": "max vs average"},
     bg.explore: {},
 }
-TASKS = ("Gaussian", "SameDifferent", "Orientation", "EdgeTurn", "EdgeDirection", "EvidenceTable")
+TASKS = ("Gaussian", "SameDifferent", "Orientation", "EdgeTurn", "EdgeDirection")
 ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
     "negative": -1, "huge": 1e30, "array": np.zeros((2, 2)),
@@ -107,7 +105,6 @@ LEGAL = {
     **{f"StopTask {name}": ["inf", "huge"] for name in ("duration_ms", "cancel_ms")},
     **{f"StopTask {name}": ["huge"] for name in ("delay_ms", "delay_sd_ms", "staircases")},
     **{f"{kind} taps": ["text"] for kind in TASKS},  # files that are read when trials are drawn
-    "EvidenceTable evidence": ["text"],
     "baseline": ["negative", "huge"],
     "delta": ["huge", "array"],
     "first_crossing thresholds": ["array"],
@@ -195,5 +192,5 @@ def test_every_function_of_the_front_door_is_in_the_table():
         "touch",
         "train_decoder",
     }
-    results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__", "engines"}
+    results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__"}
     assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results

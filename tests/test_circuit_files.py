@@ -13,7 +13,7 @@ from circuits.declaration import table_files
 from circuits.declaration.table_files import digest
 from tests.helpers import run
 
-SMALL = ["--trials", "100", "--t-max", "6", "--engine", "rate"]
+SMALL = ["--task", "trials=100", "t_max=6", "--engine", "rate"]
 
 
 @pytest.fixture
@@ -53,12 +53,12 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
 
 @pytest.mark.parametrize(
     ("command", "edits"),
-    [("circuit run", []), ("compare", []), ("circuit compare-edits", ["lesion STN 20%"])],
+    [("circuit run", []), ("compare", [])],
 )
 def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits):
     table_files.write(anatomy.spiking_msprt(2), "mine.toml")
     for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
-        assert run(*command.split(), output, *edits, "--circuit", name, *SMALL) == 0
+        assert run(*command.split(), "--save", output, *edits, "--circuit", name, *SMALL) == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
     behind = {"name": "spiking_msprt", "sha256": digest(anatomy.spiking_msprt(2))}
     assert said(here / "a.csv")["circuit"] == said(here / "b.csv")["circuit"] == behind
@@ -67,16 +67,17 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits)
 
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
-    assert run("circuit", "run", "a.csv", *SMALL, "--edits", "lesion D2 50%") == 0
+    assert run("circuit", "run", "--save", "a.csv", *SMALL, "--edits", "lesion D2 50%") == 0
     assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
 
 
 def test_dopamine_learns_in_a_file_as_in_its_table(here):
     table_files.write(anatomy.spiking_msprt(2), "mine.toml")
-    few = ["--task", "gaussian", "--d-prime", 1]
-    few += ["--trials", 60, "--t-max", 20, "--levels", 3, "--runs", 1, "--learner.episodes", 600]
+    few = ["--task", "gaussian", "d_prime=1"]
+    few += ["--task", "trials=60", "t_max=20", "--levels", 3, "--runs", 1]
+    few += ["--learner", "episodes=600"]
     for name, output in (("spiking_msprt", "a.parquet"), ("mine.toml", "b.parquet")):
-        assert run("learn", output, "--what", "dopamine", "--circuit", name, *few) == 0
+        assert run("learn", "--save", output, "--what", "dopamine", "--circuit", name, *few) == 0
     pd.testing.assert_frame_equal(pd.read_parquet("a.parquet"), pd.read_parquet("b.parquet"))
     behind = [read_provenance(name)["parameters"] for name in ("a.parquet", "b.parquet")]
     assert behind[0]["circuit"] == behind[1]["circuit"]
@@ -107,7 +108,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     (here / "in" / "tables").mkdir(parents=True)
     table_files.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
     (here / "in" / "experiment.toml").write_text(EXPERIMENT)
-    assert run("experiment", "in/experiment.toml", "a.csv") == 0
+    assert run("experiment", "in/experiment.toml", "--save", "a.csv") == 0
     behind = said(here / "a.csv")
     assert behind["experiment"]["circuit"]["file"] == "mine.toml"
     assert behind["experiment"]["gain"] == 0.7
@@ -115,10 +116,12 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().lesion("D2", 0.2))
     file = here / "in" / "experiment.toml"
     file.write_text(EXPERIMENT.replace("tables/mine.toml", "spiking_msprt"))
-    assert run("experiment", file, "b.csv") == 0
+    assert run("experiment", file, "--save", "b.csv") == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
     file.write_text(EXPERIMENT.replace("tables/mine.toml", "mine.toml"))
-    assert "mine.toml' can't be read: No such file" in refusal("experiment", file, "c.csv")
+    assert "mine.toml' can't be read: No such file" in refusal(
+        "experiment", file, "--save", "c.csv"
+    )
 
 
 @pytest.mark.parametrize(
@@ -138,9 +141,8 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
 
 @pytest.mark.parametrize(
     "command",
-    [("circuit", "show"), ("circuit", "run", "a.csv"),
-     ("circuit", "compare-edits", "a.csv", "lesion STN 20%"),
-     ("learn", "a.csv", "--what", "dopamine"), ("compare", "a.csv")],
+    [("circuit", "show"), ("circuit", "run"), ("circuit", "export", "--save", "a.py"),
+     ("learn", "--what", "dopamine"), ("compare",)],
 )  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "says"),

@@ -1,15 +1,12 @@
 """Files from which work goes on: damaged, they count as absent, and never give other numbers."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from bgmodel.commands.touch import _Steps
+from bgmodel.commands import touch
 from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
@@ -125,30 +122,24 @@ def test_tables_of_every_type_are_read_back(tmp_path):
         assert len(read_table(path)) == len(table)
 
 
-@dataclass
-class Step:
-    """A command that makes a file."""
-
-    output: Path
-
-    def __call__(self):
-        """Write it, and count."""
-        self.output.write_text("whole")
-        with self.output.with_suffix(".calls").open("a") as calls:
-            calls.write("1")
+def made(*, output, **options):
+    """Make a file as a command does, and count."""
+    output.save.write_text("whole")
+    with output.save.with_suffix(".calls").open("a") as calls:
+        calls.write("1")
 
 
 @pytest.mark.parametrize("damage", ["result", "cut", "[" * 100_000, "3"])
 def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, damage):
     result, record = tmp_path / "x", tmp_path / "steps.json"
     for _ in range(2):
-        _Steps(tmp_path).make(result, Step(result))
+        touch._Steps(tmp_path)._make("x", made, seed=1)
     assert result.with_suffix(".calls").read_text() == "1"
     if damage == "result":
         result.write_text("whale")
     else:
         record.write_text(record.read_text()[:-9] if damage == "cut" else damage)
     for _ in range(2):
-        _Steps(tmp_path).make(result, Step(result))
+        touch._Steps(tmp_path)._make("x", made, seed=1)
     assert result.with_suffix(".calls").read_text() == "11"
     assert result.read_text() == "whole"

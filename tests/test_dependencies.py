@@ -13,7 +13,8 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("bgmodel", "circuits", "figures", "benchmarks", "docs")
 NAMES = {
     "PIL": "pillow", "cv2": "opencv-python-headless", "psignifit": "psignifit",
-    "ssms": "ssm-simulators", "pydantic_core": "pydantic-core", "arviz_stats": "arviz-stats",
+    "ssms": "ssm-simulators", "pydantic_core": "pydantic-core",
+    "docstring_parser": "docstring-parser", "arviz_stats": "arviz-stats",
 }  # fmt: skip
 """Distributions whose modules have another name."""
 ELSEWHERE = {"hssm", "_notebooks"}

@@ -154,7 +154,7 @@ def refuse(page, capsys):
     line = "lesion <b>STM</b> 10%"
     enter(page, "New edit (then Enter)", line)
     said = page.get_by_role("alert").first.inner_text()
-    assert run("circuit", "show", "--channels", 3, "--edits", line) == 2
+    assert run("circuit", "show", "--task", "channels=3", "--edits", line) == 2
     sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
     assert said == f"Refused: {sentence}"
     assert page.locator("[data-key]").evaluate_all(EVERY) == before

@@ -132,15 +132,15 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     monkeypatch.setattr("bgmodel.from_taps.Learner", partial(Learner, episodes=500))
     monkeypatch.setattr("bgmodel.from_taps.TO_LEARN", 1000)
     monkeypatch.setattr("bgmodel.from_taps.TO_SPIKE", 20)
-    monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=8))
+    monkeypatch.setattr("bgmodel.commands.touch_steps.EDGE", replace(EDGE, epochs=8))
     shown, folders = hexagon(), []
     for name, count in (("train", 320), ("held", 360)):
         yaws = np.linspace(-180, 179, count) + 0.3 * (name == "held")
         images = [draw(shown + field(shown, yaw)) for yaw in yaws]
         folders.append(write(tmp_path / name, images, "dev-data"))
     mine = tmp_path / "mine"
-    asked = ["touch", mine, "--training", folders[0], "--held-out", folders[1]]
-    asked += ["--mm-per-px", MM_PER_PX, "--task", "edge-direction", "--step-deg", 20]
+    asked = ["touch", mine, "--recordings", folders[0], "--held-out", folders[1]]
+    asked += ["--mm-per-px", MM_PER_PX, "--task", "edge-direction", "step_deg=20"]
     asked += ["--trials", 120]
     assert run(*asked) == 0
     assert "test_accuracy" in capsys.readouterr().out
@@ -155,14 +155,17 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     ("given", "says"),
     [
         (["--task", "edge-turn"], "task edge-turn needs taps of an edge"),
-        (["--training", "."], "recordings need two folders"),
-        (["--training", "a", "--held-out", "nowhere", "--mm-per-px", "1"], "there is no folder"),
-        (["--training", "a", "--held-out", "b"], "recordings need their scale"),
-        (["--training", "a", "--held-out", "b", "--task", "orientation"], "needs taps of gratings"),
-        (["--period-mm", "7"], "period_mm must be one of"),
-        (["--channels", "3"], "same-different has 2 alternatives"),
+        (["--recordings", "."], "recordings need two folders"),
+        (["--recordings", "a", "--held-out", "nowhere", "--mm-per-px", "1"], "there is no folder"),
+        (["--recordings", "a", "--held-out", "b"], "recordings need their scale"),
+        (
+            ["--recordings", "a", "--held-out", "b", "--task", "orientation"],
+            "needs taps of gratings",
+        ),
+        (["--task", "period_mm=7"], "period_mm must be one of"),
+        (["--task", "channels=3"], "channels"),
         (["--folds", "1"], "folds must be a whole number >= 2"),
-        (["--task", "orientation", "--channels", "9"], "channels must be 2 to 8"),
+        (["--task", "orientation", "channels=9"], "channels must be 2 to 8"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(given, says, tmp_path, monkeypatch, capsys):

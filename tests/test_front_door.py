@@ -1,6 +1,7 @@
 """What most users do, each in three lines from ``import bgmodel as bg``."""
 
 import importlib.util
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ import bgmodel as bg
 from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
-from tests.helpers import refused, run
+from tests.helpers import ROOT, refused, run
 from tests.tactile.striped import QUICK, striped_taps
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -27,6 +28,17 @@ def test_what_is_visible_is_what_is_meant():
     assert all(getattr(bg, name) is not None for name in bg.__all__)
     with pytest.raises(AttributeError, match="no attribute 'Brain'"):
         bg.Brain  # noqa: B018
+
+
+def test_there_are_few_names_and_pages_show_each():
+    assert len(bg.__all__) <= 42
+    pages = [ROOT / "README.md", *(ROOT / "docs" / "guides").glob("*.md")]
+    pages += [*(ROOT / "docs" / "tutorials").glob("*.ipynb"), ROOT / "docs" / "extending.md"]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    # What functions return or raise is shown where it is used, without its name.
+    returned = {"Circuit", "Decision", "Trace", "BgmodelWarning", "__version__"}
+    shown = {name for name in bg.__all__ if re.search(rf"\b{name}\b", text)}
+    assert set(bg.__all__) - shown <= returned
 
 
 def test_evidence_is_that_of_the_terminal():
@@ -163,8 +175,8 @@ def test_an_experiment_has_its_verdicts_and_its_report():
 
 def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path):
     out = tmp_path / "a.csv"
-    given = ("--trials", 40, "--t-max", 20, "--edits", "lesion STN 5%", "--seed", 3)
-    assert run("circuit", "run", out, *given) == 0
+    given = ("--task", "trials=40", "t_max=20", "--edits", "lesion STN 5%", "--seed", 3)
+    assert run("circuit", "run", "--save", out, *given) == 0
     asked = bg.Condition(
         edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Gaussian(trials=40, t_max=20)
     )
@@ -173,7 +185,7 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
     salience = replace(asked, circuit="gpr", gain=0.2, engine="rate", edits=Edits())
     with refused("posterior"):
         salience.decide()
-    assert run("circuit", "run", out, "--circuit", "gpr", "--gain", 0.2, "--force") == 2
+    assert run("circuit", "run", "--save", out, "--circuit", "gpr", "--gain", 0.2, "--force") == 2
 
 
 @pytest.mark.parametrize("name", sorted(set(bg.__all__) - {"engines", "__version__"}))

@@ -2,12 +2,10 @@
 
 import importlib
 import re
-from dataclasses import fields, is_dataclass
 
 import pytest
 
-from bgmodel.commands.table import COMMANDS
-from bgmodel.conditions import Condition
+from bgmodel import cli
 from tests.helpers import ROOT, found
 
 TEXT = (ROOT / "docs/glossary.md").read_text()
@@ -27,24 +25,19 @@ def is_there(dotted):
     return True
 
 
-def options(commands):
-    """Yield the options of all commands, as typed."""
-    for command in commands.values():
-        kind = command[1] if isinstance(command, tuple) else command
-        if is_dataclass(kind):
-            names = [field.name for one in (kind, Condition) for field in fields(one)]
-            yield from (f"--{name.replace('_', '-')}" for name in names)
-        else:
-            yield from options(kind)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_in_code_that_the_glossary_mentions_exists(name):
     assert is_there(name)
 
 
 def test_an_option_that_the_glossary_mentions_exists():
-    assert set(re.findall(r"`(--[\w-]+)`", TEXT)) <= set(options(COMMANDS))
+    known = {
+        name
+        for _, app in cli.commands()
+        for argument in app.assemble_argument_collection()
+        for name in argument.names
+    }
+    assert set(re.findall(r"`(--[\w-]+)`", TEXT)) <= known
 
 
 def test_every_entry_says_what_it_is_called_in_the_code():

@@ -31,9 +31,8 @@ def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys
         load_circuit(name, most + 1)
     monkeypatch.chdir(tmp_path)
     for command in (
-        ["circuit", "run", "a.csv"],
-        ["compare", "a.csv"],
-        ["circuit", "compare-edits", "a.csv"],
+        ["circuit", "run"],
+        ["compare"],
     ):
-        assert run(*command, "--circuit", name, "--channels", most + 1) == 2
+        assert run(*command, "--circuit", name, "--task", f"channels={most + 1}") == 2
         assert capsys.readouterr().err.strip() == f"bgmodel: {said}"

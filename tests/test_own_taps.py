@@ -13,10 +13,10 @@ from bgmodel.task import Task
 from tests.helpers import refused, run
 
 ALGEBRA = ("--engine", "algebra")
-FEW = ("--trials", 60, "--t-max", 12)
-EDGES = ("--task", "edge-turn", "--step-deg", 5)
-DOPAMINE = ("--what", "dopamine", *FEW, "--runs", 1, "--levels", 3, "--learner.episodes", 500)
-GRATINGS = ("--task", "same-different", "--period-mm", 2)
+FEW = ("--task", "trials=60", "t_max=12")
+EDGES = ("--task", "edge-turn", "step_deg=5")
+DOPAMINE = ("--what", "dopamine", *FEW, "--runs", 1, "--levels", 3, "--learner", "episodes=500")
+GRATINGS = ("--task", "same-different", "period_mm=2")
 
 
 @pytest.fixture
@@ -43,12 +43,8 @@ def gratings(tmp_path):
     [
         (("decide",), FEW),
         (("circuit", "run"), (*FEW, *ALGEBRA)),
-        (("compare",), ("--trials", 120, "--t-max", 20, "--accuracies", 0.8, *ALGEBRA)),
-        (
-            ("circuit", "compare-edits"),
-            ("lesion STN 10%", "--trials", 120, "--t-max", 20, "--accuracies", 0.8, *ALGEBRA),
-        ),
-        (("learn",), ("--runs", 1, "--learner.episodes", 500)),
+        (("compare",), ("--task", "trials=120", "t_max=20", "--accuracies", 0.8, *ALGEBRA)),
+        (("learn",), ("--runs", 1, "--learner", "episodes=500")),
         (("learn",), DOPAMINE),
     ],
 )
@@ -56,9 +52,9 @@ def gratings(tmp_path):
 def test_own_taps_are_decided_on_and_named_in_provenance(command, given, edges, gratings, tmp_path):
     """A copy of the shipped table decides as the shipped table does, byte by byte."""
     outs = [tmp_path / f"{name}.csv" for name in ("turned", "own", "shipped")]
-    assert run(*command, outs[0], *given, *EDGES, "--taps", edges) == 0
-    assert run(*command, outs[1], *given, *GRATINGS, "--taps", gratings) == 0
-    assert run(*command, outs[2], *given, *GRATINGS) == 0
+    assert run(*command, "--save", outs[0], *given, *EDGES, "--task", f"taps={edges}") == 0
+    assert run(*command, "--save", outs[1], *given, *GRATINGS, "--task", f"taps={gratings}") == 0
+    assert run(*command, "--save", outs[2], *given, *GRATINGS) == 0
     assert outs[1].read_bytes() == outs[2].read_bytes()
     made = json.dumps(read_provenance(outs[0])["parameters"])
     assert checksum(edges) in made

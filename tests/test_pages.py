@@ -4,6 +4,7 @@ import ast
 import re
 import shlex
 from importlib.util import find_spec
+from inspect import signature
 from itertools import groupby
 
 import pytest
@@ -35,33 +36,27 @@ MADE = DOCS / "gallery.md"
 PARSED = {
     "bgmodel explore": "it serves a page until it is interrupted; tests of the explorer do so",
     "bgmodel demo": "it takes half a minute; a test of the demo does the same",
-    "bgmodel learn gaps.parquet": "the guide to evidence runs the same",
-    "bgmodel touch": "it trains a decoder; a test of the command does so on fewer taps",
-    "bgmodel watch": "it waits for images; a test of the command brings some",
-    "bgmodel decide decisions.csv --taps": "there is no table of decoded taps",
-    "bgmodel simulate": "it solves contacts for minutes; a test of the command does less",
+    "bgmodel learn --task period_mm=2 --xi 50 --start 0.5 --save gaps": "the guide to evidence",
+    "bgmodel touch": "it takes minutes or waits for images; tests of the commands do less",
+    "bgmodel decide --task edge-turn": "there is no table of decoded taps",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
     "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
-    "bgmodel decode": "there is no decoder where nothing was trained",
     "bgmodel figures": "figures take an hour",
-    "bgmodel train my_taps": "it needs recordings",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
-    "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",
-    "bgmodel bench macaque    #": "the whole exam takes a minute; a guide asks for one domain",
-    "bgmodel bench macaque exam": "the whole exam takes a minute; the next but one line asks less",
-    "bgmodel bench mine.toml": "there is no such file; a test of the exam takes a circuit",
-    "bgmodel bench --trials": "there are no such tables; a test of the exam writes them",
-    "bgmodel discriminate m": "a search takes a minute or more; a test of the command does less",
+    "bgmodel exam macaque    #": "the whole exam takes a minute; a guide asks for one domain",
+    "bgmodel exam macaque --plot": "the whole exam takes a minute; a line below asks less",
+    "bgmodel exam mine.toml": "there is no such file; a test of the exam takes a circuit",
+    "bgmodel exam --data": "there are no such tables; a test of the exam writes them",
     "bgmodel sweep lesions.toml cluster": "there is no SLURM; make validate starts one",
-    "bgmodel experiment plan.toml": "there is no such file; a test of the command writes one",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",
     "bgmodel experiment mine.toml --engine ensemble": "spikes take minutes; the next line runs it",
-    "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",
-    "bgmodel experiment lesion.toml spikes": "spikes take minutes; the line before runs it",
+    "bgmodel experiment stn_conflict --save": "2 000 trials; mine.toml runs 200",
+    "bgmodel experiment lesion.toml --engine": "spikes take minutes; the line before runs it",
+    "bgmodel circuit run --plot stop.png": "4 000 trials; a test of the command runs fewer",
 }
 # Blocks of Python that only `make validate` runs, by what they hold, and why; `make test` tries
 # their imports.
@@ -184,15 +179,31 @@ def test_a_command_runs_or_at_least_parses(example, folder, whole, fewer):
     for arguments, line in commands(example):
         command = parsed(arguments)
         if not line.startswith(tuple(PARSED)):
-            if hasattr(command, "workers") and "--workers" not in arguments:
+            options = signature(command.func).parameters
+            if "workers" in options and "--workers" not in arguments:
                 arguments += ["--workers", "1"]  # a process more takes longer than its trials
+            interval = arguments[:2] != ["circuit", "run"]
+            arguments = [
+                f"trials={fewer(word[7:], interval)}" if word.startswith("trials=") else word
+                for word in arguments
+            ]
             if "--trials" in arguments:
                 at = arguments.index("--trials") + 1
-                arguments[at] = fewer(arguments[at], arguments[:2] != ["circuit", "run"])
-            if hasattr(command, "runs") and not whole:
-                # The last of two counts.
-                arguments += ["--runs", "1"]
+                arguments[at] = fewer(arguments[at], interval)
+            if "runs" in options and not whole:
+                arguments = [*without(arguments, "--runs"), "--runs", "1"]
             assert main(arguments) == 0
+
+
+def without(arguments, option):
+    """Return arguments without an option and its value."""
+    at = arguments.index(option) if option in arguments else len(arguments)
+    return [*arguments[:at], *arguments[at + 2 :]]
+
+
+def saved_by(command):
+    """Return the file that a command saves its result to, if it does."""
+    return getattr(command.keywords.get("output"), "save", None)
 
 
 def test_no_command_of_a_page_writes_over_the_file_of_another():
@@ -200,7 +211,7 @@ def test_no_command_of_a_page_writes_over_the_file_of_another():
     assert len(set(own)) == len(own)
     for page in RUN:
         told = [c for block in blocks("console", [page]) for c, _ in commands(block.values[0])]
-        outputs = [getattr(parsed(c), "output", None) for c in told]
+        outputs = [saved_by(parsed(c)) for c in told]
         written = [str(path) for path in outputs if path is not None]
         assert len({*written, *own}) == len(written) + len(own)
 

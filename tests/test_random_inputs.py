@@ -24,7 +24,7 @@ from tests.strategies import experiments, filled, numbers, tables
 from tests.strategies.commands import COMMANDS, check_result, options
 from tests.strategies.edits import driven, edited_circuits, refused_edits
 
-QUICK = ["--training.width", "0.1", "--training.epochs", "1", "--training.batch", "8"]
+QUICK = ["--training", "width=0.1", "epochs=1", "batch=8"]
 OTHER_WORDS = {"scale ctx->STN 0.3": "without evidence", "1e12": "memory", "1e13": "memory"}
 OTHER_WORDS["0.9999"] = "resolves no OUT below"
 OTHER_WORDS["connections 2"] = "between cells that spike"
@@ -54,8 +54,10 @@ def folder(tmp_path_factory):
     figures = shutil.ignore_patterns("out", "fast")
     shutil.copytree(ROOT / "figures", folder / "figures", ignore=figures)
     taps, decoder = str(folder / "taps.npz"), str(folder / "decoder.safetensors")
-    assert main(["simulate", taps, "--taps", "12", "--periods-mm", "0", "5"]) == 0
-    assert main(["train", taps, decoder, *QUICK]) == 0
+    assert (
+        main(["touch", "simulate", "--save", taps, "--taps", "12", "--periods-mm", "0", "5"]) == 0
+    )
+    assert main(["touch", "train", taps, "--save", decoder, *QUICK]) == 0
     (folder / "small.toml").write_text(GOOD)
     return folder
 
@@ -104,7 +106,11 @@ def test_a_command_gives_a_result_or_one_sentence(text, count, typed):
         for added in wrong:
             # Edits come last, and --edits is given once.
             end = line.index("--edits") if {"--edits"} & {*line} & {*added} else None
-            assert_refused(typed, [*line[:end], *added], words_of(added))
+            set_anew = tuple(f"{one.partition('=')[0]}=" for one in added if "=" in one)
+            pairs = zip(line[:end], [*line[1:end], ""], strict=True)
+            gone = [k for k, pair in enumerate(pairs) if pair[1].startswith(set_anew or "\n")]
+            kept = [w for k, w in enumerate(line[:end]) if not {k, k - 1} & {*gone}]
+            assert_refused(typed, [*kept, *added], words_of(added))
         assert typed(line)[0] == 0, line
         check_result(FOLDER)
 
@@ -123,7 +129,10 @@ def test_an_experiments_file_is_run_as_it_is_written(count, typed):
         assert (found.name, found.seed, found.note) == (file["name"], file["seed"], file["note"])
         assert found.predictions[0].at_least == file["predictions"][0]["at_least"]
         assert list(found.manipulation.edits) == file["manipulation"]["edits"]
-        assert typed(["experiment", str(FILE), f"{FOLDER}/out.csv", "--trials", "220"])[0] == 0
+        assert (
+            typed(["experiment", str(FILE), "--save", f"{FOLDER}/out.csv", "--trials", "220"])[0]
+            == 0
+        )
         assert len(read_table(FOLDER / "out_trials.csv")) in (220, 440)
         assert read_table(FOLDER / "out.csv")["outcome"].notna().sum() == 1
 
@@ -202,7 +211,7 @@ def test_a_command_decides_a_table_as_python_does_or_says_what_is_wrong(ending, 
     def one(table, wrong, gain, posterior):
         emptied()
         words = ["decide"] if gain == 1 else [*circuit[0].split(), *circuit[1:], str(gain)]
-        words += [str(out), "--evidence", str(path), "--step-ms", "50"]
+        words += ["--save", str(out), "--task", str(path), "--task", "step_ms=50"]
         words += ["--posterior", str(posterior)]
         tables.write(wrong(table), path)
         assert_refused(typed, words)

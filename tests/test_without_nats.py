@@ -36,8 +36,8 @@ def test_what_needs_nats_is_refused_without_them():
 
 def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, capsys):
     path = tmp_path / "gpr.csv"
-    task = ["--circuit", "gpr", "--engine", "rate", "--trials", "40", "--t-max", "60"]
-    done = ["circuit", "run", str(path), *task, "--gain", "0.2", "--threshold", "0.05"]
+    task = ["--circuit", "gpr", "--engine", "rate", "--task", "trials=40", "t_max=60"]
+    done = ["circuit", "run", "--save", str(path), *task, "--gain", "0.2", "--threshold", "0.05"]
     assert main(done) == 0
     table = pd.read_csv(path)
     assert table["forced"].mean() < 0.5
@@ -49,24 +49,21 @@ def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, cap
 
 def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, capsys):
     path = tmp_path / "lesions.csv"
-    task = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--trials", "100"]
-    at = ["--accuracies", "0.9", "0.97"]
-    assert (
-        main(["circuit", "compare-edits", str(path), "lesion STN 50%", *task, "--t-max", "20", *at])
-        == 0
-    )
+    asked = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--edits", "lesion STN 50%"]
+    asked += ["--task", "trials=100", "t_max=20", "--accuracies", "0.9", "0.97"]
+    assert main(["compare", "--save", str(path), *asked]) == 0
     said = capsys.readouterr().err
     assert "gpr works in salience, not nats: its thresholds are in salience" in said
-    assert set(pd.read_csv(path)["variant"]) == {"intact", "lesion STN 50%"}
+    assert "circuit minus intact" in set(pd.read_csv(path)["model"])
 
 
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        ("run a.csv --circuit gpr --gain 0.1", "a posterior has no meaning there; give a thr"),
-        ("run a.csv --circuit gpr --threshold 0.1", "gpr has no default gain: give gain"),
-        ("run a.csv --circuit gpr --gain 1 --threshold 0.5", "above the threshold of 0.50 sal"),
-        ("run a.csv --circuit gpr --gain 1 --threshold -1", "no OUT below 0 salience; the"),
+        ("run --circuit gpr --gain 0.1", "a posterior has no meaning there; give a thr"),
+        ("run --circuit gpr --threshold 0.1", "gpr has no default gain: give gain"),
+        ("run --circuit gpr --gain 1 --threshold 0.5", "above the threshold of 0.50 sal"),
+        ("run --circuit gpr --gain 1 --threshold -1", "no OUT below 0 salience; the"),
         ("show gpr --noise 0.9", "a posterior (--noise) has no meaning"),
     ],
 )
@@ -83,9 +80,9 @@ def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monk
     ("command", "says"),
     [
         (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
-        (("circuit", "run", "a.csv", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
+        (("circuit", "run", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
           "--circuit"), "a posterior has no meaning there; give a threshold"),
-        (("learn", "a.csv", "--what", "dopamine", "--gain", ".1", "--circuit"), "no meaning there"),
+        (("learn", "--what", "dopamine", "--gain", ".1", "--circuit"), "no meaning there"),
     ],
 )  # fmt: skip
 def test_each_way_in_that_needs_a_posterior_refuses_in_one_sentence(

@@ -19,7 +19,7 @@ from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.stimulation import SLOW_NATS
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
-from bgmodel.fitting.model_comparison import compare_models
+from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.optimum import Likelihood
 from bgmodel.fitting.pieces import piece_path
 from bgmodel.fitting.settings import seconds_of, settings_of
@@ -144,7 +144,7 @@ def compared(fits: Mapping[str, GroupFit]) -> pd.DataFrame:
     """Return how well each model predicts trials left out (PSIS-LOO)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
-        found = compare_models(fits)
+        found = compare_fits(fits)
     unreliable = {name: score.unreliable for name, score in found.scores.items()}
     table = found.to_dataframe()
     return table.assign(unreliable=table["model"].map(unreliable)).drop(

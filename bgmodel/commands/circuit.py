@@ -4,103 +4,110 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated, Any
 
 import numpy as np
-from tyro.conf import OmitArgPrefixes, Positional
 
-from bgmodel.commands.checks import (
-    Writes,
+from bgmodel.commands.options import FLAT, MANY, record
+from bgmodel.commands.output import (
+    Files,
+    Output,
     bar,
     check_ending,
     check_whole,
     made_with,
-    save_figure,
     say_before,
     say_of_edits,
 )
-from bgmodel.conditions import STREAM, Condition
-from bgmodel.deciding.decision import Decision
+from bgmodel.conditions import ENGINE, STREAM, Condition
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.names import MACAQUE, CircuitName, EngineName
+from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
+from bgmodel.task import Gaussian
+from circuits.activity import Activity
+from circuits.anatomy import load_circuit
+from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.errors import BgmodelWarning, InputError, require
 
-if TYPE_CHECKING:
-    import pandas as pd
+BRIAN2 = EngineName("brian2")
+SIGNALS = StopTask(share=0.5)
+"""Stop signals that `--stop` changes."""
+STOPPED = Gaussian(trials=4000, d_prime=0.35, step_ms=10.0, t_max=150)
+"""The task with stop signals, unless another one is given: readings every 10 ms, so that response
+times are not bound to few of them."""
 
-    from bgmodel.evidence import Evidence
-    from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from circuits.activity import Activity
-    from circuits.circuit import Circuit
 
-
-@dataclass(frozen=True)
-class CircuitShow(Writes):
-    """Print a circuit's table, with its edits; draw it if a file is given.
+def show(
+    circuit: CircuitName = MACAQUE,
+    /,
+    *,
+    channels: int | None = None,
+    edits: Edits = Edits(),  # noqa: B008
+    rest: bool = False,
+    noise: float | None = None,
+    output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+) -> None:
+    """Print a circuit's table, with its edits; draw it, or save it as a file to edit.
 
     Examples: bgmodel circuit show macaque;
-    bgmodel circuit show appendix_b --edits "lesion STN 50%" --drawing circuit.pdf;
+    bgmodel circuit show appendix_b --edits "lesion STN 50%" --plot circuit.pdf;
     bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
     bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
+
+    Parameters
+    ----------
+    circuit
+        Name of the table, or the path of a .toml file.
+    channels
+        Number of alternatives; by default 2, or that of the file.
+    edits
+        Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9".
+    rest
+        Whether to run it without evidence too, and print resting rates, their irregularity, and
+        what an input of one unit means in Hz, pA and nS.
+    noise
+        Posterior, such as 0.85, at which to print the noise of OUT and its sources.
     """
+    output.check((".toml",), circuit=circuit)
+    before = load_circuit(circuit, channels)
+    table = before.edited(*edits)
+    scatter = None if noise is None else _scatter(table, noise)
+    print(table)
+    if text := edits.text():
+        print(f"\nedited, in this order: {text}")
+        say_of_edits(edits)
+    if rest:
+        _show_rest(table)
+    if scatter is not None:
+        print(f"\n{scatter}")
+    output.draw(lambda: table.plot(reference=before))
+    if output.save is not None:
+        from circuits.declaration.table_files import write
 
-    circuit: Positional[CircuitName] = MACAQUE
-    """Name of the table, or the path of a .toml file."""
-    channels: int | None = None
-    """Number of alternatives; by default 2, or that of the file."""
-    edits: Edits = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
-    drawing: Path | None = None
-    """File for a drawing, .pdf, .svg or .png."""
-    save: Path | None = None
-    """File to save the edited table to, .toml."""
-    rest: bool = False
-    """Whether to run it without evidence too, and print resting rates, their irregularity, and what
-    an input of one unit means in Hz, pA and nS."""
-    noise: float | None = None
-    """Posterior, such as 0.85, at which to print the noise of OUT and its sources."""
+        print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
 
-    def __call__(self) -> None:
-        """Run the command."""
-        from circuits.anatomy import load_circuit
 
-        if self.save is not None:
-            check_ending("save", self.save, ".toml")
-        table = load_circuit(self.circuit, self.channels).edited(*self.edits)
-        scatter = None if self.noise is None else _scatter(table, self.noise)
-        if self.drawing is not None:
-            check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
-            before = load_circuit(self.circuit, self.channels)
-            save_figure(table.plot(reference=before), self.drawing)
-        print(table)
-        if edits := self.edits.text():
-            print(f"\nedited, in this order: {edits}")
-            say_of_edits(self.edits)
-        if self.rest and not any(row.spiking for row in table.populations):
-            print("\nthis circuit has no spiking cells")
-        elif self.rest:
-            from bgmodel.integrators.criterion import doubts
-            from bgmodel.integrators.steady import resting_activity
+def _show_rest(table: Circuit) -> None:
+    """Print resting rates, and what an input of one unit means."""
+    if not any(row.spiking for row in table.populations):
+        print("\nthis circuit has no spiking cells")
+    else:
+        from bgmodel.integrators.criterion import doubts
+        from bgmodel.integrators.steady import resting_activity
 
-            for said in doubts(table):
-                BgmodelWarning.warn(said)
-            print("\nwithout evidence, 4 trials of 5 s:")
-            found = resting_activity(table, seed=0)
-            print(found.to_string(index=False, float_format="{:.2f}".format))
-        if self.rest:
-            print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
-            effects = table.effect_of_nats()
-            print(effects.to_string(index=False, float_format="{:.3g}".format))
-        if scatter is not None:
-            print(f"\n{scatter}")
-        if self.save is not None:
-            from circuits.declaration.table_files import write
-
-            print(f"\n{table.name}, {table.channels} channels -> {write(table, self.save)}")
+        for said in doubts(table):
+            BgmodelWarning.warn(said)
+        print("\nwithout evidence, 4 trials of 5 s:")
+        found = resting_activity(table, seed=0)
+        print(found.to_string(index=False, float_format="{:.2f}".format))
+    print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
+    print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
 
 
 def _scatter(table: Circuit, posterior: float) -> str:
@@ -112,12 +119,8 @@ def _scatter(table: Circuit, posterior: float) -> str:
     # Within the range of the read-out, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
-    require(
-        low < posterior < high,
-        "noise",
-        f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}",
-        posterior,
-    )
+    must = f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}"
+    require(low < posterior < high, "noise", must, posterior)
     if not any(row.spiking for row in table.populations):
         return "OUT has no noise: the circuit has no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
@@ -131,145 +134,195 @@ def _scatter(table: Circuit, posterior: float) -> str:
     )
 
 
-@dataclass(frozen=True)
-class CircuitExport(Writes):
+def export(
+    *,
+    condition: Annotated[Condition, FLAT] = Condition(),  # noqa: B008
+    trial: int = 0,
+    output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+) -> None:
     """Write one trial as a Brian2 script that needs no bgmodel, and has the spikes of this circuit.
 
     The trial is that of `circuit run` with the same options, which runs on to its end.
 
-    Examples: bgmodel circuit export trial.py --t-max 10;
-    bgmodel circuit export lesioned.py --trial 3 --edits "lesion STN 10%"
+    Examples: bgmodel circuit export --save trial.py --task t_max=10;
+    bgmodel circuit export --save lesioned.py --trial 3 --edits "lesion STN 10%"
+
+    Parameters
+    ----------
+    trial
+        Number of the trial, from 0.
     """
-
-    output: Positional[Path]
-    """File for the script, .py."""
-    condition: OmitArgPrefixes[Condition] = field(
-        default_factory=lambda: Condition(engine=EngineName("brian2"))
-    )
-    trial: int = 0
-    """Number of the trial, from 0."""
-
-    def __call__(self) -> None:
-        """Run the command."""
-        asked = self.condition
-        check_ending("output", self.output, ".py")
-        for name, only in (("engine", "brian2"), ("posterior", None), ("threshold", None)):
-            given = getattr(asked, name)
-            require(given == only, name, "has no effect on a script: leave it out", given)
-        trials = range(asked.trials)
-        require(self.trial in trials, "trial", f"must be within 0..{len(trials) - 1}", self.trial)
-        evidence = asked.drawn(STREAM).evidence
-        model = asked.model(evidence.hypotheses).adapted_to(evidence)
-        model.check_strength(evidence)
-        drive, step_ms = model.driven(evidence[self.trial : self.trial + 1])
-        model.check_memory(1, drive.shape[1], step_ms)
-        text = model.circuit.to_brian2_script(
-            drive, step_ms=step_ms, seed=asked.seed, trial=self.trial
-        )
-        with files.replacing(self.output) as partial:
-            partial.write_text(text, encoding="utf-8")
-        print(f"trial {self.trial} of {model.circuit.name} -> {self.output}")
+    require(output.save is not None, "save", "must name the file for the script, .py", None)
+    output.check((".py",), condition=condition)
+    for name, usual in (("engine", ENGINE), ("posterior", None), ("threshold", None)):
+        given = getattr(condition, name)
+        brian2 = given == BRIAN2
+        require(given == usual or brian2, name, "has no effect on a script: leave it out", given)
+    condition = replace(condition, engine=BRIAN2)
+    trials = range(condition.trials)
+    require(trial in trials, "trial", f"must be within 0..{len(trials) - 1}", trial)
+    evidence = condition.drawn(STREAM).evidence
+    model = condition.model(evidence.hypotheses).adapted_to(evidence)
+    model.check_strength(evidence)
+    drive, step_ms = model.driven(evidence[trial : trial + 1])
+    model.check_memory(1, drive.shape[1], step_ms)
+    text = model.circuit.to_brian2_script(drive, step_ms=step_ms, seed=condition.seed, trial=trial)
+    assert output.save is not None
+    with files.replacing(output.save) as partial:
+        partial.write_text(text, encoding="utf-8")
+    print(f"trial {trial} of {model.circuit.name} -> {output.save}")
 
 
-@dataclass(frozen=True)
-class CircuitRun(Writes):
+def run(
+    *,
+    condition: Annotated[Condition, FLAT] = Condition(),  # noqa: B008
+    stop: Annotated[
+        StopTask | None, record(SIGNALS, "Stop signals in a share of the trials.")
+    ] = None,
+    save_rates: Path | None = None,
+    save_spikes: Path | None = None,
+    spike_trials: int = 10,
+    save_nwb: Path | None = None,
+    nwb_trials: Annotated[tuple[int, ...], MANY] = (0,),
+    workers: int = 2,
+    output: Annotated[Output, FLAT] = Output(),  # noqa: B008
+) -> None:
     """Run a circuit to decisions on Gaussian or tactile evidence or on your own evidence table.
 
-    Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
-    bgmodel circuit run lesioned.csv --edits "lesion STN 10%" --engine rate
+    With stop signals, prints the inhibition function (the share of responses at each delay of the
+    signal) and the stop-signal reaction time, and says by which method it should be estimated.
+
+    Examples: bgmodel circuit run --task trials=100 --seed 1 --save decisions.csv;
+    bgmodel circuit run --edits "lesion STN 10%" --engine rate;
+    bgmodel circuit run --task trials=4000 d_prime=0.35 step_ms=10 t_max=150 --stop delay_ms=60
+
+    Parameters
+    ----------
+    save_rates
+        File for mean rates, .parquet or .csv.
+    save_spikes
+        File for the spikes of the first trials, one row each, .parquet or .csv; these trials are
+        run a second time, to their ends.
+    spike_trials
+        Number of trials, from the first, whose spikes are written.
+    save_nwb
+        File for spikes and rates of chosen trials, run a second time, to their ends, .nwb.
+    nwb_trials
+        Numbers of these trials, from 0.
+    workers
+        Threads, for engines that can use several; the results do not depend on it.
     """
-
-    output: Positional[Path]
-    """File for the table of trials, .parquet or .csv."""
-    condition: OmitArgPrefixes[Condition] = field(default_factory=Condition)
-    workers: int = 2
-    """Threads, for engines that can use several; the results do not depend on it."""
-    rates: Path | None = None
-    """File for mean rates, .parquet or .csv."""
-    spikes: Path | None = None
-    """File for the spikes of the first trials, one row each, .parquet or .csv; these trials are run
-    a second time, to their ends."""
-    spike_trials: int = 10
-    """Number of trials, from the first, whose spikes are written."""
-    nwb: Path | None = None
-    """File for spikes and rates of chosen trials, run a second time, to their ends, .nwb."""
-    nwb_trials: tuple[int, ...] = (0,)
-    """Numbers of these trials, from 0."""
-
-    def __call__(self) -> None:
-        """Run the command."""
+    more: dict[str, Any]
+    more = {"save_rates": save_rates, "save_spikes": save_spikes, "save_nwb": save_nwb}
+    output.check(condition=condition, **more)
+    check_whole(workers=workers, spike_trials=spike_trials)
+    if stop is not None:
+        if condition.task == Gaussian():
+            condition = replace(condition, task=STOPPED)
+        for name, path in more.items():
+            require(path is None, name, "has no effect with stop signals: leave it out", str(path))
+        _run_with_signals(condition, stop, workers, output)
+        return
+    require(output.plot is None, "plot", "is for --stop: leave it out", str(output.plot))
+    _check_files(condition, save_rates, save_spikes, save_nwb, nwb_trials)
+    trials = condition.drawn(STREAM)
+    evidence = trials.evidence
+    say_of_edits(condition.edits)
+    model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
+    posterior = condition.stopping_posterior
+    threshold = model.threshold(condition.threshold, posterior)
+    started = time.perf_counter()
+    say_before("running", model, evidence)
+    means = None
+    if save_rates is not None:
         from circuits.activity import RateMeans
 
-        self._check()
-        asked = self.condition
-        trials = asked.drawn(STREAM)
-        evidence = trials.evidence
-        say_of_edits(asked.edits)
-        model = asked.model(evidence.hypotheses, workers=self.workers).adapted_to(evidence)
-        posterior = asked.stopping_posterior
-        threshold = model.threshold(asked.threshold, posterior)
-        started = time.perf_counter()
-        say_before("running", model, evidence)
-        means = None if self.rates is None else RateMeans()
-        with bar(evidence.trials):
-            decision = model.decide(evidence, threshold, rates=means)
-        # A table of evidence on an engine without noise: there is no noise.
-        seed = asked.seed if asked.task.file is None or model.engine.noisy else None
-        about = f"{model.circuit.name} {model.engine}"
-        result = tables.trial_table(decision, trials, seed=seed, model=about)
-        settled = replace(asked, gain=model.gain, posterior=posterior)
-        behind = made_with(self, model, condition=settled)
-        files.write_table(result, self.output, seed=seed, **behind)
-        if self.rates is not None and means is not None:
-            files.write_table(means.table(), self.rates, seed=seed, **behind)
-        if self.spikes is not None:
-            spikes = self._whole(model, evidence, 0, self.spike_trials).spike_table()
-            files.write_table(spikes, self.spikes, seed=seed, **behind)
-        if self.nwb is not None:
-            from circuits.nwb import write_nwb
+        means = RateMeans()
+    with bar(evidence.trials):
+        decision = model.decide(evidence, threshold, rates=means)
+    # A table of evidence on an engine without noise: there is no noise.
+    seed = condition.seed if condition.task.file is None or model.engine.noisy else None
+    about = f"{model.circuit.name} {model.engine}"
+    result = tables.trial_table(decision, trials, seed=seed, model=about)
+    settled = replace(condition, gain=model.gain, posterior=posterior)
+    behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
+    if condition.task.file is not None:
+        output.note(trials.summary())
+    accuracy = f"{result['correct'].mean():.3f}" if evidence.truth is not None else None
+    said = "no truth given" if accuracy is None else f"accuracy {accuracy}"
+    text = (
+        f"{len(result)} trials, {said}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
+        f"forced {result['forced'].sum()}, gain {decision.gain:g}, in "
+        f"{time.perf_counter() - started:.1f} s"
+    )
+    output.show(text, result, gain=decision.gain, circuit=model.circuit.name)
+    output.write(result, **behind)
+    if save_rates is not None and means is not None:
+        files.write_table(means.table(), save_rates, **behind)
+    if save_spikes is not None:
+        spikes = _whole(model, evidence, 0, spike_trials).spike_table()
+        files.write_table(spikes, save_spikes, **behind)
+    if save_nwb is not None:
+        from circuits.nwb import write_nwb
 
-            whole = [self._whole(model, evidence, k, k + 1) for k in self.nwb_trials]
-            write_nwb(whole, self.nwb, table=result.iloc[[*self.nwb_trials]])
-        if asked.task.file is not None:
-            print(trials.summary())
-        known, seconds = evidence.truth is not None, time.perf_counter() - started
-        self._say_decided(result, decision, known, seconds)
+        whole = [_whole(model, evidence, k, k + 1) for k in nwb_trials]
+        write_nwb(whole, save_nwb, table=result.iloc[[*nwb_trials]])
 
-    @staticmethod
-    def _whole(model: BasalGanglia, evidence: Evidence, first: int, last: int) -> Activity:
-        """Return trials of a range, run to their ends, with spikes if the engine has any."""
-        names = tuple(row.name for row in model.circuit.populations if row.spiking)
-        model = replace(model, engine=model.engine.recording(names))
-        return model.activity(evidence[first:last], first, checked=False)
 
-    def _say_decided(
-        self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
-    ) -> None:
-        """Print the number of decisions, their accuracy and mean time."""
-        accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
-        print(
-            f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
-            f"forced {result['forced'].sum()}, gain {decision.gain:g}, in {seconds:.1f} s -> "
-            f"{self.output}"
+def _whole(model: BasalGanglia, evidence: Evidence, first: int, last: int) -> Activity:
+    """Return trials of a range, run to their ends, with spikes if the engine has any."""
+    names = tuple(row.name for row in model.circuit.populations if row.spiking)
+    model = replace(model, engine=model.engine.recording(names))
+    return model.activity(evidence[first:last], first, checked=False)
+
+
+def _check_files(
+    condition: Condition,
+    rates: Path | None,
+    spikes: Path | None,
+    nwb: Path | None,
+    nwb_trials: tuple[int, ...],
+) -> None:
+    """Raise ValueError for files that contradict other options, before long work starts."""
+    from circuits.engines import engine_of
+
+    trials = condition.trials
+    known = len(nwb_trials) > 0 and all(k in range(trials) for k in nwb_trials)
+    require(known, "nwb_trials", f"must be within 0..{trials - 1}", nwb_trials)
+    if spikes is not None and not engine_of(condition.engine).spiking:
+        raise InputError(
+            f"the {condition.engine} engine has no spikes: leave --save-spikes out", "save_spikes"
         )
+    for name, path in (("save_rates", rates), ("save_spikes", spikes)):
+        if path is not None:
+            check_ending(name, path, ".parquet", ".csv")
+    if nwb is not None:
+        check_ending("save_nwb", nwb, ".nwb")
+        if importlib.util.find_spec("pynwb") is None:
+            raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
 
-    def _check(self) -> None:
-        """Raise ValueError for options that contradict each other, before long work starts."""
-        from circuits.engines import engine_of
 
-        check_ending("output", self.output, ".parquet", ".csv")
-        check_whole(workers=self.workers)
-        check_whole(spike_trials=self.spike_trials)
-        trials, chosen = self.condition.trials, self.nwb_trials
-        known = len(chosen) > 0 and all(k in range(trials) for k in chosen)
-        require(known, "nwb_trials", f"must be within 0..{trials - 1}", chosen)
-        if self.spikes is not None and not engine_of(self.condition.engine).spiking:
-            raise InputError(
-                f"the {self.condition.engine} engine has no spikes: leave --spikes out", "spikes"
-            )
-        tables_of = (".parquet", ".csv")
-        for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):
-            if (path := getattr(self, name)) is not None:
-                check_ending(name, path, *endings)
-                if name == "nwb" and importlib.util.find_spec("pynwb") is None:
-                    raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
+def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output: Output) -> None:
+    """Let the circuit decide with stop signals in a share of the trials."""
+    from bgmodel.stopping.drawing import draw
+    from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay, told
+
+    task = condition.task
+    if task.file is None:
+        stop.check_ends(task.step_ms * task.t_max)
+    evidence = condition.drawn(STREAM).evidence
+    say_of_edits(condition.edits)
+    model = condition.model(evidence.hypotheses, workers=workers, rates=False)
+    level = model.threshold(condition.threshold, condition.stopping_posterior)
+    runs = len(stop.delays_ms) if stop.staircases else 1
+    say_before("running", model, evidence)
+    with bar(runs * evidence.trials):
+        trials = stop.decide(model, evidence, threshold=level, seed=condition.seed)
+    found, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
+    ssrt_ms = ssrt_by_delay(table)
+    text = f"{table.round(3).to_string(index=False)}\n{told(found, ssrt_ms, stop)}"
+    facts = {**vars(found), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
+    output.show(text, table, **facts)
+    behind = made_with(model, condition=condition, stop=stop)
+    output.write(trials.to_dataframe(), condition.seed, **behind)
+    output.draw(lambda: draw(trials))

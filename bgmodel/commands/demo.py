@@ -1,39 +1,35 @@
-"""The command that computes and shows one decision."""
+"""The command that shows the whole chain on one page."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-from tyro.conf import Positional
-
-from bgmodel.commands.checks import Writes, check_ending, save_figure, say
-from circuits.errors import require
+from bgmodel.commands.output import FIGURES, check_ending, save_figure, say
+from bgmodel.support import files
 
 
-@dataclass(frozen=True)
-class DemoRun(Writes):
-    """Compute, draw and explain one decision of the spiking circuit and of the optimal test.
+def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -> None:
+    """Decide on shipped taps by spikes and by the optimal test, and let reward set the threshold.
 
     Example: bgmodel demo
+
+    Parameters
+    ----------
+    seed
+        Seed of the evidence and of the noise of cells.
+    plot
+        File for the picture, .png, .pdf or .svg.
+    force
+        Overwrite an existing picture.
     """
+    check_ending("plot", plot, *FIGURES)
+    files.check_new(plot, force=force)
+    files.check_writable(plot.parent)
+    say("decisions of several thousand spiking cells")
+    from bgmodel.demo import demo as shown
+    from bgmodel.demo import draw
 
-    drawing: Positional[Path] = Path("demo.png")
-    """File for the picture, .png, .pdf or .svg."""
-    seed: int = 1
-    """Seed of the evidence and of the noise of cells."""
-    alternatives: int = 3
-    """Number of alternatives."""
-
-    def __call__(self) -> None:
-        """Run the command."""
-        check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
-        require(self.alternatives >= 2, "alternatives", "must be at least 2", self.alternatives)
-        say("one decision of several thousand spiking cells")
-        from bgmodel.demo import demo, draw
-
-        found = demo(self.seed, self.alternatives)
-        figure = draw(found)
-        save_figure(figure, self.drawing)
-        print(found.summary())
-        print(f"-> {self.drawing}")
+    found = shown(seed)
+    save_figure(draw(found), plot)
+    print(found.summary())
+    print(f"-> {plot}")

@@ -5,13 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from dataclasses import dataclass
 from pathlib import Path
 
-from tyro.conf import Positional
-
-from bgmodel.commands.checks import check_whole
+from bgmodel.commands.output import check_whole
 from bgmodel.support.files import remove_partial_files
+from bgmodel.tactile.recordings import find_recordings
 from circuits.errors import InputError
 
 LOCKS = Path(".snakemake/locks")
@@ -61,90 +59,93 @@ def run_snakemake(arguments: list[str]) -> int:
     return 0 if drawn else 1
 
 
-@dataclass(frozen=True)
-class Figures:
+def figures(
+    *targets: str,
+    fast: bool = False,
+    recordings: Path | None = None,
+    unlock: bool = False,
+    workers: int = 2,
+) -> None:
     """Draw every figure that is not drawn yet, from a checkout of the project.
 
     Example: bgmodel figures --fast
+
+    Parameters
+    ----------
+    targets
+        Names of figures, such as fig4a, or files to make; all by default.
+    fast
+        A coarse run with few trials, into figures/fast.
+    recordings
+        Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS by default.
+    unlock
+        Draw nothing, but remove the lock and the unfinished files of a killed run.
+    workers
+        Number of parallel jobs; the results do not depend on it.
     """
-
-    targets: Positional[tuple[str, ...]] = ()
-    """Names of figures, such as fig4a, or files to make; all by default."""
-    fast: bool = False
-    """A coarse run with few trials, into figures/fast."""
-    cores: int = 2
-    """Number of parallel jobs; the results do not depend on it."""
-    recordings: Path | None = None
-    """Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS by default."""
-    unlock: bool = False
-    """Draw nothing, but remove the lock and the unfinished files of a killed run."""
-
-    def __call__(self) -> None:
-        """Run the command."""
-        from bgmodel.tactile.recordings import find_recordings
-
-        check_whole(cores=self.cores)
-        if not Path("figures/Snakefile").is_file():
-            raise ValueError("figures are drawn in a checkout of the project: figures/Snakefile")
-        try:
-            import snakemake  # noqa: F401
-        except ImportError as error:
-            raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
-        folder = Path("figures/fast" if self.fast else "figures/out")
-        self._check_targets(folder)
-        found = find_recordings(self.recordings)
-        if found is None:
-            if "figR1" in self.targets:
-                raise InputError(
-                    "figR1 needs recordings: --recordings or BGMODEL_RECORDINGS", "recordings"
-                )
-            if not self.targets:
-                print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
-        if not self.unlock:
-            _check_unlocked()
-            self._say(folder, found is not None)
-        remove_partial_files(folder)
-        # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
-        os.environ["BGMODEL_RECORDINGS"] = str(found or "")
-        status = run_snakemake(self._arguments())
-        if status:
-            _check_unlocked()
-            raise SystemExit(
-                f"bgmodel: not all figures were drawn: Snakemake ended with status {status}"
+    check_whole(workers=workers)
+    if not Path("figures/Snakefile").is_file():
+        raise ValueError("figures are drawn in a checkout of the project: figures/Snakefile")
+    try:
+        import snakemake  # noqa: F401
+    except ImportError as error:
+        raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
+    folder = Path("figures/fast" if fast else "figures/out")
+    _check_targets(targets, folder)
+    found = find_recordings(recordings)
+    if found is None:
+        if "figR1" in targets:
+            raise InputError(
+                "figR1 needs recordings: --recordings or BGMODEL_RECORDINGS", "recordings"
             )
-
-    def _arguments(self) -> list[str]:
-        """Return the arguments of Snakemake."""
-        arguments = ["-s", "figures/Snakefile", "--cores", str(self.cores), "--rerun-incomplete"]
-        # Steps run in processes held by the file of rules; threads wait for them.
-        arguments += ["--force-use-threads", "--quiet", "all", "--config", f"fast={int(self.fast)}"]
-        arguments += ["--unlock"] if self.unlock else []
-        return [*arguments, "--", *(self.targets or ["all"])]
-
-    def _say(self, folder: Path, recordings: bool) -> None:
-        """Report what is drawn and about how long it takes."""
-        names = [name for name in _names() if recordings or name != "figR1"]
-        asked = [
-            name
-            for name in names
-            if not self.targets
-            or {name, *(str(folder / f"{name}{end}") for end in (".png", ".pdf"))} & {*self.targets}
-        ]
-        there = [name for name in asked if (folder / f"{name}.png").is_file()]
-        took = (
-            f", about {MINUTES[self.fast]:g} minutes of CPU" if not (there or self.targets) else ""
-        )
-        print(
-            f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}{took}; each "
-            "is named when it is drawn",
-            flush=True,
+        if not targets:
+            print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
+    if not unlock:
+        _check_unlocked()
+        _say(targets, folder, fast, found is not None)
+    remove_partial_files(folder)
+    # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
+    os.environ["BGMODEL_RECORDINGS"] = str(found or "")
+    status = run_snakemake(_arguments(targets, fast, unlock, workers))
+    if status:
+        _check_unlocked()
+        raise SystemExit(
+            f"bgmodel: not all figures were drawn: Snakemake ended with status {status}"
         )
 
-    def _check_targets(self, folder: Path) -> None:
-        """Raise ValueError for a target that is neither a figure nor a file of the folder."""
-        names = _names()
-        for target in self.targets:
-            if target not in names and Path(target).parent != folder:
-                short = ", ".join(name.removeprefix("fig") for name in names)
-                must = f"must be among fig{short} or files in {folder}"
-                raise InputError.of("targets", must, target)
+
+def _arguments(targets: tuple[str, ...], fast: bool, unlock: bool, workers: int) -> list[str]:
+    """Return the arguments of Snakemake."""
+    arguments = ["-s", "figures/Snakefile", "--cores", str(workers), "--rerun-incomplete"]
+    # Steps run in processes held by the file of rules; threads wait for them.
+    arguments += ["--force-use-threads", "--quiet", "all", "--config", f"fast={int(fast)}"]
+    arguments += ["--unlock"] if unlock else []
+    return [*arguments, "--", *(targets or ["all"])]
+
+
+def _say(targets: tuple[str, ...], folder: Path, fast: bool, recordings: bool) -> None:
+    """Report what is drawn and about how long it takes."""
+    names = [name for name in _names() if recordings or name != "figR1"]
+    asked = [
+        name
+        for name in names
+        if not targets
+        or {name, *(str(folder / f"{name}{end}") for end in (".png", ".pdf"))} & {*targets}
+    ]
+    there = [name for name in asked if (folder / f"{name}.png").is_file()]
+    took = f", about {MINUTES[fast]:g} minutes of CPU" if not (there or targets) else ""
+    print(
+        f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}{took}; each "
+        "is named when it is drawn",
+        flush=True,
+    )
+
+
+def _check_targets(targets: tuple[str, ...], folder: Path) -> None:
+    """Raise ValueError for a target that is neither a figure nor a file of the folder."""
+    names = _names()
+    for target in targets:
+        if target not in names and Path(target).parent != folder:
+            short = ", ".join(name.removeprefix("fig") for name in names)
+            must = f"must be among fig{short} or files in {folder}"
+            raise InputError.of("targets", must, target)

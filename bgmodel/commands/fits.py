@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from tyro.conf import Positional
-
-from bgmodel.commands.checks import UNRECORDED, Shows, check_whole, plain, recorded, say
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.known_fits import fit_known_evidence
+from bgmodel.commands.options import MANY, settings
+from bgmodel.commands.output import UNRECORDED, Output, check_whole, plain, recorded, say
 from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
-from bgmodel.support import files
+from bgmodel.support import files, toml_files
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from bgmodel.fitting.exact.algorithms import Model
@@ -28,66 +27,196 @@ MANY_MODELS = ("msprt", "macaque")
 """Default models of more than two alternatives."""
 
 
-@dataclass(frozen=True)
-class FitRun(FitSettings, Shows):
+OF_COLUMNS = (
+    "rt", "response", "participant_column", "rt_unit", "upper", "alternatives", "stimulus",
+    "deadline_s", "rt_window", "restore_delays",
+)  # fmt: skip
+"""Settings of the table of trials, given by --columns."""
+OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
+"""Settings of simulated trials, given by --simulation."""
+PEOPLE = Literal["each", "pooled", "hierarchical"]
+
+
+def fit(
+    data: str = "",
+    folder: Path | None = None,
+    /,
+    *,
+    models: Annotated[tuple[str, ...] | None, MANY] = None,
+    strength: str | None = None,
+    participant: str | None = None,
+    people: PEOPLE = "each",
+    columns: Annotated[tuple[str, ...], MANY] = (),
+    vary: Annotated[tuple[str, ...], MANY] = (),
+    formula: Annotated[tuple[str, ...], MANY] = (),
+    free: Annotated[tuple[str, ...], MANY] = (),
+    fix: Annotated[tuple[str, ...], MANY] = (),
+    mechanism: str = FitSettings.mechanism,
+    simulation: Annotated[tuple[str, ...], MANY] = (),
+    draws: bool = False,
+    compare: bool = False,
+    evidence: Annotated[tuple[str, ...], MANY] = (),
+    task: Literal["choices", "stop"] = "choices",
+    workers: int = 2,
+    json: bool = False,
+    force: bool = False,
+) -> None:
     """Fit the sequential test and a circuit to choice and response-time data.
 
-    DATA is a shipped set (see `bgmodel data`) or your own table: participant_id, rt (s), response,
-    conditions. For each participant and model it prints which parameters these trials can identify,
-    and at the end the maximum-likelihood parameters. Simulated trials and finished fits are kept in
-    the folder: the same command resumes where it stopped.
+    DATA is a shipped set or your own table: participant_id, rt (s), response, conditions. Without
+    DATA it lists the shipped sets, with their sources. For each participant and model it prints
+    which parameters these trials can identify, and at the end the maximum-likelihood parameters.
+    Simulated trials and finished fits are kept in FOLDER (by default fits/ and the name of the
+    data): the same command resumes where it stopped.
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
     bgmodel fit mine.csv --strength contrast --formula "bound ~ instruction * side";
-    bgmodel fit mine.csv --strength contrast --mechanism onset_stn --draws
-
-    With --hierarchical all participants are fitted together:
-    bgmodel fit cavanagh_2011 --hierarchical --models constant_gap --vary sensitivity=conflict
-
-    With --task stop, DATA holds stop-signal trials: stop_signal_cnp, a table with participant_id,
-    rt and ssd (s), or a folder of BIDS events. All participants are fitted together:
-    bgmodel fit stop_signal_cnp --task stop --restore-delays
-
-    With --evidence, models answer for the readings of each single trial (log-likelihoods, or
-    pulses, clicks and cues with their times), and are compared by Bayes factors:
+    bgmodel fit mine.csv --strength contrast --columns rt=RT_ms rt_unit=ms;
+    bgmodel fit cavanagh_2011 --people hierarchical --models constant_gap
+    --vary sensitivity=conflict;
+    bgmodel fit stop_signal_cnp --task stop --columns restore_delays=true;
     bgmodel fit trials.csv --evidence evidence.csv --models msprt leaky_sum run macaque
+
+    Parameters
+    ----------
+    data
+        Name of a shipped set, or a .csv, .tsv or .parquet file.
+    folder
+        Folder for results.
+    models
+        Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
+        race, lca (two or more), or a circuit, by its name or as a .toml file. By default
+        constant_gap and macaque, or msprt and macaque with more than two alternatives.
+    strength
+        Column of the signed strength of the evidence: positive favours response 1.
+    participant
+        The participant to fit; by default all are.
+    people
+        How participants are fitted: each separately, pooled as if they were one, or all together,
+        each with parameters from a distribution of the group, which is fitted too (partial
+        pooling); this writes the draws for ArviZ.
+    columns
+        How the table is read, name=value: rt, response and participant_column (columns of other
+        names), rt_unit (s or ms), upper (the response that counts as 1), alternatives (their
+        number), stimulus (column of the correct alternative), deadline_s (time at which a trial
+        without a response ended), rt_window (earliest and latest response time to fit, s, as 0,inf
+        for all), restore_delays (of stop signals, those recorded as 0).
+    vary
+        Parameters that differ between levels of a column: "sensitivity=conflict",
+        "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level
+        off.
+    formula
+        Parameters that are linear in conditions, such as "bound ~ instruction * side" or
+        "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates).
+    free
+        Parameters to fit; by default all except start, start_spread, drift_sd, floor, and a
+        threshold that --mechanism replaces. With a plus, in addition to these: "+start".
+    fix
+        Parameters to fix at a value, such as "lapse=0.02".
+    mechanism
+        What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
+        or, with a threshold, a change within a trial: rising_dopamine or onset_stn.
+    simulation
+        Simulated trials of a circuit, name=value: trials at each of seven drifts, seed, engine,
+        noise_nats (noise of the evidence: its standard deviation after one second, nats).
+    draws
+        Sample from the posterior too: adds 90 % credible intervals.
+    compare
+        Compare the models by how well they predict trials that they were not fitted to: writes
+        comparison.csv and comparison.png. A single model is compared with versions in which one
+        parameter of --vary or --formula has one value, which is fitted, for all conditions.
+    evidence
+        File with the readings of each trial, for models that answer for each (Bayes factors):
+        columns trial, step and `ll_<alternative>`; trial, time (s) and `ll_<alternative>`; or one
+        row per cue with trial, time and side or value (nats). Then name=value: step_ms (time
+        between readings, if the table has steps), forced=true (the last reading forces a response),
+        runs (simulated runs of each trial by a circuit; by default 8 to 32).
+    task
+        What DATA holds: choices, or stop-signal trials, of which all participants are fitted
+        together.
+    workers
+        Number of processes of a hierarchical fit; the results do not depend on it.
+    json
+        Print one JSON object, the rows of the result under "records", and nothing else on stdout.
+    force
+        Overwrite existing results.
     """
+    output = Output(json=json, force=force)
+    if not data:
+        _list(output)
+        return
+    words = list(evidence)
+    file = Path(words.pop(0)) if words else None
+    FitRun(
+        data=data, folder=folder, models=models, strength=strength, participant=participant,
+        pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
+        formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
+        evidence=file, task=task, workers=workers, output=output,
+        **_given(columns, OF_COLUMNS), **_given(simulation, OF_SIMULATION),
+        **_given(words, EVIDENCE_ONLY),
+    )()  # fmt: skip
 
-    data: Positional[str]
-    """Name of a shipped set, or a .csv, .tsv or .parquet file."""
-    folder: Positional[Path | None] = None
-    """Folder for results; by default fits/ and the name of the data."""
+
+def _given(words: Iterable[str], known: tuple[str, ...]) -> dict[str, Any]:
+    """Return the settings of some words, each with its type in ``FitRun``."""
+    hints, found = get_type_hints(FitRun), settings(words)
+    for name in found:
+        require(name in known, name, f"must be one of {', '.join(known)}", name)
+    return {name: toml_files.value(each, hints[name], name) for name, each in found.items()}
+
+
+def _list(output: Output) -> None:
+    """List the published data sets that come with the package, with their sources."""
+    import pandas as pd
+
+    from bgmodel.tables.shipped import every_set
+
+    sets = every_set().values()
+    rows = [{"name": one.name, "trials": one.trials, "participants": one.people,
+             "strength": one.strength, "conditions": ", ".join(one.conditions), **one.about}
+            for one in sets]  # fmt: skip
+    output.show("\n\n".join(one.text() for one in sets), pd.DataFrame(rows))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitRun(FitSettings):
+    """One run of the command: its settings, see ``fit``, and where its results go."""
+
+    data: str
+    folder: Path | None = None
     models: tuple[str, ...] | None = None
-    """Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
-    race, lca (two or more), or a circuit, by its name or as a .toml file. By default constant_gap
-    and macaque, or msprt and macaque with more than two alternatives."""
     draws: bool = False
-    """Sample from the posterior too: adds 90 % credible intervals."""
     hierarchical: bool = False
-    """Fit all participants together: each has parameters from a distribution of the group, which
-    is fitted too (partial pooling). Writes the draws for ArviZ."""
     compare: bool = False
-    """Compare the models by how well they predict trials that they were not fitted to: writes
-    comparison.csv and comparison.png. A single model is compared with versions in which one
-    parameter of --vary or --formula has one value, which is fitted, for all conditions."""
     workers: int = 2
-    """Number of processes of a hierarchical fit; the results do not depend on it."""
-    task: Literal["choices", "stop"] = "choices"
-    """What DATA holds: choices between two alternatives, or stop-signal trials."""
+    task: str = "choices"
     restore_delays: bool = False
-    """With --task stop: infer stop-signal delays recorded as 0, because the response came before
-    the signal, from two interleaved staircases with steps of 50 ms."""
-
     evidence: Path | None = None
-    """The readings of each trial: columns trial, step and ll_<alternative>; trial, time (s) and
-    ll_<alternative>; or one row per cue with trial, time and side or value (nats)."""
     step_ms: float | None = None
-    """With --evidence: time between readings, ms, if the table has steps instead of times."""
     forced: bool = False
-    """With --evidence: the last reading of a trial forces a response."""
     runs: int | None = None
-    """With --evidence: simulated runs of each trial by a circuit; by default 8 to 32."""
+    output: Output = Output()  # noqa: RUF009
+
+    @property
+    def force(self) -> bool:
+        """Whether existing results are overwritten."""
+        return self.output.force
+
+    def show(self, text: str, table: Any, **facts: Any) -> None:
+        """Print a result."""
+        self.output.show(text, table, **facts)
+
+    def note(self, text: str) -> None:
+        """Print a line in addition to the result."""
+        self.output.note(text)
+
+    def check_idle(self, used: Iterable[str], reason: str) -> None:
+        """Raise ValueError for an option that was given though it is not among those in use."""
+        for each in fields(self):
+            if each.name not in used and getattr(self, each.name) != each.default:
+                said = f"{each.name} has no effect with {reason}: leave it out"
+                raise InputError(said, each.name)
 
     def __call__(self) -> None:
         """Run the command."""
@@ -107,7 +236,7 @@ class FitRun(FitSettings, Shows):
             fit_stop_signals(self)
             return
         if self.restore_delays:
-            raise InputError("--restore-delays needs --task stop", "restore_delays")
+            raise InputError("restore_delays needs --task stop", "restore_delays")
         try:
             self._fit()
         except KeyboardInterrupt:
@@ -175,7 +304,7 @@ class FitRun(FitSettings, Shows):
         """Raise ValueError for an option of known evidence without any."""
         for name in EVIDENCE_ONLY:
             if getattr(self, name):
-                raise InputError(f"--{name.replace('_', '-')} needs --evidence", name)
+                raise InputError(f"{name} needs --evidence", name)
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""

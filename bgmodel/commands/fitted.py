@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import plain, recorded, save_figure, say, stages
+from bgmodel.commands.output import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
 from bgmodel.version import __version__
 from circuits.errors import InputError, collected

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import plain, recorded, save_figure, say, stages
 from bgmodel.commands.fitted import write_comparison
+from bgmodel.commands.output import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
 from circuits.errors import InputError, collected
 
@@ -62,9 +62,9 @@ def fit_hierarchically(
     for table, name in ((group, GROUP), (people, PEOPLE), (cells, CELLS)):
         files.write_table(table, folder / name, seed=command.seed, **asked)
     if command.compare:
-        from bgmodel.fitting.model_comparison import compare_models
+        from bgmodel.fitting.model_comparison import compare_fits
 
-        comparison = compare_models(found)
+        comparison = compare_fits(found)
         write_comparison(comparison, folder, command.seed, asked)
         command.note("\n" + comparison.summary())
     with pd.option_context("display.width", 160):

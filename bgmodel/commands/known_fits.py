@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import UNRECORDED, check_idle, recorded, save_figure, say
+from bgmodel.commands.output import UNRECORDED, recorded, save_figure, say
 from bgmodel.fitting.pieces import safe
 from bgmodel.support import files
 from bgmodel.version import __version__
@@ -34,7 +34,7 @@ def fit_known_evidence(command: Any) -> None:
     command : FitRun
         The command, which imports this module.
     """
-    check_idle(command, vars(command).keys() - USED, "--evidence")
+    command.check_idle(USED, "--evidence")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in TABLES]
     for path in paths:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.commands.checks import UNRECORDED, check_idle, recorded, say
+from bgmodel.commands.output import UNRECORDED, recorded, say
 from bgmodel.support import files
 from circuits.errors import InputError
 
@@ -31,7 +31,7 @@ def fit_stop_signals(command: Any) -> None:
     command : FitRun
         The command, which imports this module.
     """
-    check_idle(command, vars(command).keys() - USED, "--task stop")
+    command.check_idle(USED, "--task stop")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in (PARAMETERS, PEOPLE)]
     for path in paths:

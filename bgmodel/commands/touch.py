@@ -1,201 +1,203 @@
-"""Command that runs all tactile steps for one sensor, from taps to decisions."""
+"""The command that goes from taps to decisions and to what reward teaches."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
-from tyro.conf import Positional
-
-from bgmodel.commands.checks import Shows, check_idle, check_whole, options_of, say
-from bgmodel.commands.taps import Asks, Decode, Simulate, Train, TrainingOptions
+from bgmodel import from_taps
+from bgmodel.commands.options import FLAT, like, task
+from bgmodel.commands.output import (
+    Files,
+    Output,
+    check_idle,
+    check_whole,
+    options_of,
+    recorded,
+    say,
+)
+from bgmodel.commands.touch_steps import (
+    NuisanceOption,
+    SkinOption,
+    TipOption,
+    decode,
+    simulate,
+    train,
+)
 from bgmodel.support import files
 from bgmodel.support.checks import whole
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.source import Tactile
-from bgmodel.tactile.task import tactile_task
+from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.tactile.tips import Tip
+from bgmodel.task import Task
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
-@dataclass(frozen=True)
-class Touch(Asks, Shows):
-    """Go from a sensor's taps to decisions, summarised on a single page.
+@like(from_taps.touch, "trials", "folds", "step_ms", "seed")
+def touch(
+    folder: Path = Path("touch"),
+    /,
+    *,
+    recordings: Path | None = None,
+    held_out: Path | None = None,
+    mm_per_px: float | None = None,
+    task: Annotated[Task | None, task(SameDifferent())] = None,
+    taps: int = 1000,
+    held_out_taps: int = 1200,
+    epochs: int | None = None,
+    tip: TipOption = Tip(),  # noqa: B008
+    skin: SkinOption = Skin(),  # noqa: B008
+    nuisance: NuisanceOption = Nuisance(),  # noqa: B008
+    workers: int = 2,
+    output: Annotated[Output, FLAT] = Output(),  # noqa: B008
+    **options: Any,
+) -> None:
+    """Go from a sensor's taps to decisions, and to what reward teaches, on a single page.
 
     Taps are simulated on gratings or read from your recordings; a decoder is trained and read out,
-    and its readings drive the decisions. Finished steps are kept in the folder, and the same
-    command resumes where it stopped.
+    and its readings drive the decisions of the test and of the spiking circuit. Finished steps are
+    kept in the folder, and the same command resumes where it stopped.
 
     Examples: bgmodel touch;
-    bgmodel touch mine --training my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
+    bgmodel touch mine --recordings my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
+
+    Parameters
+    ----------
+    folder
+        Folder for all files; the page is index.html.
+    recordings
+        Folder of recorded taps of an edge, to train the decoder on.
+    held_out
+        Folder of other recorded taps, used as evidence.
+    mm_per_px
+        Scale of recordings, mm per pixel.
+    taps
+        Simulated taps of each grating, to train the decoder on.
+    held_out_taps
+        Simulated taps of each grating and yaw, used as evidence.
+    epochs
+        Maximum number of training epochs; by default 8 on gratings, 20 on an edge.
+    workers
+        Number of processes and threads; does not affect the results.
     """
+    grating = recordings is None
+    asked: Any = task or (SameDifferent() if grating else EdgeTurn())
+    sensor = {"tip": tip, "skin": skin, "nuisance": nuisance}
+    output.check(task=asked, recordings=recordings, held_out=held_out)
+    check_whole(taps=taps, held_out_taps=held_out_taps, trials=options["trials"])
+    whole("folds", options["folds"], 2)
+    _check(asked, recordings, held_out, mm_per_px)
+    if not grating:
+        usual = {"taps": 1000, "held_out_taps": 1200, "tip": Tip(), "skin": Skin(),
+                 "nuisance": Nuisance()}  # fmt: skip
+        check_idle("recordings", usual, taps=taps, held_out_taps=held_out_taps, **sensor)
+    folder.mkdir(parents=True, exist_ok=True)
+    steps = _Steps(folder)
+    epoch = () if epochs is None else (f"epochs={epochs}",)
+    seed = options["seed"]
+    if recordings is not None and held_out is not None:
+        decoded = steps.of_recordings(recordings, held_out, mm_per_px, epoch, seed)
+    else:
+        sizes = (taps, held_out_taps)
+        decoded = steps.of_gratings(asked, sizes, epoch, seed, workers=workers, **sensor)
+    say(f"deciding on {options['trials']} trials, learning from reward, and deciding in spikes")
+    found = from_taps.touch(asked, decoded, workers=workers, **options)
+    who = "Simulated TacTip" if recordings is None else f"Recordings {recordings.name}"
+    title = f"{who}: {asked.text}"
+    made = f"bgmodel {__version__}, seed {seed}, decoder and taps: {decoded.name}"
+    with files.replacing(folder / "index.html") as partial:
+        partial.write_text(from_taps.page(found, title, made), encoding="utf-8")
+    for remark in found.remarks:
+        output.note(f"warning: {remark}")
+    text = found.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
+    if len(found.learned):
+        text += f"\nat what reward taught\n{found.learned_summary().to_string(index=False)}"
+    output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", found.summary())
+    given = {"task": asked, "recordings": recordings, "held_out": held_out, "epochs": epochs,
+             "taps": taps, "held_out_taps": held_out_taps, **sensor, **options}  # fmt: skip
+    output.write(found.to_dataframe(), seed, command=options_of(**given))
+    output.draw(found.plot)
 
-    folder: Positional[Path] = Path("touch")
-    """Folder for all files; the page is index.html."""
-    training: Path | None = None
-    """Folder of recorded taps of an edge, to train the decoder on."""
-    held_out: Path | None = None
-    """Folder of other recorded taps, used as evidence."""
-    mm_per_px: float | None = None
-    """Scale of recordings, mm per pixel."""
-    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] | None = None
-    """The task; by default same-different for gratings, edge-turn for an edge."""
-    taps: int = 1000
-    """Simulated taps of each grating, to train the decoder on."""
-    held_out_taps: int = 1200
-    """Simulated taps of each grating and yaw, used as evidence."""
-    epochs: int | None = None
-    """Maximum number of training epochs; by default 8 on gratings, 20 on an edge."""
-    trials: int = 1200
-    """Number of trials on which the test and the circuit decide."""
-    folds: int = 10
-    """Number of folds of taps: likelihoods are fitted on all but one, trials are drawn from that
-    one, and intervals resample folds, for which ten or more are needed."""
-    step_ms: float = 50.0
-    """Time between readings, ms."""
-    workers: int = 2
-    """Number of processes and threads; does not affect the results."""
-    seed: int = 0
-    tip: Tip = field(default_factory=Tip)
-    skin: Skin = field(default_factory=Skin)
-    nuisance: Nuisance = field(default_factory=Nuisance)
 
-    def __call__(self) -> None:
-        """Run the command."""
-        from bgmodel.from_taps import page, touch
-
-        self._check()
-        self.folder.mkdir(parents=True, exist_ok=True)
-        decoded = self._decoded()
-        say(f"deciding on {self.trials} trials, learning gap and threshold, and deciding in spikes")
-        task = self._task
-        found = touch(
-            self._asked(),
-            decoded,
-            trials=self.trials,
-            folds=self.folds,
-            step_ms=self.step_ms,
-            seed=self.seed,
-            workers=self.workers,
+def _check(
+    task: Task, recordings: Path | None, held_out: Path | None, mm_per_px: float | None
+) -> None:
+    """Refuse contradictory options before long work starts."""
+    if (recordings is None) != (held_out is None):
+        raise InputError(
+            "recordings need two folders: recordings, and held_out taps used as evidence",
+            "held_out" if held_out is None else "recordings",
         )
-        stimulus = f"{self.period_mm:g} mm" if self._grating else f"{self.step_deg:g} degrees"
-        title = f"{self._sensor}: {task}, {self.channels} alternatives, {stimulus}"
-        made = f"bgmodel {__version__}, seed {self.seed}, decoder and taps: {decoded.name}"
-        with files.replacing(self.folder / "index.html") as partial:
-            partial.write_text(page(found, title, made), encoding="utf-8")
-        behind: dict[str, Any] = {"command": options_of(self)}
-        for name in ("psychometric", "curves", "table", "learned"):
-            path = self.folder / f"{name}.csv"
-            files.write_table(getattr(found, name), path, seed=self.seed, **behind)
-        for remark in found.remarks:
-            self.note(f"warning: {remark}")
-        text = found.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
-        if len(found.learned):
-            text += f"\nat what reward taught\n{found.learned_summary().to_string(index=False)}"
-        self.show(f"{title}\n{text}\n-> {self.folder / 'index.html'}", found.summary())
-
-    @property
-    def _grating(self) -> bool:
-        return self.training is None
-
-    @property
-    def _task(self) -> str:
-        return self.task or ("same-different" if self._grating else "edge-turn")
-
-    def _asked(self) -> Tactile:
-        """Return the task."""
-        stimulus = {"period_mm": self.period_mm, "step_deg": self.step_deg}
-        return tactile_task(self._task, self.channels, **stimulus)
-
-    @property
-    def _simulated(self) -> dict[str, Any]:
-        return {"tip": self.tip, "skin": self.skin, "nuisance": self.nuisance}
-
-    @property
-    def _sensor(self) -> str:
-        return "Simulated TacTip" if self.training is None else f"Recordings {self.training.name}"
-
-    def _check(self) -> None:
-        """Refuse contradictory options before long work starts."""
-        check_whole(taps=self.taps, held_out_taps=self.held_out_taps, trials=self.trials)
-        whole("folds", self.folds, 2)
-        if (self.training is None) != (self.held_out is None):
-            raise InputError(
-                "recordings need two folders: training, and held_out taps used as evidence",
-                "held_out" if self.held_out is None else "training",
-            )
-        if self._task.startswith("edge") == self._grating:
-            made_of = "an edge: give recordings" if self._grating else "gratings"
-            raise InputError(f"task {self._task} needs taps of {made_of}", "task", self._task)
-        if self._task == "same-different" and self.channels != 2:
-            raise InputError("same-different has 2 alternatives", "channels", self.channels)
-        if self.training is not None:
-            for name in ("training", "held_out"):
-                if not (path := getattr(self, name)).is_dir():
-                    raise InputError(f"{name}: there is no folder {str(path)!r}", name, path)
-            if self.mm_per_px is None:
-                raise InputError(
-                    "recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px"
-                )
-            idle = ["taps", "held_out_taps", "period_mm", *self._simulated]
-            check_idle(self, idle, "recordings")
-        else:
-            check_idle(self, ["mm_per_px", "step_deg"], "simulated taps of gratings")
-            if self.period_mm not in PERIODS_MM:
-                raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
-        self._asked()
-
-    def _decoded(self) -> Path:
-        """Return the table of decoded held-out taps; existing results are used."""
-        steps = _Steps(self.folder)
-        decoder, decoded = self.folder / "decoder.safetensors", self.folder / "decoded.parquet"
-        epochs: Any = self.epochs
-        fit: dict[str, Any] = {"training": TrainingOptions(epochs=epochs)}
-        if self.training is not None and self.held_out is not None:
-            own: dict[str, Any] = {"edge": True, "mm_per_px": self.mm_per_px}
-            steps.make(decoder, Train(self.training, decoder, seed=self.seed, **fit, **own))
-            steps.make(decoded, Decode(decoder, self.held_out, decoded, **own))
-            return decoded
-        training, held_out = self.folder / "training.npz", self.folder / "held_out.npz"
-        yaws = self._asked().yaws_deg  # type: ignore[attr-defined]
-        sensor: dict[str, Any] = {**self._simulated, "workers": self.workers, "seed": self.seed}
-        steps.make(training, Simulate(training, taps=self.taps, **sensor))
-        steps.make(decoder, Train(training, decoder, seed=self.seed, **fit))
-        each = self.held_out_taps * len(yaws)
-        steps.make(held_out, Simulate(held_out, taps=each, yaw_deg=yaws, **sensor))
-        steps.make(decoded, Decode(decoder, held_out, decoded))
-        return decoded
+    require(isinstance(task, Tactile), "task", "must be a tactile task", task.name)
+    assert isinstance(task, Tactile)
+    if (task.stimulus == "edge") == (recordings is None):
+        made_of = "an edge: give recordings" if recordings is None else "gratings"
+        raise InputError(f"task {task.name} needs taps of {made_of}", "task", task.name)
+    if recordings is None:
+        check_idle("simulated taps", {"mm_per_px": None}, mm_per_px=mm_per_px)
+        period: Any = getattr(task, task.main)
+        require(period in PERIODS_MM, "period_mm", f"must be one of {PERIODS_MM}", period)
+        return
+    for name, path in (("recordings", recordings), ("held_out", held_out)):
+        if path is not None and not path.is_dir():
+            raise InputError(f"{name}: there is no folder {str(path)!r}", name, path)
+    if mm_per_px is None:
+        raise InputError("recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px")
 
 
 class _Steps:
-    """Record of the finished files in a folder and the commands that made them."""
+    """The steps from taps to their decoded angles, in a folder; finished ones are kept."""
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.path = folder / "steps.json"
         self.known: dict[str, Any] = {}
         with suppress(OSError, ValueError, TypeError):  # damaged: all is made again
             self.known = dict(files.from_json(self.path.read_bytes()))
 
-    def make(self, path: Path, command: Simulate | Train | Decode) -> None:
-        """Make a file, unless the same command has already made it from the same inputs."""
-        folders = [str(v.resolve()) for v in vars(command).values() if _is_folder(v)]
-        seed = getattr(command, "seed", None)
-        step = [__version__, type(command).__name__, options_of(command), folders, seed]
+    def of_recordings(
+        self, recordings: Path, held_out: Path, mm_per_px: float | None, epochs: Any, seed: int
+    ) -> Path:
+        """Return the table of decoded held-out recordings of an edge."""
+        own: dict[str, Any] = {"edge": True, "mm_per_px": mm_per_px}
+        fit = {"seed": seed, "training": epochs, **own}
+        decoder = self._make("decoder.safetensors", train, recordings, **fit)
+        return self._make("decoded.parquet", decode, decoder, held_out, **own)
+
+    def of_gratings(
+        self, task: Any, sizes: tuple[int, int], epochs: Any, seed: int, **sensor: Any
+    ) -> Path:
+        """Return the table of decoded held-out taps, which are simulated at the task's yaws."""
+        periods, yaws = PERIODS_MM, task.yaws_deg
+        same = {"periods_mm": periods, "seed": seed, **sensor}
+        given: dict[str, Any] = {"taps": sizes[0], "yaw_deg": (), **same}
+        taps = self._make("training.npz", simulate, **given)
+        fit = {"edge": False, "mm_per_px": None, "seed": seed, "training": epochs}
+        decoder = self._make("decoder.safetensors", train, taps, **fit)
+        given = {"taps": sizes[1] * len(yaws), "yaw_deg": yaws, **same}
+        held_out = self._make("held_out.npz", simulate, **given)
+        return self._make("decoded.parquet", decode, decoder, held_out)
+
+    def _make(self, name: str, command: Callable[..., None], *inputs: Path, **options: Any) -> Path:
+        """Return a file, made unless the same command has made it from the same inputs."""
+        path = self.folder / name
+        places = [str(each.resolve()) for each in inputs if each.is_dir()]
+        read = [recorded(each) for each in inputs]
+        made = [__version__, command.__name__, options_of(**options), read, places]
+        step = [*made, options.get("seed")]
         step = json.loads(json.dumps(step))
-        if path.is_file() and self.known.get(path.name) == [*step, files.checksum(path)]:
+        if path.is_file() and self.known.get(name) == [*step, files.checksum(path)]:
             say(f"{path} already exists")
-            return
-        command()
-        self.known[path.name] = [*step, files.checksum(path)]
+            return path
+        command(*inputs, **options, output=Files(save=path, force=True))
+        self.known[name] = [*step, files.checksum(path)]
         with files.replacing(self.path) as partial:
             partial.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
-
-
-def _is_folder(value: Any) -> bool:
-    return isinstance(value, Path) and value.is_dir()
+        return path

@@ -165,8 +165,12 @@ def compare(
     baselines : sequence of str
         Names in ``BASELINES`` of models to include. "race" and "LCA" need evidence in which zero
         means no evidence, such as that of ``gaussian_evidence``.
-    accuracies, resamples, groups :
-        As for ``matched_measures``.
+    accuracies : sequence of float
+        Expected accuracies at which thresholds are matched.
+    resamples : int
+        Number of bootstrap resamples.
+    groups : array (trials,), optional
+        Group of each trial, such as its fold of taps, for a bootstrap over groups.
     intact : Circuit or str, optional
         The circuit before its edits. It is run on the same evidence with the same noise, and rows
         of the model ``MINUS_INTACT`` hold the measures of the edited circuit minus those of the

@@ -88,7 +88,7 @@ def planned(
         circuit = os.path.relpath(circuit, folder)
     return Experiment(
         name=f"{second.name} against {first.name}",
-        note=f"Planned by bgmodel discriminate: {verdict}. These are the probe trials of the best "
+        note=f"Planned by bg.discriminate: {verdict}. These are the probe trials of the best "
         f"task ({design.text()}); each condition has its matched threshold.",
         circuit=CircuitName(circuit),
         edits=Edits(probe.lines),

@@ -22,7 +22,7 @@ from bgmodel.support.files import checksum
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 
-__all__ = ["SEED", "Exam", "Examinee", "bench", "examinee", "measures", "of_circuit"]
+__all__ = ["SEED", "Exam", "Examinee", "examinee", "measures", "of_circuit", "take_exam"]
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,8 @@ class Exam:
         engine : str, optional
             As for ``Examinee``.
         gain : float, optional
-            As for ``Examinee``.
+            Nats in the circuit per nat of evidence; by default the circuit's, or the fastest of
+            five.
         seed : int
             Seed of evidence and noise.
         share : float
@@ -153,7 +154,7 @@ class Exam:
         if (record.table["outcome"] == "not answered").all():
             raise InputError(
                 "the tables answer none of the numbers: name tasks, nuclei and windows as "
-                "`bgmodel bench --tasks` lists them",
+                "`bgmodel exam --tasks` lists them",
                 "trials",
             )
         return record
@@ -186,7 +187,7 @@ def _file(source: str | Path | pd.DataFrame | None) -> dict[str, str] | None:
     return {"file": Path(source).name, "sha256": checksum(source)}
 
 
-def bench(circuit: Circuit | Examinee | str | Path, **options: Any) -> ExamRecord:
+def take_exam(circuit: Circuit | Examinee | str | Path, **options: Any) -> ExamRecord:
     """Let a circuit take the shipped exam; arguments are those of ``Exam.take``."""
     return Exam.shipped().take(circuit, **options)
 

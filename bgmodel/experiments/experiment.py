@@ -275,6 +275,16 @@ class Outcome(Facts):
         """Return each published effect with the corresponding effect in the circuit."""
         return Readable(beside_published(self.experiment, self.measures))
 
+    def rows(self) -> pd.DataFrame:
+        """Return the measures, with the verdict of each prediction and each published effect."""
+        kept = ["condition", "measure", "direction", "at_least", "outcome", "reason"]
+        verdicts = self.verdicts().assign(condition="change")[kept]
+        rows = self.measures.merge(verdicts, how="left", on=["condition", "measure"])
+        if not self.experiment.effects:
+            return rows
+        published = self.published().drop(columns=["value", "low", "high"])
+        return rows.merge(published, how="left", on=["condition", "measure"])
+
     def text(self) -> str:
         """Return the report that the command prints."""
         model = self.models[0]

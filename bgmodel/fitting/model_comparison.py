@@ -170,7 +170,7 @@ def _apart(score: Score, best: Score) -> dict[str, float]:
     }
 
 
-def compare_models(
+def compare_fits(
     fits: Mapping[str, Fit] | Mapping[str, Mapping[str, Fit]] | Mapping[str, GroupFit],
 ) -> ModelComparison:
     """Compare models fitted to the same trials by how well they predict trials left out.
@@ -212,7 +212,7 @@ def compare_models(
 def crossvalidated(
     optima: Mapping[str, Mapping[str, Peak]], *, tell: Tell = lambda _: None
 ) -> ModelComparison:
-    """Compare models by cross-validation; see ``compare_models``.
+    """Compare models by cross-validation; see ``compare_fits``.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     participant: str | None = None,
     pooled: bool = False,
     upper: str | None = None,
-    deadline: float | None = None,
+    deadline_s: float | None = None,
     rt: str | None = None,
     response: str | None = None,
     participant_column: str | None = None,
@@ -92,7 +92,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Whether to fit several participants as if they were one.
     upper : str, optional
         Name of the response that counts as 1, if responses are not 1 and 0.
-    deadline : float, optional
+    deadline_s : float, optional
         Time at which a trial without a response ended, s.
     rt, response, participant_column : str, optional
         Names of these columns, if they are not rt, response and participant_id.
@@ -172,7 +172,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
             raise InputError(f"{option} needs evidence, the readings of each trial", option)
     need_fit()
     asked = settings_of(
-        strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
+        strength=strength, participant=participant, pooled=pooled, upper=upper,
+        deadline_s=deadline_s,
         rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         alternatives=alternatives, stimulus=stimulus, rt_window=rt_window, mechanism=mechanism,
         engine=engine, free=free, fix=fix, vary=vary,
@@ -198,7 +199,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
 
 
 NOT_KNOWN = {
-    "strength": None, "pooled": False, "deadline": None, "alternatives": None, "stimulus": None,
+    "strength": None, "pooled": False, "deadline_s": None, "alternatives": None, "stimulus": None,
     "rt_window": None, "vary": None,
     "formula": (),
     "mechanism": FitSettings.mechanism, "draws": False, "noise_nats": FitSettings.noise_nats,

@@ -37,7 +37,7 @@ class FitSettings:
     """Fit all participants as if they were one."""
     upper: str | None = None
     """Name of the response that counts as 1, if responses are not 1 and 0."""
-    deadline: float | None = None
+    deadline_s: float | None = None
     """Time at which a trial without a response ended, s."""
     rt: str | None = None
     """Column of response times, if it is not called rt."""
@@ -170,7 +170,7 @@ class FitSettings:
             strength=self.strength,
             conditions=self.columns,
             participant=self.participant,
-            deadline_s=self.deadline,
+            deadline_s=self.deadline_s,
             upper=self.upper,
             rt=self.rt,
             response=self.response,

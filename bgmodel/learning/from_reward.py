@@ -279,7 +279,7 @@ def planned(
         must = "must have 2 alternatives for the boundary separation of the test"
         require(task.channels == 2, "channels", must, task.channels)
         begun = START_GAP if start is None else start
-        check_start(begun)
+        check_start(begun, "start")
         return partial(_of_test, task, begun, given, **same, **more)
     _know(more, "levels")
     engine = engine_of(model.engine)

@@ -8,6 +8,7 @@ for comparison.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,9 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
 from circuits.errors import DataWarning, InputError
+
+if TYPE_CHECKING:
+    from bgmodel.stopping.task import StopTask
 
 FEWEST_STOPS = 50
 """Number of stop trials below which the guide calls estimates unreliable."""
@@ -245,3 +249,39 @@ def fit_race(trials: StopTrials) -> dict[str, float]:
         "failures": float(special.expit(logit)),
         "log_likelihood": -float(best.fun),
     }
+
+
+def told(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
+    """Return estimates of simulated stop trials in sentences, with the one to report.
+
+    Parameters
+    ----------
+    found : StopEstimate
+        Estimates with all delays pooled.
+    ssrt_ms : float
+        The estimate by integration at each delay, as from ``ssrt_by_delay``.
+    task : StopTask
+        The signals.
+    """
+    failed, missed = found.failed_minus_go_ms, ""
+    if found.omissions:
+        missed = f", {found.omissions:.1%} of go trials missed"
+    times = "no failed stops" if np.isnan(failed) else f"failed stops {failed:+.0f} ms"
+    low, high = P_RANGE
+    if np.isnan(ssrt_ms):
+        estimate = (
+            "no stop-signal reaction time: at no delay do "
+            f"{low:.0%} to {high:.0%} of the stop trials have a response"
+        )
+    else:
+        estimate = (
+            f"stop-signal reaction time {ssrt_ms:.0f} ms by integration at each delay, which is "
+            f"the one to report for fixed delays ({found.ssrt_ms:.0f} ms with all delays pooled, "
+            f"for staircases); {task.delay_ms:g} ms of it are the given delay to {task.nucleus}; "
+            "there are no motor delays"
+        )
+    refused = f"\nthe consensus guide accepts no estimate: {found.refusal}" if found.refusal else ""
+    return (
+        f"mean go time {found.go_ms:.0f} ms{missed}, {times}, responses in {found.p_respond:.1%} "
+        f"of stop trials\n{estimate}{refused}"
+    )

@@ -93,7 +93,7 @@ class StopTask(StopSignal):
         posterior: float | None = None,
         seed: int = 0,
     ) -> StopTrials:
-        """Let a circuit decide with stop signals in a share of the trials, as ``bgmodel stop``.
+        """Let a circuit decide with stop signals in a share of the trials, as `circuit run --stop`.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, TypeVar, cast, get_args, get_type_hints
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from circuits.checks import parsed_toml
 from circuits.errors import InputError
@@ -99,6 +99,18 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
             raise InputError(f"{before}{key}{says.removeprefix('it')}", key)
         raise InputError(f"{before}{'' if named else key + ': '}{says}", field)
     raise InputError.of(key, f"{says}", wrong["input"], owner=name)
+
+
+def value(given: Any, kind: Any, name: str) -> Any:
+    """Return a single value of a file or of the terminal as a type; ValueError naming it."""
+    from pydantic import ValidationError
+
+    several = get_origin(kind) is tuple and not isinstance(given, list)
+    try:
+        return _adapter(kind).validate_json(json.dumps([given] if several else given), strict=True)
+    except ValidationError as error:
+        says = error.errors(include_url=False)[0]["msg"].removeprefix("Input ")
+        raise InputError.of(name, says, given) from None
 
 
 @cache

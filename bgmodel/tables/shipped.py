@@ -69,6 +69,17 @@ class Shipped:
         """Number of participants, people or monkeys."""
         return int(self.table["participant_id"].nunique())
 
+    def text(self) -> str:
+        """Return its size, citation, source, licence and remarks."""
+        signed = [] if self.strength is None else [f"{self.strength} (signed)"]
+        by = ", ".join([*signed, *self.conditions])
+        licence = f" (bgmodel/data/{self.licence_file})" if self.licence_file else ""
+        return (
+            f"{self.name}: {self.trials} trials of {self.people} participants"
+            f"{f', by {by}' if by else ''}\n"
+            f"  {self.citation}\n  {self.source}\n  {self.licence}{licence}. {self.note}"
+        )
+
 
 def shipped() -> dict[str, Shipped]:
     """Return the shipped sets of choices by name."""

@@ -131,7 +131,7 @@ class Tactile(Drawn):
     """A tactile task: its hypotheses, how decoded taps become readings, and which taps."""
 
     taps: Path | None = None
-    """Taps decoded by `bgmodel decode`, .parquet or .csv; by default the shipped ones, of a
+    """Taps decoded by `bgmodel touch decode`, .parquet or .csv; by default the shipped ones, of a
     simulated sensor on gratings."""
     fold: int = 0
     """Which sixth of the held-out taps is scored, 0..5."""
@@ -263,7 +263,7 @@ def held_out_taps() -> pd.DataFrame:
 
 
 def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
-    """Return decoded taps: a table, a file as written by ``bgmodel decode``, or those included.
+    """Return decoded taps: a table, a file written by ``bgmodel touch decode``, or those included.
 
     Parameters
     ----------

@@ -252,8 +252,8 @@ def of_grating(
             wanted = " ".join(f"{each:g}" for each in yaws_deg)
             raise InputError(
                 f"there are no taps of period {period_mm:g} mm at a yaw of {yaw:g} degrees: create "
-                f"them with `bgmodel simulate held_out.npz --periods-mm {period_mm:g} --yaw-deg "
-                f"{wanted}`, and decode them",
+                f"them with `bgmodel touch simulate --save held_out.npz --periods-mm {period_mm:g} "
+                f"--yaw-deg {wanted}`, and decode them",
                 "taps",
             )
         pool.append(values.to_numpy(dtype=np.float64))

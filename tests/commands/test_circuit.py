@@ -19,7 +19,7 @@ from tests.helpers import long_table, run, some_evidence
 def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
     drawing = tmp_path / "c.svg"
     edits = ["--edits", "lesion STN 50%", "scale D1->SNr 0.9"]
-    assert run("circuit", "show", "appendix_b", *edits, "--drawing", drawing) == 0
+    assert run("circuit", "show", "appendix_b", *edits, "--plot", drawing) == 0
     assert "not exact" in capsys.readouterr().out
     assert drawing.stat().st_size > 1000
 
@@ -83,39 +83,75 @@ def test_only_nwb_needs_its_library(refusal, tmp_path, monkeypatch):
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *_: found(name) if name != "pynwb" else None
     )
-    options = [tmp_path / "d.csv", "--engine", "algebra", "--trials", 2, "--t-max", 2]
-    assert run("circuit", "run", *options, "--rates", tmp_path / "r.csv") == 0
-    options[0] = tmp_path / "e.csv"
-    assert "NWB needs pynwb" in refusal("circuit", "run", *options, "--nwb", tmp_path / "r.nwb")
+    options = [
+        "--save",
+        tmp_path / "d.csv",
+        "--engine",
+        "algebra",
+        "--task",
+        "trials=2",
+        "--task",
+        "t_max=2",
+    ]
+    assert run("circuit", "run", *options, "--save-rates", tmp_path / "r.csv") == 0
+    options[1] = tmp_path / "e.csv"
+    assert "NWB needs pynwb" in refusal(
+        "circuit", "run", *options, "--save-nwb", tmp_path / "r.nwb"
+    )
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate", "population"])
 def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
-    options = ["--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
+    options = ["--task", "trials=6", "t_max=4", "--seed", 3, "--task", "channels=3"]
     options += ["--edits", "neurons 30"] if engine == "ensemble" else []
-    assert run("circuit", "run", table, "--engine", engine, "--rates", rates, *options) == 0
+    assert (
+        run("circuit", "run", "--save", table, "--engine", engine, "--save-rates", rates, *options)
+        == 0
+    )
     assert "6 trials, accuracy" in capsys.readouterr().out
     first = pd.read_csv(table, comment="#")
     assert len(first) == 6
     assert {"rt", "response", "stimulus", "correct"} <= set(first)
     assert {"population", "channel", "time_ms", "rate_hz"} <= set(pd.read_csv(rates, comment="#"))
     again = tmp_path / "again.csv"
-    assert run("circuit", "run", again, "--engine", engine, *options, "--workers", 1) == 0
+    assert run("circuit", "run", "--save", again, "--engine", engine, *options, "--workers", 1) == 0
     pd.testing.assert_frame_equal(first, pd.read_csv(again, comment="#"))
 
 
 def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
     table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
-    options = ["--trials", 3, "--t-max", 2, "--edits", "neurons 30", "--engine", "ensemble"]
+    options = [
+        "--task",
+        "trials=3",
+        "--task",
+        "t_max=2",
+        "--edits",
+        "neurons 30",
+        "--engine",
+        "ensemble",
+    ]
     options += ["--spike-trials", 2]
-    assert run("circuit", "run", table, *options, "--spikes", spikes, "--rates", rates) == 0
+    assert (
+        run(
+            "circuit",
+            "run",
+            "--save",
+            table,
+            *options,
+            "--save-spikes",
+            spikes,
+            "--save-rates",
+            rates,
+        )
+        == 0
+    )
     found = pd.read_csv(spikes, comment="#")
     assert list(found) == ["population", "trial", "channel", "neuron", "time_ms"]
     assert set(found["trial"]) == {0, 1}
     assert {"ctx", "D1", "D2", "STN", "GPe", "SNr"} == set(found["population"])
     every = [*options[:-1], 3]
-    assert run("circuit", "run", table, *every, "--spikes", spikes, "--force") == 0
+    assert run("circuit", "run", "--save", table, *every, "--save-spikes", spikes, "--force") == 0
     found, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")
     for name in ("STN", "GPe"):
         hz = mean[mean["population"] == name]["rate_hz"].mean()
@@ -127,13 +163,13 @@ def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path
 def test_a_posterior_below_a_half_is_allowed_where_a_table_has_three_hypotheses(tmp_path, refusal):
     mine = tmp_path / "mine.csv"
     long_table(some_evidence(trials=30)).to_csv(mine, index=False)
-    given = ("--evidence", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
+    given = ("--task", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
     out = tmp_path / "out.csv"
-    assert run("circuit", "run", out, *given, "--posterior", 0.45) == 0
+    assert run("circuit", "run", "--save", out, *given, "--posterior", 0.45) == 0
     assert read_provenance(out)["parameters"]["command"]["posterior"] == 0.45
     # The same criterion as a threshold: -ln P.
     again = tmp_path / "again.csv"
-    assert run("circuit", "run", again, *given, "--threshold", -np.log(0.45)) == 0
+    assert run("circuit", "run", "--save", again, *given, "--threshold", -np.log(0.45)) == 0
     assert again.read_bytes() == out.read_bytes()
     two = ("circuit", "run", out, *given[2:], "--posterior", 0.45, "--force")
     assert "posterior must lie between chance, 0.5 with 2" in refusal(*two)
@@ -146,10 +182,10 @@ def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, eng
     given.assign(ll_b=-given["ll_a"]).to_csv(tmp_path / "mine.csv", index=False)
     out = tmp_path / "out.csv"
     asked = ["--engine", engine, "--seed", 5, "--force"]
-    assert run("circuit", "run", out, *asked, "--trials", 4, "--t-max", 4) == 0
+    assert run("circuit", "run", "--save", out, *asked, "--task", "trials=4", "t_max=4") == 0
     assert (pd.read_csv(out)["seed"] == 5).all()
     assert read_provenance(out)["seed"] == 5
-    assert run("circuit", "run", out, *asked, "--evidence", tmp_path / "mine.csv") == 0
+    assert run("circuit", "run", "--save", out, *asked, "--task", tmp_path / "mine.csv") == 0
     assert (read_provenance(out)["seed"] == 5) == noisy
     assert (pd.read_csv(out)["seed"] == 5).all() == noisy
 
@@ -158,8 +194,20 @@ def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, eng
 def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
     there = tmp_path / "there.csv"
     there.write_text("mine\n")
-    given = ("--engine", "ensemble", "--edits", "neurons 20", "--trials", 2, "--t-max", 2)
-    assert run("circuit", "run", tmp_path / "out.csv", f"--{option}", there, *given) == 2
+    given = (
+        "--engine",
+        "ensemble",
+        "--edits",
+        "neurons 20",
+        "--task",
+        "trials=2",
+        "--task",
+        "t_max=2",
+    )
+    assert (
+        run("circuit", "run", "--save", tmp_path / "out.csv", f"--save-{option}", there, *given)
+        == 2
+    )
     assert "there.csv" in capsys.readouterr().err
     assert there.read_text() == "mine\n"
     assert not (tmp_path / "out.csv").exists()
@@ -169,12 +217,12 @@ def test_an_exported_trial_has_the_spikes_of_that_trial_in_a_run(tmp_path):
     """The run is of another engine, which takes all trials."""
     script, spikes = tmp_path / "trial.py", tmp_path / "spikes.csv"
     given = ["--circuit", "spiking_msprt", "--edits", "neurons 8", "lesion STN 25%", "--seed", 4]
-    given += ["--t-max", 1, "--step-ms", 10]
-    assert run("circuit", "export", script, "--trial", 2, *given) == 0
+    given += ["--task", "t_max=1", "step_ms=10"]
+    assert run("circuit", "export", "--save", script, "--trial", 2, *given) == 0
     command = [sys.executable, script.name, "own.csv"]
     subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
-    given += ["--engine", "ensemble", "--trials", 3, "--spikes", spikes]
-    assert run("circuit", "run", tmp_path / "d.csv", *given) == 0
+    given += ["--engine", "ensemble", "--task", "trials=3", "--save-spikes", spikes]
+    assert run("circuit", "run", "--save", tmp_path / "d.csv", *given) == 0
     columns = ["population", "channel", "neuron", "time_ms"]
     both = pd.read_csv(tmp_path / "own.csv"), pd.read_csv(spikes, comment="#").query("trial == 2")
     own, ours = (table[columns].sort_values(columns, ignore_index=True) for table in both)
@@ -184,10 +232,21 @@ def test_an_exported_trial_has_the_spikes_of_that_trial_in_a_run(tmp_path):
 
 def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
     edits = ["neurons 8", "lesion STN 25%"]
-    given = ["--seed", 4, "--trials", 3, "--t-max", 2, "--gain", 0.4, "--edits", *edits]
+    given = [
+        "--seed",
+        4,
+        "--task",
+        "trials=3",
+        "--task",
+        "t_max=2",
+        "--gain",
+        0.4,
+        "--edits",
+        *edits,
+    ]
     for trial in (0, 2):
         path = tmp_path / f"{trial}.py"
-        assert run("circuit", "export", path, "--trial", trial, *given) == 0
+        assert run("circuit", "export", "--save", path, "--trial", trial, *given) == 0
         task = Gaussian(trials=3, t_max=2)
         asked = Condition(edits=Edits(edits), engine="brian2", gain=0.4, seed=4, task=task)
         evidence = asked.drawn("circuit run").evidence
@@ -204,18 +263,27 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
 def test_an_option_without_effect_on_an_export_is_refused_by_its_name(
     option, value, tmp_path, refusal
 ):
-    given = [f"--{option}", value, "--trials", 100]
-    assert option in refusal("circuit", "export", tmp_path / "trial.py", *given)
+    given = [f"--{option}", value, "--task", "trials=100"]
+    assert option in refusal("circuit", "export", "--save", tmp_path / "trial.py", *given)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
     pynwb = pytest.importorskip("pynwb")
     table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
-    given = ["--trials", 4, "--t-max", 2, "--engine", "plain", "--circuit", "spiking_msprt"]
-    given += ["--edits", "neurons 4", "--spikes", spikes, "--step-ms", 20]
-    chosen = ["--nwb", recording, "--nwb-trials", 3, 1]
-    assert run("circuit", "run", table, *given, *chosen) == 0
+    given = [
+        "--task",
+        "trials=4",
+        "--task",
+        "t_max=2",
+        "--engine",
+        "plain",
+        "--circuit",
+        "spiking_msprt",
+    ]
+    given += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
+    chosen = ["--save-nwb", recording, "--nwb-trials", 3, 1]
+    assert run("circuit", "run", "--save", table, *given, *chosen) == 0
     decided, fired = (pd.read_csv(path, comment="#") for path in (table, spikes))
     with pynwb.NWBHDF5IO(str(recording), "r") as file:
         read = file.read()
@@ -228,4 +296,6 @@ def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, 
         expected = fired[fired["trial"] == trial]["time_ms"].sort_values() / 1000
         np.testing.assert_allclose(here, expected)
         assert len(here) > 10
-    assert "nwb_trials" in refusal("circuit", "run", table, *given, "--nwb-trials", 4, "--force")
+    assert "nwb_trials" in refusal(
+        "circuit", "run", "--save", table, *given, "--nwb-trials", 4, "--force"
+    )

@@ -105,12 +105,11 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--strength", "contrast"], "mine.csv: there is no column contrast; there are"),
         (["--vary", "bound=day"], "mine.csv: there is no column day; there are"),
         (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
-        (["--deadline", "0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
-        (["--deadline", "-1"], "mine.csv: deadline_s must be > 0 and finite"),
+        (["--columns", "deadline_s=0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
+        (["--columns", "deadline_s=-1"], "mine.csv: deadline_s must be > 0 and finite"),
         (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
-        (["--models"], "models must name at least one"),
         (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
-        (["--engine", "abacus"], "engine must be one of "),
+        (["--simulation", "engine=abacus"], "engine must be one of "),
         (["--free", "mood"], "free must name a parameter, one of threshold, sensitivity, bound"),
         (["--free", "dopamine"], "free must name a parameter, one of threshold, sensitivity"),
         (["--fix", "mood=1"], "fix must name a parameter, one of "),
@@ -126,11 +125,14 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--fix", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
         (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
         (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be both free and fixed"),
-        (["--trials", "0"], "trials must be at least 1, got 0"),
-        (["--noise-nats", "0"], "noise_nats must be > 0 and finite, got 0"),
-        (["--rt-window", "2", "0.3"], "rt_window must be an earliest and a later latest time"),
-        (["--rt-window", "5", "9"], "rt_window must leave at least 10 responses, got 0 of 80 of a"),
-        (["--noise-nats", "nan"], "noise_nats must be > 0 and finite, got nan"),
+        (["--simulation", "trials=0"], "trials must be at least 1, got 0"),
+        (["--simulation", "noise_nats=0"], "noise_nats must be > 0 and finite, got 0"),
+        (["--columns", "rt_window=2,0.3"], "rt_window must be an earliest and a later latest time"),
+        (
+            ["--columns", "rt_window=5,9"],
+            "rt_window must leave at least 10 responses, got 0 of 80 of a",
+        ),
+        (["--simulation", "noise_nats=nan"], "noise_nats must be > 0 and finite, got nan"),
     ],
 )
 def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
@@ -176,8 +178,17 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
     some = GOOD[GOOD["coherence"].abs() == 0.4]
     some.to_csv("one.csv", index=False)
     free = ["--free", "sensitivity", "threshold_nats", "dopamine", "t0_s"]
-    asked = ["one.csv", *COHERENCE, "--pooled", "--models", "macaque", "--mechanism", "dopamine"]
-    small = ["--engine", "rate", "--trials", "200", "--fix", "t0_sd_s=0.1"]
+    asked = [
+        "one.csv",
+        *COHERENCE,
+        "--people",
+        "pooled",
+        "--models",
+        "macaque",
+        "--mechanism",
+        "dopamine",
+    ]
+    small = ["--simulation", "engine=rate", "trials=200", "--fix", "t0_sd_s=0.1"]
     assert run("fit", *asked, *free, *small) == 0
     assert "hardly distinguish threshold_nats from dopamine" in capsys.readouterr().err
     assert set(pd.read_csv("fits/one/parameters.csv")["parameter"]) > {"dopamine", "t0_s"}
@@ -302,7 +313,7 @@ def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
     changed(coherence=GOOD["coherence"].abs()).to_csv(mine, index=False)
     if drop:
         with pytest.warns(UserWarning, match=r"coherence \(2 values, .* may hold it"):
-            assert run("fit", "mine.csv", *GAP, *QUICK, "--pooled") == 0
+            assert run("fit", "mine.csv", *GAP, *QUICK, "--people", "pooled") == 0
     else:
         said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
         assert said.startswith("mine.csv: strength must be signed, positive where it favours")
@@ -312,17 +323,25 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
     right = (GOOD["response"] == 1) == (GOOD["coherence"] > 0)
     table = changed(coherence=GOOD["coherence"].abs(), response=right.astype(int))
     table.to_csv(mine, index=False)
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
 
 
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
-    assert run("fit", "mine.csv", "--json", "--pooled", *COHERENCE, *GAP, *QUICK) == 0
+    assert run("fit", "mine.csv", "--json", "--people", "pooled", *COHERENCE, *GAP, *QUICK) == 0
     found = json.loads(capsys.readouterr().out)["records"]
     assert [row["participant"] for row in found if not row["held"]] == ["all"] * 3
 
 
 def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
-    small = ["--engine", "rate", "--trials", "16", "--json", "--pooled"]
+    small = [
+        "--simulation",
+        "engine=rate",
+        "--simulation",
+        "trials=16",
+        "--json",
+        "--people",
+        "pooled",
+    ]
     models = ["--models", "constant_gap", "macaque"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
                "--vary", "threshold=drug", "--fix", "lapse=0.02") == 0  # fmt: skip
@@ -336,7 +355,7 @@ def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
 def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
     models = ["--models", "constant_gap", "falling_gap"]
     free = ["--free", "sensitivity", "fall_per_s", "threshold"]
-    assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--pooled") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--people", "pooled") == 0
     said = capsys.readouterr().err
     assert "constant_gap has no fall_per_s, so all its parameters outside --free are fixed" in said
     assert "falling_gap has no" not in said
@@ -354,7 +373,7 @@ def test_a_circuit_is_simulated_to_the_half_second_after_the_longest_response(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(CircuitModel, "_simulate", simulate)
-    given = [] if deadline is None else ["--deadline", str(deadline)]
+    given = [] if deadline is None else ["--columns", f"deadline_s={deadline!s}"]
     for who, own in GOOD.groupby("participant_id"):
         asked = ["mine.csv", "out", *COHERENCE, *QUICK, "--models", "macaque", *given]
         assert run("fit", *asked, "--participant", who) == 130
@@ -374,18 +393,30 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
     fitted = found[~found["held"]].groupby("participant")["left_out"].first()
     assert fitted.to_dict() == {"a": 0, "b/c": 1}
     capsys.readouterr()
-    said = fails(capsys, *one, "--rt-window", "0.3", "2")
+    said = fails(capsys, *one, "--columns", "rt_window=0.3,2")
     assert said.startswith("'fits/mine' holds fits with another rt_window: give another folder")
     outside = (late < 0.4) | (late > 2)
     with pytest.warns(UserWarning, match="are excluded from the fit"):
-        assert run("fit", "mine.csv", "out", *one[1:], "--pooled", "--rt-window", "0.4", "2") == 0
+        assert (
+            run(
+                "fit",
+                "mine.csv",
+                "out",
+                *one[1:],
+                "--people",
+                "pooled",
+                "--columns",
+                "rt_window=0.4,2",
+            )
+            == 0
+        )
     found = pd.read_csv("out/parameters.csv")
     assert (found.loc[~found["held"], "left_out"] == outside.sum()).all()
     assert read_provenance("out/parameters.csv")["parameters"]["rt_window"] == ["0.4", "2"]
 
 
 def test_all_times_are_fitted_if_asked_for(capsys):
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--rt-window", "0", "inf") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--columns", "rt_window=0,inf") == 0
     behind = read_provenance("fits/mine/parameters.csv")["parameters"]
     assert behind["rt_window"] == ["0", "inf"]
 
@@ -394,13 +425,13 @@ def test_an_optimum_at_a_bound_is_said_and_again_where_the_fit_is_there_already(
     """Responses by chance: no evidence is heard."""
     rng = np.random.default_rng(1)
     changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
     said = capsys.readouterr().err
     assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in said
     # Times are those of evidence that is heard.
     assert "the model does not fit" in said
     assert len(said.strip().splitlines()) == 2
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
     assert capsys.readouterr().err == said
 
 
@@ -409,9 +440,9 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
 
     monkeypatch.setitem(posterior.posterior.__kwdefaults__, "most_steps", 60)
     # A fit without draws is another one.
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
     capfd.readouterr()
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled", "--draws") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled", "--draws") == 0
     shown = capfd.readouterr()
     (said,) = shown.err.splitlines()
     assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
@@ -426,7 +457,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     import bgmodel.fitting.fit as module
 
     asked = ["mine.csv", *COHERENCE, *QUICK, "--models", "constant_gap", "macaque"]
-    asked += ["--engine", "rate", "--trials", "16"]
+    asked += ["--simulation", "engine=rate", "trials=16"]
     real, done = module.optimum, []
 
     def searched(likelihood, **given):
@@ -459,7 +490,15 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
 
 
 def test_models_are_compared_by_cross_validation(mine, capsys):
-    asked = [*COHERENCE, "--pooled", "--models", "constant_gap", "falling_gap", "--compare"]
+    asked = [
+        *COHERENCE,
+        "--people",
+        "pooled",
+        "--models",
+        "constant_gap",
+        "falling_gap",
+        "--compare",
+    ]
     quick = ["--fix", "t0_sd_s=0.05", "lapse=0.01", "fall_per_s=0.5"]
     assert run("fit", "mine.csv", "out", *asked, *quick) == 0
     assert "cross-validation" in capsys.readouterr().out
@@ -474,7 +513,7 @@ def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
     trials = pd.read_csv("mine.csv")
     trials["block"] = ["early", "late"] * (len(trials) // 2) + ["early"] * (len(trials) % 2)
     trials.to_csv("mine.csv", index=False)
-    asked = [*COHERENCE, "--pooled", *GAP, "--fix", "t0_sd_s=0.05", "lapse=0.01"]
+    asked = [*COHERENCE, "--people", "pooled", *GAP, "--fix", "t0_sd_s=0.05", "lapse=0.01"]
     vary = ["--vary", "bound=block"]
     assert run("fit", "mine.csv", "out", *asked, *vary, "--compare") == 0
     table = pd.read_csv("out/comparison.csv").set_index("model")

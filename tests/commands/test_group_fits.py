@@ -12,7 +12,8 @@ from tests.fitting.conftest import PEOPLE as PERSONS
 from tests.fitting.conftest import table
 from tests.helpers import run
 
-ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap", "--hierarchical",
+ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap",
+         "--people", "hierarchical",
          "--workers", "1",
          "--fix", "t0_sd_s=0.05", "lapse=0.01", "t0_s=0.3"]  # fmt: skip
 
@@ -58,7 +59,7 @@ def test_models_are_compared_by_the_draws(mine, capsys):
 
 def test_fits_of_both_kinds_have_one_folder(mine, capsys):
     """Neither writes over the other's tables."""
-    single = [each for each in ASKED if each not in ("--hierarchical", "--workers", "1")]
+    single = [each for each in ASKED if each not in ("--people", "hierarchical", "--workers", "1")]
     assert run("fit", *single) == 0
     assert run("fit", *ASKED) == 0
     before = {path.name: path.read_bytes() for path in (mine / "out").glob("*.csv")}

@@ -11,7 +11,7 @@ from tests.fitting.known.test_table import tables
 from tests.helpers import run
 from tests.known_trials import simulated
 
-QUICK = ["--models", "msprt", "run", "--forced"]
+QUICK = ["--models", "msprt", "run", "--evidence", "forced=true"]
 
 
 @pytest.fixture(autouse=True)
@@ -44,9 +44,9 @@ def test_it_writes_tables_and_a_figure_and_prints_json(capsys):
         ["--evidence", "evidence.csv", *QUICK, "--draws"],
         ["--evidence", "nothing.csv", *QUICK],
         ["--evidence", "evidence.csv", "--models", "ddm"],
-        ["--evidence", "evidence.csv", *QUICK, "--step-ms", "50"],
-        ["--step-ms", "50"],
-        ["--forced"],
+        ["--evidence", "evidence.csv", *QUICK, "--evidence", "step_ms=50"],
+        ["--evidence", "step_ms=50"],
+        ["--evidence", "forced=true"],
     ],
 )
 def test_mistakes_end_with_one_sentence_and_no_file(capsys, arguments):

@@ -71,8 +71,8 @@ def test_results_as_json_and_again_with_force(capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--strength", "coherence"), "--strength has no effect with --task stop"),
-        (("--rt-window", "0", "inf"), "--rt-window has no effect with --task stop"),
+        (("--strength", "coherence"), "strength has no effect with --task stop"),
+        (("--columns", "rt_window=0,inf"), "rt_window has no effect with --task stop"),
         (("--models", "falling_gap"), "models must be of constant_gap, or circuits"),
         (("--models", "weibull_gap"), "models must be of constant_gap, or circuits"),
     ],
@@ -89,7 +89,7 @@ def test_stop_trials_in_a_fit_of_choices_are_refused(capsys):
     table = table_of()
     with refused("ssd use bgmodel fit --task stop"):
         bg.fit(table.assign(response=1))
-    assert "--restore-delays needs --task stop" in fails(capsys, "--restore-delays")
+    assert "restore_delays needs --task stop" in fails(capsys, "--columns", "restore_delays=true")
 
 
 def test_restoring_delays_hides_no_other_doubt_about_a_table():

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.watch import images
+from bgmodel.from_images import images
 from bgmodel.support.files import read_table
 from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.recordings import Tracker, read_taps
@@ -81,8 +81,8 @@ def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, cap
     thread = arriving(camera, [first] * 10 + [blank] + [second] * 10)
     out = tmp_path / "decisions.csv"
     asked = ["--decoder", decoder, "--taps", decoded, "--mm-per-px", MM_PER_PX, *who]
-    asked += ["--task", "edge-direction", "--step-deg", STEP_DEG, "--idle-s", 1.5]
-    assert run("watch", camera, out, *asked) == 0
+    asked += ["--task", "edge-direction", f"step_deg={STEP_DEG}", "--idle-s", 1.5]
+    assert run("touch", "watch", camera, "--save", out, *asked) == 0
     thread.join()
     found = read_table(out)
     assert len(found) >= 4
@@ -100,9 +100,17 @@ def test_a_table_of_another_decoder_is_refused(sensor, tmp_path, capsys):
     asked = ["--edge", "--mm-per-px", MM_PER_PX]
     other = tmp_path / "other.safetensors"
     train(taps, seed=2, training=replace(EDGE, epochs=1)).save(other)
-    assert run("decode", other, images, table, *asked) == 0
+    assert run("touch", "decode", other, images, "--save", table, *asked) == 0
     (tmp_path / "camera").mkdir()
-    watch = ["watch", tmp_path / "camera", tmp_path / "o.csv", "--decoder", decoder]
+    watch = [
+        "touch",
+        "watch",
+        tmp_path / "camera",
+        "--save",
+        tmp_path / "o.csv",
+        "--decoder",
+        decoder,
+    ]
     assert run(*watch, "--taps", table, "--mm-per-px", MM_PER_PX, "--idle-s", 0.1) == 2
     assert "was decoded by another decoder" in capsys.readouterr().err
 
@@ -146,5 +154,5 @@ def test_bad_input_gets_one_clear_sentence(given, says, sensor, tmp_path, capsys
     asked |= {"folder": str(tmp_path / "camera")} | given
     folder = asked.pop("folder")
     options = [part for k, v in asked.items() for part in (f"--{k.replace('_', '-')}", v)]
-    assert run("watch", folder, tmp_path / "out.csv", *options) == 2
+    assert run("touch", "watch", folder, "--save", tmp_path / "out.csv", *options) == 2
     assert says in capsys.readouterr().err

@@ -106,9 +106,9 @@ def test_without_decisions_there_is_nothing_to_say():
 
 
 @pytest.mark.parametrize("conflict", [0.0, 0.9])
-def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(tmp_path, conflict):
-    asked = ("circuit", "run", tmp_path / "out.csv", "--engine", "population", "--conflict")
-    asked += (conflict, "--trials", 200, "--posterior", 0.7)
+def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(conflict):
+    asked = ("circuit", "run", "--engine", "population", "--posterior", 0.7)
+    asked += ("--task", f"conflict={conflict}", "trials=200")
     if not conflict:
         silent(run, *asked)
         return
@@ -142,6 +142,6 @@ def test_a_table_of_ones_own_that_is_too_sure_is_told_so(tmp_path):
     out = tmp_path / "decided.csv"
     sure, right = (own_table(tmp_path / f"{factor}.csv", factor) for factor in (3.0, 1.0))
     with pytest.warns(CalibrationWarning, match=r"the evidence is too sure: .* of 300 decisions"):
-        assert run("decide", out, "--evidence", sure, "--posterior", 0.9) == 0
-    asked = ("decide", out, "--evidence", right, "--posterior", 0.9, "--force")
+        assert run("decide", "--save", out, "--task", sure, "--posterior", 0.9) == 0
+    asked = ("decide", "--save", out, "--task", right, "--posterior", 0.9, "--force")
     assert silent(run, *asked) == 0

@@ -232,8 +232,8 @@ def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
     from bgmodel.task import Gaussian
 
     out = tmp_path / "out.csv"
-    given = ("--trials", 30, "--engine", "population", "--seed", 5, "--posterior", 0.85)
-    assert run("circuit", "run", out, *given) == 0
+    given = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
+    assert run("circuit", "run", "--save", out, *given) == 0
     evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
     model = BasalGanglia("macaque", "population", 0.55, 5)
     means = RateMeans()

@@ -96,7 +96,7 @@ def test_a_file_says_what_is_run(experiment_file):
 )
 def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, old, new, says):
     experiment_file.write_text(GOOD.replace(old, new))
-    assert run("experiment", experiment_file, tmp_path / "out.csv") == 2
+    assert run("experiment", experiment_file, "--save", tmp_path / "out.csv") == 2
     *_, error = capsys.readouterr().err.splitlines()
     assert error.startswith("bgmodel: ")
     assert pd.Series([error]).str.contains(says).all(), error

@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_models
+from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_fits
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.predicted import Predicted
 from bgmodel.fitting.trials.design import design_of
@@ -35,7 +35,7 @@ def right(some):
 
 @pytest.fixture(scope="module")
 def twice(right):
-    return compare_models({"one": right, "two": right})
+    return compare_fits({"one": right, "two": right})
 
 
 def score(trials, person=None, without=None):
@@ -45,7 +45,7 @@ def score(trials, person=None, without=None):
 
 
 def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
-    found = compare_models({"right": right, "blind": fitted(some, sensitivity=0.1)})
+    found = compare_fits({"right": right, "blind": fitted(some, sensitivity=0.1)})
     assert found.best == "right"
     assert found.table.loc["blind", "verdict"] == "right predicts better"
     assert found.table.loc["right", "difference"] == 0
@@ -89,7 +89,7 @@ def test_simulated_trials_are_part_of_the_error():
 
 
 def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
-    found = compare_models({"one": group, "two": group})
+    found = compare_fits({"one": group, "two": group})
     assert found.method == "PSIS-LOO"
     score = found.scores["one"]
     per_person = np.bincount(score.person, score.trials)
@@ -101,14 +101,14 @@ def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
 @pytest.mark.parametrize("wrong", [{}, {"one": 1, "two": 2}], ids=["none", "numbers"])
 def test_what_is_no_fit_is_refused(wrong):
     with pytest.raises(InputError) as error:
-        compare_models(wrong)
+        compare_fits(wrong)
     assert error.value.field == "fits"
 
 
 def test_fits_to_other_trials_are_refused(some, right):
     other = fitted(some.where(np.arange(some.trials) < 180))
     with pytest.raises(InputError) as error:
-        compare_models({"one": right, "two": other})
+        compare_fits({"one": right, "two": other})
     assert error.value.field == "fits"
 
 

@@ -71,11 +71,11 @@ class Last:
 
 def test_a_baseline_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(BASELINES, "last", Last)
-    options = ["--trials", "100", "--t-max", "20", "--engine", "algebra"]
-    assert main(["compare", str(tmp_path / "a.csv"), *options]) == 0
+    options = ["--task", "trials=100", "t_max=20", "--engine", "algebra"]
+    assert main(["compare", "--save", str(tmp_path / "a.csv"), *options]) == 0
     assert "last" in set(pd.read_csv(tmp_path / "a.csv", comment="#")["model"])
     options += ["--task", "same-different"]
-    assert main(["compare", str(tmp_path / "b.csv"), *options]) == 0
+    assert main(["compare", "--save", str(tmp_path / "b.csv"), *options]) == 0
     assert "race and LCA and last are left out" in capsys.readouterr().err
     assert "last" not in set(pd.read_csv(tmp_path / "b.csv", comment="#")["model"])
 

@@ -136,13 +136,13 @@ def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys
     gain = BasalGanglia(TABLE).adapted_to(outcome.given.evidence).gain
     assert {model.gain for model in outcome.models} == {gain}
     assert f"; gain {gain:g};" in outcome.text()
-    out, terminal = tmp_path / "o.csv", ["--d-prime", 2, "--trials", 100, "--t-max", 20]
-    assert run("experiment", tmp_path / "a.toml", out) == 0
+    out, terminal = tmp_path / "o.csv", ["--task", "d_prime=2", "trials=100", "t_max=20"]
+    assert run("experiment", tmp_path / "a.toml", "--save", out) == 0
     assert read_provenance(out)["parameters"]["experiment"]["gain"] == gain
     for command in (["circuit", "run"], ["compare"]):
         path = tmp_path / f"{command[-1]}.csv"
         capsys.readouterr()
-        assert run(*command, path, *terminal) == 0
+        assert run(*command, "--save", path, *terminal) == 0
         recorded = read_provenance(path)["parameters"]["command"]["gain"]
         assert recorded < TABLE.default_gain
         assert f"gain {recorded:g}" in capsys.readouterr().out

@@ -17,6 +17,7 @@ from bgmodel.stopping.circuit import (
 from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
+from circuits import engines
 from circuits.errors import EditWarning, NoiseWarning, RangeWarning
 from tests.helpers import refused
 
@@ -43,7 +44,7 @@ def test_at_the_fixed_point_it_adds_its_nats_to_the_output_of_the_leader(amount)
     table = bg.load_circuit("macaque").with_inputs("STN")
     stop = np.concatenate([drive, np.full((1, 3, 1), amount)], axis=2)
     out, plain = (
-        bg.engines.run(table, each, engine="algebra", step_ms=10.0).output_nats.min(axis=2)
+        engines.run(table, each, engine="algebra", step_ms=10.0).output_nats.min(axis=2)
         for each in (stop, drive)
     )
     assert out - plain == pytest.approx(amount, abs=0.005)

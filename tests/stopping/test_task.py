@@ -10,7 +10,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.cli import main
-from bgmodel.commands.stopping import TASK as STANDARD
+from bgmodel.commands.circuit import STOPPED
 from bgmodel.conditions import STREAM, Observed
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
@@ -30,6 +30,8 @@ from tests.helpers import refused, unwarned
 TASK = Gaussian(d_prime=0.35, step_ms=10.0, t_max=100, trials=600)
 MODEL = bg.BasalGanglia("macaque", seed=3)
 LEVEL = MODEL.threshold(None, 0.82)
+RUN = ("circuit", "run")
+SHORT = ("--task", "step_ms=10", "t_max=60", "trials=100", "--stop", "share=0.5")
 
 
 @pytest.fixture(scope="module")
@@ -343,30 +345,32 @@ def test_a_condition_without_signals_is_as_before(evidence):
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
     """One seed, one table, at the terminal and in Python."""
     out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
-    options = ["--trials", "300", "--t-max", "100", "--seed", "5", "--stop.delay-ms", "40"]
-    assert main(["stop", str(out), "--drawing", str(drawing), *options]) == 0
+    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=300", "t_max=100"]
+    options += ["--seed", "5", "--stop", "delay_ms=40"]
+    assert main([*RUN, "--save", str(out), "--plot", str(drawing), *options]) == 0
     said = capsys.readouterr().out
-    condition = bg.Condition(task=replace(STANDARD, trials=300, t_max=100), seed=5)
+    condition = bg.Condition(task=replace(STOPPED, trials=300, t_max=100), seed=5)
     evidence = condition.drawn(STREAM).evidence
     stop = bg.StopTask(share=0.5, delay_ms=40.0)
     mine = stop.decide(condition.model(2), evidence, posterior=0.82, seed=5)
     pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
-    assert "40 ms are the given delay to STN" in said
+    assert "40 ms of it are the given delay to STN" in said
     assert drawing.stat().st_size > 10_000
-    assert main(["stop", "--json", *options]) == 0
+    assert main([*RUN, "--json", *options]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["p_respond"] == mine.p_respond
     assert len(found["records"]) == len(stop.delays_ms)
 
 
 def test_the_command_says_why_there_is_no_estimate(capsys):
-    options = ["--trials", "120", "--t-max", "40", "--stop.delays-ms", "20"]
-    assert main(["stop", *options]) == 0
+    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
+    options += ["share=0.5", "delays_ms=20"]
+    assert main([*RUN, *options]) == 0
     said = capsys.readouterr().out
     assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in said
     assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in said
     assert "nan" not in said.partition("mean go time")[2]
-    assert main(["stop", "--json", *options]) == 0
+    assert main([*RUN, "--json", *options]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert found["ssrt_by_delay_ms"] is None
 
@@ -374,15 +378,18 @@ def test_the_command_says_why_there_is_no_estimate(capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--stop.share", "0"], "share must be between 0 and 1"),
-        (["--t-max", "20"], "delays_ms must be before the deadline of every trial, 200 ms"),
-        (["--stop.nucleus", "ctx_inh"], "nucleus must be one that the signal can act through"),
+        (["--stop", "duration_ms=0"], "duration_ms"),
+        (
+            ["--stop", "delays_ms=700"],
+            "delays_ms must be before the deadline of every trial, 600 ms",
+        ),
+        (["--stop", "nucleus=ctx_inh"], "nucleus must be one that the signal can act through"),
         (["--workers", "0"], "workers must be"),
-        (["--drawing", "x.doc"], "drawing must end in"),
+        (["--plot", "x.doc"], "plot must end in"),
     ],
 )
 def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
-    assert main(["stop", str(tmp_path / "x.csv"), "--trials", "100", *options]) == 2
+    assert main([*RUN, "--save", str(tmp_path / "x.csv"), *SHORT, *options]) == 2
     assert says in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.commands.taps import Train
-from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, check_device, train
+from bgmodel.cli import run
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, train
 from bgmodel.tactile.networks import NETWORKS, EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps
+from circuits.errors import InputError
 from tests.helpers import refused
 from tests.tactile.striped import QUICK, pushed_taps, striped_taps
 
@@ -77,11 +78,9 @@ def test_a_device_that_pytorch_does_not_find_is_refused(device, monkeypatch, tmp
     monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
     with refused(r"device must be one that PyTorch finds here \(cpu\)"):
         train(striped_taps(), seed=3, training=QUICK, device=device)
-    with refused("device"):
-        Train(tmp_path / "absent.npz", tmp_path / "d.onnx", device=device)()
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    if device == "cuda":
-        check_device(device)
+    absent, decoder = str(tmp_path / "absent.npz"), str(tmp_path / "d.onnx")
+    with pytest.raises(InputError, match="device"):
+        run(["touch", "train", absent, "--save", decoder, "--device", device])
 
 
 def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):

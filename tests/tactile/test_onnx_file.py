@@ -104,8 +104,8 @@ def test_taps_are_decoded_without_pytorch(tmp_path):
     """By the commands, with packages of training and of .safetensors absent."""
     taps, decoder, decoded = (tmp_path / name for name in ("t.npz", "d.onnx", "x.csv"))
     striped_taps(100).save(taps, {})
-    quick = ("--training.width", 0.1, "--training.epochs", 1, "--training.batch", 16)
-    assert run("train", taps, decoder, *quick) == 0
+    quick = ("--training", "width=0.1", "epochs=1", "batch=16")
+    assert run("touch", "train", taps, "--save", decoder, *quick) == 0
     assert "device" not in Decoder.load(decoder).about["command"]
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT, "decode", decoder, taps, decoded], cwd=ROOT
@@ -123,7 +123,8 @@ def test_a_missing_package_is_named_with_its_extra(absent, extra, tmp_path, monk
     taps, decoder = tmp_path / "t.npz", tmp_path / "d.onnx"
     decoder.write_bytes(b"")
     monkeypatch.setitem(sys.modules, absent, None)
-    train_it = ("train", taps, decoder, "--force")
-    command = train_it if absent == "onnx" else ("decode", decoder, taps, tmp_path / "x.csv")
+    train_it = ("touch", "train", taps, "--save", decoder, "--force")
+    decode_it = ("touch", "decode", decoder, taps, "--save", tmp_path / "x.csv")
+    command = train_it if absent == "onnx" else decode_it
     said = refusal(*command)
     assert said == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel import Msprt, Sprt, sprt_threshold_from_gap, stream, tally
+from bgmodel import Msprt, Sprt, sprt_threshold_from_gap, stream
 from bgmodel.bootstrap import interval, resampled
+from bgmodel.deciding.tally import tally
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
@@ -295,10 +296,10 @@ def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
         coarse.warn_if_silent()
 
 
-@pytest.mark.parametrize("command", [["decide", "a.csv"], ["circuit", "run", "a.csv"]])
+@pytest.mark.parametrize("command", [["decide"], ["circuit", "run"]])
 def test_commands_say_that_a_grating_is_too_fine(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    task = ["--task", "same-different", "--period-mm", "1", "--trials", "10", "--t-max", "3"]
+    task = ["--task", "same-different", "period_mm=1", "trials=10", "t_max=3"]
     engine = [] if command[0] == "decide" else ["--engine", "algebra"]
     with pytest.warns(CalibrationWarning):
         assert run(*command, *task, *engine) == 0

@@ -160,7 +160,7 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, fil
 
 LESS = {
     "bench": ["--share", "0.05", "--domains", "resting rates"],
-    "discriminate": ["--trials", "200", "--check-trials", "2000", "--evaluations", "8"],
+    "discriminate": ["--task", "trials=200", "--check-trials", "2000", "--evaluations", "8"],
 }
 """Options that make a command of the page short."""
 

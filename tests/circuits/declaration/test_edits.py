@@ -47,7 +47,7 @@ class File:
 
 
 def at_the_terminal(*lines):
-    return parsed(["circuit", "show", "spiking_msprt", "--edits", *lines]).edits
+    return parsed(["circuit", "show", "spiking_msprt", "--edits", *lines]).keywords["edits"]
 
 
 @pytest.mark.parametrize("verb", VERBS)

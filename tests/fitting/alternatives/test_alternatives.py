@@ -10,7 +10,7 @@ from bgmodel.support.files import read_provenance
 from tests.fitting.alternatives.drawn import table
 from tests.helpers import run
 
-QUICK = ["--free", "sensitivity", "threshold", "--trials", "160"]
+QUICK = ["--free", "sensitivity", "threshold", "--simulation", "trials=160"]
 
 
 @pytest.fixture(autouse=True)
@@ -24,7 +24,7 @@ def mine(tmp_path, monkeypatch):
 
 
 def test_models_are_fitted_and_recorded(tmp_path):
-    found = ["search.csv", "--stimulus", "shown", "--strength", "contrast"]
+    found = ["search.csv", "--columns", "stimulus=shown", "--strength", "contrast"]
     run("fit", *found, "--models", "msprt", "race", *QUICK)
     written = pd.read_csv(tmp_path / "fits/search/parameters.csv")
     assert set(written["model"]) == {"msprt", "race"}
@@ -39,14 +39,14 @@ def test_models_are_fitted_and_recorded(tmp_path):
     [
         ["--models", "constant_gap"],
         ["--models", "constant_gap", "macaque"],
-        ["--alternatives", "13"],
-        ["--hierarchical"],
+        ["--columns", "alternatives=13"],
+        ["--people", "hierarchical"],
         ["--mechanism", "dopamine"],
         ["--fix", "start=0.1"],
     ],
     ids=lambda wrong: wrong[0],
 )
 def test_what_cannot_be_fitted_ends_with_one_sentence(capsys, tmp_path, wrong):
-    assert run("fit", "search.csv", "--stimulus", "shown", *wrong, *QUICK) == 2
+    assert run("fit", "search.csv", "--columns", "stimulus=shown", *wrong, *QUICK) == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("bgmodel: ")
     assert not (tmp_path / "fits/search/parameters.csv").exists()

@@ -6,7 +6,7 @@ import pytest
 
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.hierarchy.people import fit_people
-from bgmodel.fitting.model_comparison import compare_models
+from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
@@ -43,7 +43,7 @@ def test_models_are_compared_on_the_same_trials(fits):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bgmodel.fitting.optimum.POPULATION", 6)
         patch.setattr("bgmodel.fitting.predicted.FOLDS", 2)
-        compared = compare_models(fits).table
+        compared = compare_fits(fits).table
     assert set(compared.index) == {"msprt", "race"}
     assert compared.loc["msprt", "parameters"] == 3
     assert compared.loc["race", "parameters"] == 4

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bgmodel.cli import _plain_warnings, main
-from bgmodel.commands import checks
-from bgmodel.commands.checks import plain, say_before, stages
+from bgmodel.commands import output
+from bgmodel.commands.output import plain, say_before, stages
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence
@@ -16,9 +16,9 @@ from tests.helpers import run, some_evidence
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["decide", "mine.csv", "--evidence", "./mine.csv", "--posterior", ".9"],
-        ["circuit", "run", "mine.csv", "--evidence", "mine.csv"],
-        ["circuit", "run", "out.csv", "--rates", "out.csv"],
+        ["decide", "--save", "mine.csv", "--task", "./mine.csv", "--posterior", ".9"],
+        ["circuit", "run", "--save", "mine.csv", "--task", "mine.csv"],
+        ["circuit", "run", "--save", "out.csv", "--save-rates", "out.csv"],
     ],
 )
 def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, capsys, arguments):
@@ -31,7 +31,7 @@ def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, 
 
 
 def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, refusal, monkeypatch):
-    monkeypatch.setattr("bgmodel.commands.decisions.Decide.__call__", lambda self: 1 / 0)
+    monkeypatch.setattr("bgmodel.commands.decide.trials_of", lambda *given, **more: 1 / 0)
     dangling, foreign = tmp_path / "dangling.csv", tmp_path / "foreign.csv"
     dangling.symlink_to(tmp_path / "nowhere.csv")
     (tmp_path / "foreign.csv.json").write_text("[]")
@@ -41,52 +41,58 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
         (foreign, "is not a file of parameters"),
         (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
     ):
-        assert says in refusal("decide", path)
-    monkeypatch.setattr("bgmodel.commands.taps.Decode.__call__", lambda self: 1 / 0)
-    given = ("d.safetensors", tmp_path / "taps", tmp_path / "taps" / "targets.csv", "--force")
-    assert "folder that is read" in refusal("decode", *given)
+        assert says in refusal("decide", "--save", path)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.Decoder.load", lambda path: 1 / 0)
+    given = (
+        "d.safetensors",
+        tmp_path / "taps",
+        "--save",
+        tmp_path / "taps" / "targets.csv",
+        "--force",
+    )
+    assert "folder that is read" in refusal("touch", "decode", *given)
 
 
 def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, refusal):
     out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
     beside.write_text("mine")
-    asked = ("experiment", "stn_no_conflict", out, "--force", "--trials", 100)
+    asked = ("experiment", "stn_no_conflict", "--save", out, "--force", "--trials", 100)
     assert "out_trials.csv' already exists" in refusal(*asked)
     assert beside.read_text() == "mine"
 
 
 def test_a_result_is_written_over_only_by_force(tmp_path, refusal, capsys):
     out = tmp_path / "out.csv"
-    short = ("--trials", 10, "--t-max", 3)
-    assert run("decide", out, *short) == 0
+    short = ("--task", "trials=10", "t_max=3")
+    assert run("decide", "--save", out, *short) == 0
     before = out.read_bytes(), out.with_name("out.csv.json").read_bytes()
-    assert "already exists: give another" in refusal("decide", out, *short, "--seed", 4)
+    assert "already exists: give another" in refusal("decide", "--save", out, *short, "--seed", 4)
     assert before == (out.read_bytes(), out.with_name("out.csv.json").read_bytes())
-    assert run("decide", out, *short, "--seed", 4, "--force") == 0
+    assert run("decide", "--save", out, *short, "--seed", 4, "--force") == 0
     assert out.read_bytes() != before[0]
     # A file that is none of ours stays, even so.
     other = tmp_path / "b.csv"
     (tmp_path / "b.csv.json").write_text('{"rows": 3}')
     (tmp_path / "b.json").write_text("mine")
     capsys.readouterr()
-    assert "is not a file of parameters" in refusal("decide", other, *short, "--force")
+    assert "is not a file of parameters" in refusal("decide", "--save", other, *short, "--force")
     assert (tmp_path / "b.csv.json").read_text() == '{"rows": 3}'
     assert (tmp_path / "b.json").read_text() == "mine"
     assert not other.exists()
-    assert run("decide", tmp_path, *short) == 2
+    assert run("decide", "--save", tmp_path, *short) == 2
 
 
 def test_a_refused_command_makes_no_folder(tmp_path, capsys):
-    assert run("decide", tmp_path / "new" / "out.csv", "--period-mm", 7) == 2
+    assert run("decide", "--save", tmp_path / "new" / "out.csv", "--task", "period_mm=7") == 2
     assert not (tmp_path / "new").exists()
-    assert run("decide", tmp_path / "new" / "out.csv", "--trials", 5) == 0
+    assert run("decide", "--save", tmp_path / "new" / "out.csv", "--task", "trials=5") == 0
     assert (tmp_path / "new" / "out.csv").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeypatch, refusal):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.TemporaryFile", cannot)
-    assert f"folder '{tmp_path}' can't be written" in refusal("decide", "out.csv")
+    assert f"folder '{tmp_path}' can't be written" in refusal("decide", "--save", "out.csv")
 
 
 def cannot(**given):
@@ -96,9 +102,9 @@ def cannot(**given):
 def test_a_run_that_the_deadline_decides_is_warned_of(tmp_path):
     out = tmp_path / "out.csv"
     arguments = ["--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 0.7]
-    arguments += ["--trials", 20, "--t-max", 2]
+    arguments += ["--task", "trials=20", "t_max=2"]
     with pytest.warns(UserWarning, match="20 of 20 trials never meet the threshold"):
-        assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
+        assert run("circuit", "run", "--save", out, *arguments, "--posterior", 0.99) == 0
 
 
 def test_a_warning_is_shown_as_one_sentence_without_its_place():
@@ -151,11 +157,11 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
 @pytest.mark.parametrize(
     ("line", "starts", "said"),
     [
-        ("learn a.csv --what dopamine", "learning.dopamine_learner.level_outcomes",
+        ("learn --what dopamine --save a.csv", "learning.dopamine_learner.level_outcomes",
          "macaque on rate learns dopamine, same-different, 2 alternatives, period_mm 2, in 10 "),
         ("experiment stn_conflict", "experiments.experiment.Experiment.run",
          "an experiment on macaque on population, 2 circuits, 2000 trials of up to "),
-        ("simulate t.npz --taps 2", "tactile.library.contact_library",
+        ("touch simulate --save t.npz --taps 2", "tactile.library.contact_library",
          "solving 36 contacts, once for all runs, and simulating 16 taps\n"),
     ],
 )  # fmt: skip
@@ -176,7 +182,7 @@ def test_a_command_says_before_it_starts_what_runs(
 
 def test_stages_are_told_in_a_log_soon_and_then_not_more_than_once_a_minute(monkeypatch, capsys):
     times = iter([0.0, 9.0, 30.0, 61.0, 95.0, 100.0, 160.0])
-    monkeypatch.setattr(checks.time, "monotonic", lambda: next(times))
+    monkeypatch.setattr(output.time, "monotonic", lambda: next(times))
     with stages("fit") as tell:
         for stage in "abcdef":
             tell(stage)
@@ -187,7 +193,7 @@ def test_stages_are_told_in_a_log_soon_and_then_not_more_than_once_a_minute(monk
 
 
 def test_a_terminal_shows_the_stage_in_one_line(monkeypatch, capsys):
-    monkeypatch.setattr(checks.sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(output.sys.stderr, "isatty", lambda: True, raising=False)
     with stages("fit") as tell:
         tell("optimum")
     assert "optimum" in capsys.readouterr().err

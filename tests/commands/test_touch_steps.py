@@ -1,4 +1,4 @@
-"""The commands `simulate`, `train` and `decode`."""
+"""The commands `touch simulate`, `touch train` and `touch decode`."""
 
 import warnings
 from dataclasses import fields, replace
@@ -6,9 +6,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from bgmodel.cli import parsed
-from bgmodel.commands.taps import Train, _taps
-from bgmodel.commands.touch import _Steps
+from bgmodel import cli
+from bgmodel.commands.touch_steps import _taps
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.decoder import EDGE, Decoder, Training
 from tests.helpers import refused, run
@@ -24,7 +23,7 @@ def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch
 
     monkeypatch.setattr("bgmodel.tactile.library.contact_library", lambda *given, **named: None)
     monkeypatch.setattr("bgmodel.tactile.sensor.simulate", stop)
-    two = ("simulate", tmp_path / "t.npz", "--periods-mm", 0, 2)
+    two = ("touch", "simulate", "--save", tmp_path / "t.npz", "--periods-mm", 0, 2)
     assert run(*two, "--taps", 3, "--yaw-deg", 0, 45) == 2
     assert "taken" in refusal(*two, "--taps", 3000)
     (periods, yaw), (_, drawn) = taken
@@ -38,47 +37,59 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     """The whole way, on so few taps that only the way is tested."""
     taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
     periods = ["--periods-mm", 0, 5]
-    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
+    assert run("touch", "simulate", "--save", taps, "--taps", 150, *periods, "--seed", 1) == 0
     first = taps.read_bytes()
-    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1, "--force") == 0
+    assert (
+        run("touch", "simulate", "--save", taps, "--taps", 150, *periods, "--seed", 1, "--force")
+        == 0
+    )
     assert taps.read_bytes() == first
-    assert "holds taps of a grating: not edge" in refusal("train", taps, decoder, "--edge")
-    quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
-    assert run("train", taps, decoder, *quick) == 0
+    assert "holds taps of a grating: not edge" in refusal(
+        "touch", "train", taps, "--save", decoder, "--edge"
+    )
+    quick = ["--training", "width=0.1", "epochs=1", "batch=32"]
+    assert run("touch", "train", taps, "--save", decoder, *quick) == 0
     told = capsys.readouterr().err
     assert "bgmodel: training on 300 taps for at most 1 epochs\n" in told
-    assert run("decode", decoder, taps, decoded) == 0
+    assert run("touch", "decode", decoder, taps, "--save", decoded) == 0
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
     assert len(table) == 300
     # The decoder knows these taps; it has not seen those that a task needs.
     assert table["trained_on"].all()
-    decide = ("--trials", 40, "--t-max", 5, "--period-mm", 5)
-    assert run("decide", tmp_path / "a.csv", "--taps", decoded, *decide) == 2
+    decide = ("--task", "trials=40", "t_max=5", "period_mm=5")
+    assert run("decide", "--save", tmp_path / "a.csv", "--task", f"taps={decoded}", *decide) == 2
     assert "was trained on 300 of its 300 taps" in capsys.readouterr().err
     held, fresh = tmp_path / "held.npz", tmp_path / "fresh.csv"
-    assert run("simulate", held, "--taps", 120, *periods, "--task", "same-different") == 0
-    assert run("decode", decoder, held, fresh) == 0
+    assert (
+        run(
+            "touch", "simulate", "--save", held, "--taps", 120, *periods, "--task", "same-different"
+        )
+        == 0
+    )
+    assert run("touch", "decode", decoder, held, "--save", fresh) == 0
     assert "trained_on" not in read_table(fresh)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        assert run("decide", tmp_path / "a.csv", "--taps", fresh, *decide) == 0
+        assert run("decide", "--save", tmp_path / "a.csv", "--task", f"taps={fresh}", *decide) == 0
     found = read_provenance(tmp_path / "a.csv")["parameters"]["command"]["task"]
     assert found["taps"] == {"file": "fresh.csv", "sha256": checksum(fresh)}
     assert found["decoder"] == checksum(decoder)
     # Another task needs other yaws: the command that makes them is named.
-    asked = ("--task", "orientation", "--channels", 3, "--posterior", 0.9)
-    assert run("decide", tmp_path / "b.csv", "--taps", fresh, *decide, *asked) == 2
+    asked = ("--task", "orientation", "channels=3", "--posterior", 0.9)
+    assert (
+        run("decide", "--save", tmp_path / "b.csv", "--task", f"taps={fresh}", *decide, *asked) == 2
+    )
     assert "--periods-mm 5 --yaw-deg -45 15 75" in capsys.readouterr().err
 
 
 def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("bgmodel.tactile.decoder.EDGE", replace(EDGE, epochs=1))
+    monkeypatch.setattr("bgmodel.commands.touch_steps.EDGE", replace(EDGE, epochs=1))
     shown = hexagon()
     images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 175, 320)]
     folder = write(tmp_path / "my_taps", images, "dev-data")
     out = tmp_path / "edge.safetensors"
-    assert run("train", folder, out, "--edge", "--mm-per-px", MM_PER_PX) == 0
+    assert run("touch", "train", folder, "--save", out, "--edge", "--mm-per-px", MM_PER_PX) == 0
     assert Decoder.load(out).about["command"]["taps"] == {"folder": "my_taps"}
 
 
@@ -86,7 +97,7 @@ def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):
     shown = hexagon()[6:]  # a row at the rim is hidden
     images = [draw(shown + field(shown, yaw)) for yaw in (-90, 0, 90)]
     folder = write(tmp_path / "my_taps", images, "dev-data")
-    taps, about = _taps(Train(folder, folder, edge=True, mm_per_px=MM_PER_PX, pins=91))
+    taps, about = _taps(folder, True, MM_PER_PX, 91)
     assert len(taps) == 3
     assert about["recordings"] == "my_taps"
     assert "my_taps: 85 of 91 pins found, 85 to 85 of them per tap" in capsys.readouterr().out
@@ -101,7 +112,9 @@ def test_memory_is_asked_for_what_the_taps_take(tmp_path, monkeypatch, refusal):
         raise ValueError("asked")
 
     monkeypatch.setattr("bgmodel.tactile.sensor.check_memory", refuse)
-    assert "asked" in refusal("simulate", tmp_path / "t.npz", "--taps", 1000, "--periods-mm", 0, 5)
+    assert "asked" in refusal(
+        "touch", "simulate", "--save", tmp_path / "t.npz", "--taps", 1000, "--periods-mm", 0, 5
+    )
     assert asked == [3 * 2000 * 361 * 2 * 8]
 
 
@@ -123,11 +136,11 @@ def taken(monkeypatch):
         raise Taken(training)
 
     monkeypatch.setattr("bgmodel.tactile.decoder.train", take)
-    monkeypatch.setattr("bgmodel.commands.taps._taps", lambda command: ([], {}))
+    monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *given: ([], {}))
 
     def asked(*options):
         with pytest.raises(Taken) as found:
-            run("train", "taps.npz", "edge.safetensors", *options)
+            run("touch", "train", "taps.npz", "--save", "edge.safetensors", *options)
         return found.value.args[0]
 
     return asked
@@ -143,32 +156,32 @@ def test_a_training_option_is_used_for_edges_too_also_at_the_default_of_gratings
     more = ["--edge"] if edge else []
     default = EDGE if edge else Training()
     assert taken(*more) == default
-    found = taken(*more, f"--training.{name.replace('_', '-')}", CHOSEN[name])
+    found = taken(*more, "--training", f"{name}={CHOSEN[name]}")
     assert found == replace(default, **{name: CHOSEN[name]})
 
 
-RECORDED = ("touch", "mine", "--training", ".", "--held-out", ".", "--mm-per-px", 0.3)
+RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-px", 0.3)
 
 
 @pytest.mark.parametrize(
     ("command", "field"),
     [
-        (("simulate", "out.npz", "--channels", 4), "channels"),
-        (("train", "taps.npz", "d.onnx", "--mm-per-px", 0.3), "mm_per_px"),
-        (("decode", "taps.npz", "taps.npz", "d.csv", "--pins", 91), "pins"),
+        (("touch", "simulate", "--save", "out.npz", "--task", "channels=4"), "task.channels"),
+        (("touch", "train", "taps.npz", "--save", "d.onnx", "--mm-per-px", 0.3), "mm_per_px"),
+        (("touch", "decode", "taps.npz", "taps.npz", "--save", "d.csv", "--pins", 91), "pins"),
         (("touch", "mine", "--mm-per-px", 0.3), "mm_per_px"),
-        (("touch", "mine", "--step-deg", 7), "step_deg"),
+        (("touch", "mine", "--task", "step_deg=7"), "task.step_deg"),
         ((*RECORDED, "--taps", 7), "taps"),
         ((*RECORDED, "--held-out-taps", 7), "held_out_taps"),
-        ((*RECORDED, "--period-mm", 1), "period_mm"),
-        ((*RECORDED, "--tip.pin-mm", 7), "tip"),
+        ((*RECORDED, "--task", "same-different"), "task"),
+        ((*RECORDED, "--tip", "pin_mm=7"), "tip"),
     ],
 )
 def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, field):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bgmodel.tactile.decoder.Decoder.load", lambda path: Unread)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.Decoder.load", lambda path: Unread)
     with refused(field):
-        parsed([str(word) for word in command])()
+        cli.run([str(word) for word in command])
 
 
 class Unread:
@@ -180,9 +193,18 @@ class Unread:
 @pytest.mark.parametrize("recorded", [True, False])
 def test_touch_trains_for_the_epochs_that_are_asked_for(tmp_path, monkeypatch, recorded):
     monkeypatch.chdir(tmp_path)
-    made = []
-    monkeypatch.setattr(_Steps, "make", lambda self, path, command: made.append(command))
+    made = {}
+
+    def noted(command):
+        def made_by(*inputs, output, **options):
+            made[command] = options
+            output.save.write_text(command)
+
+        made_by.__name__ = command
+        return made_by
+
+    for name in ("simulate", "train", "decode"):
+        monkeypatch.setattr(f"bgmodel.commands.touch.{name}", noted(name))
     words = [*(RECORDED if recorded else ("touch", "mine")), "--epochs", 2]
-    parsed([str(word) for word in words])._decoded()
-    (training,) = [each.training for each in made if isinstance(each, Train)]
-    assert {name: each for name, each in vars(training).items() if each} == {"epochs": 2}
+    run(*words)
+    assert made["train"]["training"] == ("epochs=2",)

@@ -16,16 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
-from tyro.conf import Positional
-
-from bgmodel.commands.checks import (
-    check_whole,
-    recorded,
-    say,
-    say_of_edits,
-    showing,
-    write_template,
-)
+from bgmodel.commands.output import check_whole, recorded, say, say_of_edits, write_template
 from bgmodel.support import files
 from bgmodel.support.processes import processes
 from circuits.errors import InputError, require
@@ -37,16 +28,25 @@ if TYPE_CHECKING:
 
     from bgmodel.sweeps.plan import Plan, Point, Shard
 
-WHOLE = (resources("bgmodel.sweeps") / "template.toml").read_text(encoding="utf-8")
 OUTCOME = "outcome.csv"
 FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
 """Endings of figure files, with the metadata that must be left out."""
 PART = re.compile(r"(\d+)/(\d+)")
 
 
-@showing(WHOLE)
-@dataclass(frozen=True)
-class SweepRun:
+def sweep(
+    file: Path,
+    folder: Path | None = None,
+    /,
+    *,
+    part: str | None = None,
+    on: Literal["processes", "snakemake", "slurm"] = "processes",
+    parts: int = 10,
+    profile: Path | None = None,
+    dry_run: bool = False,
+    template: bool = False,
+    workers: int = 2,
+) -> None:
     """Run a circuit at every point of a grid or a list, and gather the results.
 
     A TOML file defines what is run and what changes: any number or edit of the circuit, dopamine,
@@ -56,38 +56,56 @@ class SweepRun:
     Examples: bgmodel sweep mine.toml --template; bgmodel sweep mine.toml;
     bgmodel sweep mine.toml --workers 8;
     bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
-    """
 
-    file: Positional[Path]
-    """A TOML file."""
-    folder: Positional[Path | None] = None
-    """Folder for shards, outcome.csv and outcome.png; by default sweeps/NAME, after the file.
+    Parameters
+    ----------
+    file
+        A TOML file.
+    folder
+        Folder for shards, outcome.csv and outcome.png; by default sweeps/NAME, after the file.
+    part
+        K/N: compute only the K-th of N parts, without gathering: for your own scheduler.
+    on
+        Where to compute: processes on this machine, jobs of Snakemake here, or jobs on a cluster
+        through its SLURM executor.
+    parts
+        Number of jobs of Snakemake or SLURM.
+    profile
+        Folder of a profile for SLURM, instead of the shipped one.
+    dry_run
+        Print what would be done, and do nothing.
+    template
+        Write a whole file to FILE, to start from, and run nothing.
+    workers
+        Number of processes; the results do not depend on it.
     """
-    workers: int = 2
-    """Number of processes; the results do not depend on it."""
-    part: str | None = None
-    """K/N: compute only the K-th of N parts, without gathering: for your own scheduler."""
-    on: Literal["processes", "snakemake", "slurm"] = "processes"
-    """Where to compute: processes on this machine, jobs of Snakemake here, or jobs on a cluster
-    through its SLURM executor."""
-    parts: int = 10
-    """Number of jobs of Snakemake or SLURM."""
-    profile: Path | None = None
-    """Folder of a profile for SLURM, instead of the shipped one."""
-    dry_run: bool = False
-    """Print what would be done, and do nothing."""
-    template: bool = False
-    """Write the file above to FILE, to start from, and run nothing."""
+    from bgmodel.sweeps.sweep import Sweep
+
+    if template:
+        write_template(Sweep.template(), file)
+        return
+    check_whole(workers=workers, parts=parts)
+    _Run(file, folder, part, on, parts, profile, dry_run, workers)()
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of the command, with its options."""
+
+    file: Path
+    folder: Path | None
+    part: str | None
+    on: str
+    parts: int
+    profile: Path | None
+    dry_run: bool
+    workers: int
 
     def __call__(self) -> None:
-        """Run the command."""
+        """Run, or hand the parts to Snakemake."""
         from bgmodel.sweeps.shards import check_room
         from bgmodel.sweeps.sweep import Sweep
 
-        if self.template:
-            write_template(WHOLE, self.file)
-            return
-        check_whole(workers=self.workers, parts=self.parts)
         part = self._part()
         sweep = Sweep.from_toml(self.file)
         plan, points, shards = sweep.plan, sweep.points, sweep.shards

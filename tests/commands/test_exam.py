@@ -12,12 +12,12 @@ FEW = ("--domains", "resting rates", "--share", "0.05", "--workers", "1")
 
 
 def test_it_lists_numbers_and_tasks(capsys):
-    assert run("bench") == 0
+    assert run("exam") == 0
     assert "rest.stn" in capsys.readouterr().out
-    assert run("bench", "--json") == 0
+    assert run("exam", "--json") == 0
     listed = json.loads(capsys.readouterr().out)
     assert len(listed["records"]) == 50
-    assert run("bench", "--tasks") == 0
+    assert run("exam", "--tasks") == 0
     said = capsys.readouterr().out
     assert "rate_hz" in said
     assert "reference" in said
@@ -33,12 +33,12 @@ def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, mo
     monkeypatch.setattr(Exam, "take", once)
     files = [tmp_path / "exam.json", tmp_path / "exam.csv"]
     picture = tmp_path / "exam.png"
-    assert run("bench", "macaque", files[0], "--drawing", picture, *FEW, "--json") == 0
+    assert run("exam", "macaque", "--save", files[0], "--plot", picture, *FEW, "--json") == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["domains"][0]["domain"] == "resting rates"
     assert picture.stat().st_size > 10_000
     assert json.loads(files[0].read_text())["examinee"] == "macaque"
-    assert run("bench", "macaque", files[1], *FEW) == 0
+    assert run("exam", "macaque", "--save", files[1], *FEW) == 0
     assert len(read_table(files[1])) == len(shown["records"])
     assert read_provenance(files[1])["parameters"]["circuits"]["2"]["name"] == "macaque"
 
@@ -46,7 +46,7 @@ def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, mo
 def test_rates_from_elsewhere_are_marked(tmp_path, capsys):
     table = {"task": "rest", "nucleus": "STN", "window": "rest", "rate_hz": [18.0, 20.0] * 20}
     pd.DataFrame(table).to_csv(tmp_path / "rates.csv", index=False)
-    assert run("bench", "--rates", tmp_path / "rates.csv", "--json") == 0
+    assert run("exam", "--rates", tmp_path / "rates.csv", "--json") == 0
     rows = pd.DataFrame(json.loads(capsys.readouterr().out)["records"]).set_index("id")
     assert rows["outcome"]["rest.stn"] == "agrees"
     assert rows["outcome"]["dbs.none"] == "not answered"
@@ -55,11 +55,11 @@ def test_rates_from_elsewhere_are_marked(tmp_path, capsys):
 def test_contradictions_are_refused_in_one_sentence(tmp_path, refusal):
     pd.DataFrame({"task": ["rest"], "rate": [1]}).to_csv(tmp_path / "rates.csv", index=False)
     for arguments in (
-        ("bench", "nobody"),
-        ("bench", "macaque", "--rates", tmp_path / "rates.csv"),
-        ("bench", "--rates", tmp_path / "rates.csv"),
-        ("bench", "macaque", "exam.txt"),
-        ("bench", "macaque", "--domains", "astrology"),
-        ("bench", "--numbers", tmp_path / "none.toml"),
+        ("exam", "nobody"),
+        ("exam", "macaque", "--rates", tmp_path / "rates.csv"),
+        ("exam", "--rates", tmp_path / "rates.csv"),
+        ("exam", "macaque", "--save", "exam.txt"),
+        ("exam", "macaque", "--domains", "astrology"),
+        ("exam", "--numbers", tmp_path / "none.toml"),
     ):
         assert len(refusal(*arguments).splitlines()) == 1

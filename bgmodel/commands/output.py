@@ -1,18 +1,16 @@
-"""Checks and records of options that several commands share."""
+"""What becomes of a result at the terminal: printed, saved, drawn; and what is said meanwhile."""
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import sys
-import textwrap
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, progress
 from circuits.errors import InputError, require
@@ -25,52 +23,96 @@ if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.declaration.edits import Edits
 
-T = TypeVar("T", bound=type)
 COMPILES = "compiling, once for this kind of circuit"
 """Message while an engine compiles; the result is cached on disk."""
-OUTPUTS = ("output", "drawing", "save", "rates", "spikes", "nwb")
-"""Options that name a file to be written, in every command."""
-UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
+OUTPUTS = ("save", "plot", "save_rates", "save_spikes", "save_nwb")
+"""Options that name a file to be written."""
+UNRECORDED = (*OUTPUTS, "output", "workers", "seed")
 """Options that do not affect results, and the seed, which is recorded separately."""
 FIRST_S, MINUTE_S = 10.0, 60.0
 """When the stage of a long computation is first printed to a log, and how often after that."""
 RECORDS = ("setup", "condition")
-"""Fields of commands whose own fields are options."""
+"""Options whose fields are options of their own."""
+
+
+FIGURES, TABLES = (".png", ".pdf", ".svg"), (".csv", ".parquet")
+"""Endings of pictures and of tables."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Writes:
-    """A command that writes files."""
+class Files:
+    """Files that a command writes."""
 
+    save: Path | None = None
+    """File for the result."""
+    plot: Path | None = None
+    """File for a picture of the result, .png, .pdf or .svg."""
     force: bool = False
     """Overwrite existing results."""
-    reads: ClassVar[tuple[str, ...]] = ()
-    """Options that name an input here, though a result in other commands."""
 
-    def more_outputs(self) -> list[Path]:
-        """Return files that are written in addition to those named by options."""
-        return []
+    def check(
+        self, endings: Sequence[str] = TABLES, *, more: Iterable[Path] = (), **options: Any
+    ) -> None:
+        """Raise ValueError, before anything is run, if a result cannot be written.
+
+        Two options may not name the same file, existing results are overwritten only with
+        ``force``, and folders must be writable.
+
+        Parameters
+        ----------
+        endings : sequence of str
+            Endings that ``save`` may have; none if the command saves nothing.
+        more : iterable of path
+            Further files that it writes, which no option names.
+        **options
+            Other options of the command; those that name files are read, unless in ``OUTPUTS``.
+        """
+        if self.save is not None:
+            require(endings, "save", "has no effect here: leave it out", str(self.save))
+            check_ending("save", self.save, *endings)
+        if self.plot is not None:
+            check_ending("plot", self.plot, *FIGURES)
+        own = {"save": self.save, "plot": self.plot}
+        outputs = own | {name: options[name] for name in OUTPUTS if name in options}
+        named = [path for path in outputs.values() if isinstance(path, Path)]
+        read = list(_paths({k: v for k, v in options.items() if k not in OUTPUTS}))
+        check_apart(_paths(outputs), read)
+        for path in [*named, *more]:
+            # Files that no option names are overwritten only if they are results.
+            files.check_new(path, force=self.force and (path in named or files.is_result(path)))
+            files.check_writable(path.parent)
+        folders = [path.resolve() for _, path in read if path.is_dir()]
+        for path in named:
+            if any(folder in path.resolve().parents for folder in folders):
+                said = f"{str(path)!r} is in a folder that is read as input: move it"
+                raise InputError(said, "path")
+
+    def note(self, text: str) -> None:
+        """Print a line in addition to the result."""
+        print(text)
+
+    def write(self, table: pd.DataFrame, seed: int | None = None, **parameters: Any) -> None:
+        """Write a table to ``save``, if it is given, with the parameters behind it."""
+        if self.save is not None:
+            files.write_table(table, self.save, seed=seed, **parameters)
+            self.note(f"-> {self.save}")
+
+    def draw(self, figure: Callable[[], Figure]) -> None:
+        """Write a picture to ``plot``, if it is given."""
+        if self.plot is not None:
+            save_figure(figure(), self.plot)
+            self.note(f"-> {self.plot}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shows(Writes):
-    """A command that shows its result: a table to read, or JSON for programs."""
+class Output(Files):
+    """What a command does with its result: print it, as text or as JSON, save it, draw it."""
 
     json: bool = False
     """Print one JSON object, the rows of the result under "records", and nothing else on stdout."""
 
     def show(self, text: str, table: pd.DataFrame, **facts: Any) -> None:
-        """Print a result: its text, or all of it as JSON.
-
-        Parameters
-        ----------
-        text : str
-            The result for readers.
-        table : DataFrame
-            Its rows.
-        **facts
-            Further facts, as plain values.
-        """
+        """Print a result: its text, or as JSON its table and further facts."""
         print(json_text(table, **facts) if self.json else text)
 
     def note(self, text: str) -> None:
@@ -78,7 +120,7 @@ class Shows(Writes):
         if self.json:
             say(text)
         else:
-            print(text)
+            super().note(text)
 
 
 def json_text(table: pd.DataFrame, **facts: Any) -> str:
@@ -94,33 +136,25 @@ def _plain(value: Any) -> Any:
     return None if unknown else str(value) if isinstance(value, Path) else value
 
 
-def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dict[str, Any]:
+def options_of(**options: Any) -> dict[str, Any]:
     """Return the options that a result was made with, for its provenance.
 
-    Parameters
-    ----------
-    command : dataclass
-        A command.
-    idle : names
-        Options without effect in this run.
-    **settled
-        Values of options that the user left open.
+    Those that were left open, that name results, or that have no effect on them are left out.
     """
     found: dict[str, Any] = {}
-    for field in fields(command):
-        value = settled.get(field.name, getattr(command, field.name))
-        if field.name in RECORDS and field.name not in idle:
-            found |= options_of(value)
-        elif field.name not in (*RECORDS, *UNRECORDED, *idle) and value is not None:
-            found[field.name] = recorded(value)
+    for name, value in options.items():
+        if name in RECORDS:
+            found |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
+        elif name not in UNRECORDED and value is not None:
+            found[name] = recorded(value)
     return found
 
 
-def made_with(command: Any, model: BasalGanglia, **settled: Any) -> dict[str, Any]:
+def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
     """Return the options and the circuit of a result, for its provenance; see ``options_of``."""
     from bgmodel.integrators.given import identity
 
-    return {"command": options_of(command, **settled), "circuit": identity(model.circuit)}
+    return {"command": options_of(**options), "circuit": identity(model.circuit)}
 
 
 def recorded(value: Any) -> Any:
@@ -146,17 +180,6 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
 
 
-def showing(whole: str) -> Callable[[T], T]:
-    """Return a decorator that shows a whole file in a command's help."""
-
-    def shown(command: T) -> T:
-        about, text = inspect.cleandoc(command.__doc__ or ""), textwrap.indent(whole, "    ")
-        command.__doc__ = f"{about}\n\nA whole file, which --template writes:\n\n{text}"
-        return command
-
-    return shown
-
-
 def write_template(whole: str, path: str | Path) -> None:
     """Write the file of a command's help to a new file, which is never one that exists."""
     new = Path(path).suffix == ".toml" and not Path(path).exists()
@@ -166,44 +189,23 @@ def write_template(whole: str, path: str | Path) -> None:
     print(f"-> {path}")
 
 
-def check_outputs(command: Writes) -> None:
-    """Raise ValueError, before anything is run, if a command's results cannot be written.
-
-    Two options may not name the same file, existing results are overwritten only with ``force``,
-    and folders must be writable.
-    """
-    check_apart(_paths(command))
-    names = [name for name in OUTPUTS if name not in command.reads]
-    outputs = [getattr(command, name) for name in names if getattr(command, name, None)]
-    for path in [*outputs, *command.more_outputs()]:
-        # Files that no option names are overwritten only if they are results.
-        named = path in outputs or files.is_result(path)
-        files.check_new(path, force=command.force and named)
-        files.check_writable(path.parent)
-    folders = [path.resolve() for _, path in _paths(command) if path.is_dir()]
-    for path in outputs:
-        if any(folder in path.resolve().parents for folder in folders):
-            raise InputError(f"{str(path)!r} is in a folder that is read as input: move it", "path")
-
-
-def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
-    """Raise ValueError if two options, by name, are the same file: one would be overwritten."""
-    seen: dict[Path, str] = {}
-    for name, path in paths:
+def check_apart(written: Iterable[tuple[str, Path]], read: Iterable[tuple[str, Path]]) -> None:
+    """Raise ValueError if a result, by its option, is the file of another result or of an input."""
+    seen = {path.resolve(): name for name, path in read}
+    for name, path in written:
         other = seen.setdefault(path.resolve(), name)
         if other != name:
             raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
 
 
-def _paths(options: Any) -> Iterator[tuple[str, Path]]:
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if field.name == "circuit":
-            value = circuit_file(value)
+def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
+    """Yield the files that options name, also those in records of options."""
+    for name, given in options.items():
+        value = circuit_file(given) if name == "circuit" and given is not None else given
         if isinstance(value, Path):
-            yield field.name, value
+            yield name, value
         elif is_dataclass(value):
-            yield from _paths(value)
+            yield from _paths(vars(value))
 
 
 def plain(model: str) -> str:
@@ -254,25 +256,22 @@ def save_figure(figure: Figure, path: Path) -> None:
         saved(figure, partial, format=path.suffix[1:], **more)
 
 
-def check_idle(command: Any, idle: Iterable[str], reason: str) -> None:
-    """Raise ValueError for an option among ``idle`` that was given, with what makes it idle."""
-    for field in fields(command):
-        default = field.default if field.default_factory is MISSING else field.default_factory()
-        if field.name in idle and getattr(command, field.name) != default:
-            name = field.name.replace("_", "-")
-            raise InputError(f"--{name} has no effect with {reason}: leave it out", field.name)
+def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
+    """Raise ValueError for an option that was given though it has no effect.
 
-
-def optional(options: type) -> type:
-    """Return a dataclass with the fields of another, each of which is None unless given."""
-    kinds = get_type_hints(options)
-    return make_dataclass(
-        options.__name__,
-        [(each.name, kinds[each.name] | None, None) for each in fields(options)],
-        bases=(options,),
-        frozen=True,
-        namespace={"__post_init__": lambda self: None},
-    )
+    Parameters
+    ----------
+    reason : str
+        What makes them idle.
+    usual : dict
+        Their values where they are not given.
+    **options
+        Their values.
+    """
+    for name, value in options.items():
+        if value != usual.get(name):
+            flag = name.replace("_", "-")
+            raise InputError(f"--{flag} has no effect with {reason}: leave it out", name)
 
 
 def say_of_edits(*edits: Edits) -> None:

@@ -12,7 +12,22 @@ from tests.helpers import long_table, run, some_evidence, unwarned
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
     out = tmp_path / "decisions.csv"
-    assert run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3) == 0
+    assert (
+        run(
+            "decide",
+            "--save",
+            out,
+            "--task",
+            "period_mm=2",
+            "--boundary-separation",
+            4,
+            "--task",
+            "trials=400",
+            "--seed",
+            3,
+        )
+        == 0
+    )
     table = read_table(out)
     assert len(table) == 400
     assert set(table["response"]) == {"S1", "S2"}
@@ -20,8 +35,18 @@ def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys
     assert read_provenance(out)["seed"] == 3
     assert "400 trials, accuracy 0.9" in capsys.readouterr().out
     first = out.read_bytes()
-    again = ("--period-mm", 2, "--delta", 4, "--trials", "4e2", "--seed", 3, "--force")
-    assert run("decide", out, *again) == 0
+    again = (
+        "--task",
+        "period_mm=2",
+        "--boundary-separation",
+        4,
+        "--task",
+        "trials=4e2",
+        "--seed",
+        3,
+        "--force",
+    )
+    assert run("decide", "--save", out, *again) == 0
     assert out.read_bytes() == first
 
 
@@ -33,10 +58,13 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     rows = [f"{n},{t},{-0.1 * (n + 1)},0" for n in range(4) for t in range(5)]
     mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
     z = 0.1 * np.arange(1, 5)[:, None] * np.arange(1, 6)
-    given = ("--evidence", mine, "--delta", 1)
+    given = ("--task", mine, "--boundary-separation", 1)
     for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
         out = tmp_path / f"out{len(prior)}.csv"
-        assert run("decide", out, *given, *prior, "--step-ms", 20, "--onset-ms", 300) == 0
+        assert (
+            run("decide", "--save", out, *given, *prior, "--task", "step_ms=20", "--onset-ms", 300)
+            == 0
+        )
         met = z + start >= 0.5 - 1e-10
         reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
         found = read_table(out)
@@ -44,20 +72,20 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
         assert (found["forced"] == ~met.any(axis=1)).all()
         assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
     out = tmp_path / "circuit.csv"
-    assert run("circuit", "run", out, *given[:2], *ALGEBRA, "--step-ms", 20) == 0
+    assert run("circuit", "run", "--save", out, *given[:2], *ALGEBRA, "--task", "step_ms=20") == 0
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
 
 
 def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_100(tmp_path):
-    few = ("--trials", 40, "--t-max", 6, "--force")
+    few = ("--task", "trials=40", "t_max=6", "--force")
     for command, given in (
-        (("decide",), ("--delta", 4)),
+        (("decide",), ("--boundary-separation", 4)),
         (("circuit", "run"), ("--posterior", 0.82)),
     ):
         out, more = tmp_path / "out.csv", ALGEBRA if command != ("decide",) else ()
-        assert run(*command, out, *few, *more) == 0
+        assert run(*command, "--save", out, *few, *more) == 0
         left_out = out.read_bytes(), read_provenance(out)
-        assert run(*command, out, *few, *more, *given) == 0
+        assert run(*command, "--save", out, *few, *more, *given) == 0
         assert (out.read_bytes(), read_provenance(out)) == left_out
 
 
@@ -67,7 +95,7 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
     right = replace(drawn, log_likelihood=0.4 / 0.7**2 * drawn.log_likelihood)
     sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
     mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
-    given = ("decide", out, "--evidence", mine, "--posterior", 0.95, "--force")
+    given = ("decide", "--save", out, "--task", mine, "--posterior", 0.95, "--force")
     long_table(sure).to_csv(mine, index=False)
     with pytest.warns(UserWarning, match="the evidence is too sure: its mean posterior"):
         assert run(*given) == 0
@@ -79,10 +107,17 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
 
 def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
     out = tmp_path / "out.csv"
-    few = ("decide", out, "--trials", 4, "--t-max", 3, "--force")
-    may_be_idle = {"delta", "posterior", "channels", "evidence", "onset_ms", "d_prime"}
+    few = ("decide", "--save", out, "--task", "trials=4", "t_max=3", "--force")
+    may_be_idle = {
+        "boundary_separation",
+        "posterior",
+        "channels",
+        "evidence",
+        "onset_ms",
+        "d_prime",
+    }
     for task, asked, had in (
-        ("same-different", (), {"delta"}),
+        ("same-different", (), {"boundary_separation"}),
         ("same-different", ("--posterior", 0.9), {"posterior"}),
         ("orientation", ("--posterior", 0.9), {"posterior", "channels"}),
     ):
@@ -93,20 +128,43 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
 
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
+    given = (
+        "--task",
+        "trials=40",
+        "--task",
+        "t_max=2",
+        "--boundary-separation",
+        16,
+        "--task",
+        "period_mm=1.5",
+    )
     with pytest.warns(UserWarning, match="of 40 trials never meet the threshold") as warned:
-        assert run("decide", out, *given) == 0
+        assert run("decide", "--save", out, *given) == 0
     forced = int(read_table(out)["forced"].sum())
     assert f"forced {forced}, undecided 0" in capsys.readouterr().out
     assert str(warned[0].message).startswith(f"{forced} of 40 ")
     with pytest.warns(UserWarning, match="they stay undecided"):
-        assert run("decide", out, *given, "--no-forced", "--force") == 0
+        assert run("decide", "--save", out, *given, "--no-forced", "--force") == 0
     assert f"forced 0, undecided {forced}" in capsys.readouterr().out
 
 
 def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    assert run("decide", out, "--trials", 40, "--t-max", 2, "--delta", 16, "--json") == 0
+    assert (
+        run(
+            "decide",
+            "--save",
+            out,
+            "--task",
+            "trials=40",
+            "--task",
+            "t_max=2",
+            "--boundary-separation",
+            16,
+            "--json",
+        )
+        == 0
+    )
     found = json.loads(capsys.readouterr().out)
     table = read_table(out)
     assert found["trials"] == len(found["records"]) == 40
@@ -115,8 +173,8 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     assert [row["response"] for row in found["records"]] == table["response"].tolist()
     mine = tmp_path / "mine.csv"
     mine.write_text("trial,step,ll_a,ll_b\n0,0,1,0\n1,0,0,2\n")
-    given = ("--evidence", mine, "--posterior", 0.6, "--json", "--force")
-    assert run("decide", out, *given) == 0
+    given = ("--task", mine, "--posterior", 0.6, "--json", "--force")
+    assert run("decide", "--save", out, *given) == 0
     told = capsys.readouterr()
     assert json.loads(told.out)["accuracy"] is None
     assert "read 2 trials" in told.err
@@ -124,6 +182,6 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
 
 def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
     out = tmp_path / "n.parquet"
-    arguments = ["--task", "orientation", "--channels", 3, "--posterior", 0.9]
-    assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
+    arguments = ["--task", "orientation", "channels=3", "--posterior", 0.9]
+    assert run("decide", "--save", out, *arguments, "--task", "period_mm=3", "trials=200") == 0
     assert read_table(out)["response"].nunique() == 3

@@ -36,13 +36,13 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
 def test_an_experiment_without_a_prediction_reports_and_gives_no_verdict(experiment_file, capsys):
     experiment_file.write_text(GOOD.partition("[[predictions]]")[0])
     out = experiment_file.with_name("out.csv")
-    assert run("experiment", experiment_file, out) == 0
+    assert run("experiment", experiment_file, "--save", out) == 0
     shown = capsys.readouterr().out
     assert "no verdict" in shown
     assert "gain 0.7; posterior 0.82; circuit spiking_msprt; seed 3\n" in shown
     table = pd.read_csv(out)
     assert table[["direction", "at_least", "outcome", "reason"]].isna().all(axis=None)
-    assert run("experiment", experiment_file, out, "--json", "--force") == 0
+    assert run("experiment", experiment_file, "--save", out, "--json", "--force") == 0
     found = json.loads(capsys.readouterr().out)
     told = {name: found[name] for name in ("circuit", "engine", "gain", "posterior", "seed")}
     assert told == {
@@ -79,9 +79,9 @@ at_least = 0.05
 def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_path, refusal, capsys):
     experiment_file.write_text(DELAY)
     out = tmp_path / "out.csv"
-    assert run("experiment", experiment_file, out) == 0
+    assert run("experiment", experiment_file, "--save", out) == 0
     page = capsys.readouterr().out
-    assert page.endswith(f", measures -> {out}\n")
+    assert page.endswith(f"-> {out.with_stem('out_trials')}\n")
     row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
     assert f"control: {row}\nmanipulation: {row}; set STN->GPe.delay_ms 4\n" in page
     assert re.search(r"accuracy none, within 0\.05 .*the model agrees", page)
@@ -93,9 +93,9 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
 
 def test_json_is_all_that_an_experiment_prints(experiment_file, tmp_path, capsys):
     out = tmp_path / "out.csv"
-    assert run("experiment", experiment_file, out, "--json") == 0
+    assert run("experiment", experiment_file, "--save", out, "--json") == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["name"], found["trials"], found["output"]) == ("a lesion", 120, str(out))
+    assert (found["name"], found["trials"]) == ("a lesion", 120)
     changed = [r for r in found["records"] if r["outcome"] is not None]
     assert [(r["condition"], r["measure"], r["outcome"]) for r in changed] == [
         ("change", "mean_ms", AGREES)
@@ -122,7 +122,7 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
     head, rest = GOOD.replace("algebra", engine).split("[task]")
     experiment_file.write_text(head + HALVED + rest.split('edits = ["lesion STN 20%"]')[1])
     out = experiment_file.with_name("out.csv")
-    assert run("experiment", experiment_file, out) == 0
+    assert run("experiment", experiment_file, "--save", out) == 0
     shown = capsys.readouterr().out
     assert re.search(r"mean_ms down, by 20 .*the model decides without evidence", shown)
     assert "agrees" not in shown
@@ -141,7 +141,7 @@ def test_a_control_that_decides_nothing_is_refused(experiment_file, engine, refu
 
 def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, refusal):
     out = experiment_file.with_name("out.csv")
-    assert run("experiment", experiment_file, out) == 0
+    assert run("experiment", experiment_file, "--save", out) == 0
     trials = pd.read_csv(out.with_name("out_trials.csv"))
     assert read_provenance(out) == read_provenance(out.with_name("out_trials.csv"))
     assert trials["condition"].value_counts().to_dict() == {"control": 120, "manipulation": 120}
@@ -155,9 +155,9 @@ def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, r
         assert measures[name, "missed"] == pytest.approx(part["undecided"].mean())
         assert measures[name, "anticipatory"] == pytest.approx(part["anticipatory"].mean())
         assert part["rt"].isna().equals(part["undecided"])
-    assert run("experiment", experiment_file, out) == 2
+    assert run("experiment", experiment_file, "--save", out) == 2
     out.unlink()
-    assert "out_trials.csv' already exists" in refusal("experiment", experiment_file, out)
+    assert "out_trials.csv' already exists" in refusal("experiment", experiment_file, "--save", out)
 
 
 def test_conditions_that_say_nothing_are_refused(experiment_file, refusal):
@@ -198,7 +198,9 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
     frame.to_csv(mine, index=False)
     task = f'[task]\nevidence = "{mine}"\nstep_ms = 50\n'
     experiment_file.write_text(GOOD.replace("[task]\ntrials = 120\nt_max = 40\n", task))
-    assert run("experiment", experiment_file, experiment_file.with_name("out.parquet")) == 0
+    assert (
+        run("experiment", experiment_file, "--save", experiment_file.with_name("out.parquet")) == 0
+    )
     assert "hypotheses a, b" in capsys.readouterr().out
     trials = pd.read_parquet(experiment_file.with_name("out_trials.parquet"))
     assert set(trials["condition"]) == {"control", "manipulation"}
@@ -214,7 +216,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
         named.write_bytes(before)
         experiment_file.write_text(experiment_file.read_text().replace("mine.csv", named.name))
         out = out.with_suffix(".csv")
-        assert run("experiment", experiment_file, out, "--force") == 2
+        assert run("experiment", experiment_file, "--save", out, "--force") == 2
         assert re.search("are the same file|already exists", capsys.readouterr().err)
         assert named.read_bytes() == before
 
@@ -229,7 +231,7 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     shown = capsys.readouterr().out
     assert all(name in shown for name in SHIPPED)
     out, again = tmp_path / "a.csv", tmp_path / "b.csv"
-    assert run("experiment", experiment_file, out, "--trials", 100, "--seed", 5) == 0
+    assert run("experiment", experiment_file, "--save", out, "--trials", 100, "--seed", 5) == 0
     assert re.search(r"mean_ms down, by 20 .*the model agrees", capsys.readouterr().out)
     table = pd.read_csv(out)
     said = table.set_index(["condition", "measure"])["outcome"].dropna()
@@ -238,14 +240,14 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     assert kept["seed"] == 5
     assert kept["parameters"]["experiment"]["task"]["trials"] == 100
     assert kept["parameters"]["experiment"]["manipulation"]["edits"] == ["lesion STN 20%"]
-    assert run("experiment", experiment_file, again, "--trials", 100, "--seed", 6) == 0
+    assert run("experiment", experiment_file, "--save", again, "--trials", 100, "--seed", 6) == 0
     assert out.read_bytes() != again.read_bytes()
 
 
 def test_another_engine_than_the_files_is_used_and_kept(experiment_file, tmp_path):
     out = tmp_path / "a.csv"
     given = ("--trials", 100, "--engine", "population")
-    assert run("experiment", experiment_file, out, *given) == 0
+    assert run("experiment", experiment_file, "--save", out, *given) == 0
     assert read_provenance(out)["parameters"]["experiment"]["engine"] == "population"
     assert set(pd.read_csv(tmp_path / "a_trials.csv")["model"]) == {"spiking_msprt population"}
 
@@ -258,10 +260,10 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     spiking = spiking.replace("[manipulation]\nedits = [", cells)
     experiment_file.write_text(spiking)
     files = [tmp_path / f"{name}.csv" for name in "abc"]
-    assert run("experiment", experiment_file, files[0], "--workers", 1) == 0
-    assert run("experiment", experiment_file, files[1], "--workers", 3) == 0
+    assert run("experiment", experiment_file, "--save", files[0], "--workers", 1) == 0
+    assert run("experiment", experiment_file, "--save", files[1], "--workers", 3) == 0
     for name in ("BATCH", "WIDE_BATCH"):
         monkeypatch.setattr(f"bgmodel.integrators.basal_ganglia.{name}", 37)
-    assert run("experiment", experiment_file, files[2], "--workers", 2) == 0
+    assert run("experiment", experiment_file, "--save", files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1
     assert len({provenance_path(path).read_bytes() for path in files}) == 1

@@ -1,0 +1,208 @@
+"""How arguments of Python functions are written at the terminal."""
+
+from __future__ import annotations
+
+import inspect
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields, replace
+from functools import cache, wraps
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, cast, get_type_hints
+
+from cyclopts import Parameter
+from docstring_parser import parse
+
+from bgmodel.support import toml_files
+from bgmodel.task import KINDS, Gaussian, Task, kind_of
+from circuits.declaration.edits import Edits
+from circuits.errors import require
+
+T = TypeVar("T")
+FLAT = Parameter(name="*")
+"""For a record whose fields are options of their own."""
+MANY = Parameter(consume_multiple=(1, None), negative=())
+"""For an option that takes all words up to the next option."""
+OFF = Parameter(negative_bool="no-")
+"""For an option that is on by default."""
+TABLES = (".csv", ".tsv", ".parquet")
+TASKS = tuple(name for name in KINDS if name != "table")
+TASK = (
+    f"The task: {', '.join(TASKS[:-1])} or {TASKS[-1]}, and its settings, as in "
+    "`--task orientation channels=4 trials=200`; settings alone change the default; or the file of "
+    "an evidence table."
+)
+
+
+def settings(words: Iterable[str]) -> dict[str, Any]:
+    """Return settings written as name=value, with values as in TOML; text needs no quotes."""
+    found: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        name = name.strip().replace("-", "_")
+        require(equals and name, "settings", "must be written as name=value", word)
+        require(name not in found, name, "must be given once", word)
+        found[name] = _value(value.strip())
+    return found
+
+
+def _value(text: str) -> Any:
+    """Return a number, a list or a truth value of a text, or the text itself."""
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        parts = text.split(",")
+        return [_value(part) for part in parts] if len(parts) > 1 else text
+    # TOML writes a large whole number, such as 1e5, as it writes any number.
+    whole = isinstance(value, float) and value.is_integer()
+    return int(value) if whole else value
+
+
+def record_of(usual: T, words: Sequence[str]) -> T:
+    """Return a record with the settings of some words, and others as usual.
+
+    Raises
+    ------
+    ValueError
+        For a setting that the record does not have, or a value that it refuses.
+    """
+    kind = type(usual)
+    given = settings(words)
+    known = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    for name in given:
+        require(name in known, name, f"must be one of {', '.join(known)}", name)
+    hints = get_type_hints(kind)
+    read = {name: toml_files.value(value, hints[name], name) for name, value in given.items()}
+    return replace(usual, **read)  # type: ignore[type-var]
+
+
+def task_of(usual: Task, words: Sequence[str]) -> Task:
+    """Return a task from its words: its name or the file of a table, and its settings.
+
+    Parameters
+    ----------
+    usual : Task
+        The task without any words; other kinds have its settings, as far as they have them.
+    words : sequence of str
+        A name, then settings; or settings alone.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, or a setting that the task does not have.
+    """
+    more = [word for word in words if "=" in word]
+    names = [word for word in words if "=" not in word] or [usual.name]
+    require(len(names) == 1, "task", "must be a single one", " ".join(names))
+    name = names[0]
+    if Path(name).suffix in TABLES:
+        return Task.from_settings({"evidence": name, **settings(more)})
+    must = f"must be one of {', '.join(TASKS)}, or the file of an evidence table"
+    require(name in TASKS, "task", must, name)
+    kind, base = kind_of(name), usual.settings()
+    own = {each.name for each in fields(kind)}
+    shared = {key: value for key, value in base.items() if key in own}
+    return Task.from_settings(shared | settings(more) | {"name": name})
+
+
+def _words(tokens: Any) -> list[str]:
+    return [token.value for token in tokens]
+
+
+def task(usual: Task) -> Any:
+    """Return the annotation of a task that is usually another one than 100 Gaussian trials."""
+    return Parameter(
+        converter=lambda kind, tokens: task_of(usual, _words(tokens)),
+        n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(), help=TASK,
+        show_default=lambda value: value.text if value else "",
+    )  # fmt: skip
+
+
+def record(usual: Any, about: str) -> Any:
+    """Return the annotation of a record, written as name=value for each of its fields.
+
+    Parameters
+    ----------
+    usual : dataclass
+        The record without any words.
+    about : str
+        What it is; its fields and their values are added.
+    """
+    shown = " ".join(f"{f.name}={_shown(getattr(usual, f.name))}" for f in fields(usual))
+    return Parameter(
+        converter=lambda kind, tokens: record_of(usual, _words(tokens)),
+        n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(),
+        help=f"{about} By default {shown}.", show_default=False,
+    )  # fmt: skip
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ",".join(map(_shown, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T], T]:
+    """Return a decorator that gives a command parameters of a function.
+
+    Each keeps its type, its default and its description; the command receives them in its
+    ``**options``.
+
+    Parameters
+    ----------
+    function : callable
+        The function that the command calls.
+    *names : str
+        Its parameters.
+    **usual
+        Annotations that replace the types of some of them.
+    """
+
+    def decorated(command: T) -> T:
+        target: Any = command
+        own, about = inspect.signature(target), described(function)
+        hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
+        kept = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        for name in names:
+            kind = usual.get(name, theirs[name])
+            text = Parameter(help=about.get(name, ""))
+            many = kind in (Sequence[float], Sequence[str])
+            annotation: Any = Annotated[(kind, MANY, text) if many else (kind, text)]
+            hints[name] = annotation
+            default = inspect.signature(function).parameters[name].default
+            kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default,
+                                          annotation=annotation))  # fmt: skip
+        hints.pop("options", None)
+        defaults = {name: inspect.signature(function).parameters[name].default for name in names}
+
+        @wraps(target)
+        def filled(*args: Any, **given: Any) -> Any:
+            return target(*args, **(defaults | given))
+
+        order = sorted(kept, key=lambda one: one.kind)
+        filled.__signature__ = own.replace(parameters=order)  # type: ignore[attr-defined]
+        filled.__annotations__ = hints
+        return cast(T, filled)
+
+    return decorated
+
+
+@cache
+def described(function: Callable[..., Any]) -> dict[str, str]:
+    """Return the description of each parameter in the docstring of a function."""
+    found: dict[str, str] = {}
+    for one in parse(inspect.getdoc(function) or "").params:
+        text = " ".join((one.description or "").split()).replace("``", "")
+        found |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)
+    return found
+
+
+def _edits(kind: Any, tokens: Any) -> Edits:
+    return Edits(_words(tokens))
+
+
+task(Gaussian())(Task)
+Parameter(
+    converter=_edits, n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(),
+    show_default=False, allow_repeating=False,
+)(Edits)  # fmt: skip

@@ -1,0 +1,196 @@
+"""Commands that simulate taps, train a decoder on taps, and decode taps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from bgmodel.commands.options import FLAT, MANY, like, record, record_of, task
+from bgmodel.commands.output import Files, check_idle, check_whole, options_of, say
+from bgmodel.support import files
+from bgmodel.support.arrays import Reals
+from bgmodel.tactile import sensor
+from bgmodel.tactile.decoder import (
+    EDGE,
+    ENDINGS,
+    Decoder,
+    Training,
+    check_device,
+    taps_of,
+    train_decoder,
+)
+from bgmodel.tactile.sensor import Nuisance
+from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.task import SameDifferent
+from bgmodel.tactile.tips import Tip
+from bgmodel.task import Task
+from circuits.errors import InputError, require
+
+TipOption = Annotated[Tip, record(Tip(), "The sensor's tip.")]
+SkinOption = Annotated[Skin, record(Skin(), "Its skin and gel.")]
+NuisanceOption = Annotated[Nuisance, record(Nuisance(), "What varies between taps.")]
+
+
+@like(sensor.simulate_taps, "taps", "periods_mm", "yaw_deg", "seed")
+def simulate(
+    *,
+    task: Annotated[Task | None, task(SameDifferent())] = None,
+    tip: TipOption = Tip(),  # noqa: B008
+    skin: SkinOption = Skin(),  # noqa: B008
+    nuisance: NuisanceOption = Nuisance(),  # noqa: B008
+    workers: int = 1,
+    output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+    **options: Any,
+) -> None:
+    """Tap gratings with the simulated TacTip.
+
+    Examples: bgmodel touch simulate --save taps.npz --taps 1000;
+    bgmodel touch simulate --save held_out.npz --task orientation channels=4 --taps 400
+
+    Parameters
+    ----------
+    workers
+        Number of processes for the contact library; does not affect the results.
+    """
+    from bgmodel.tactile.library import to_solve
+    from bgmodel.tactile.pressing import LibraryPlan
+
+    path = _needed(output, (".npz",))
+    check_whole(taps=options["taps"], workers=workers)
+    sensor.check_taps(options["taps"], options["periods_mm"], tip)
+    if task is not None:
+        if options["yaw_deg"]:
+            said = "task and yaw_deg both set the yaws: give only one of them"
+            raise InputError(said, "yaw_deg")
+        yaws = getattr(task, "yaws_deg", None)
+        require(yaws, "task", "must be of gratings, same-different or orientation", task.name)
+        options = {**options, "yaw_deg": yaws}
+    contacts = to_solve(LibraryPlan(skin=skin, radius_mm=tip.radius_mm))
+    first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
+    say(f"{first}simulating {options['taps'] * len(options['periods_mm'])} taps")
+    given = {"tip": tip, "skin": skin, "nuisance": nuisance, **options}
+    taps = sensor.simulate_taps(**given, workers=workers)
+    taps.save(path, files.provenance(options["seed"], command=options_of(**given)))
+    print(f"{len(taps)} taps of {len(options['periods_mm'])} gratings -> {path}")
+
+
+@like(train_decoder, "edge", "mm_per_px", "seed")
+def train(
+    taps: Path,
+    /,
+    *,
+    pins: int | None = None,
+    training: Annotated[tuple[str, ...], MANY] = (),
+    device: Literal["cpu", "cuda", "mps"] = "cpu",
+    output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+    **options: Any,
+) -> None:
+    """Train a decoder on simulated taps, or on a folder of recordings.
+
+    Examples: bgmodel touch train taps.npz --save decoder.onnx --training epochs=4 --seed 1;
+    bgmodel touch train my_recordings --save edge.safetensors --edge --mm-per-px 0.33
+
+    Parameters
+    ----------
+    taps
+        Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
+    pins
+        Number of pins of the recorded sensor; printed with the number detected.
+    training
+        Settings of the training, name=value: network, epochs, patience, batch, learning_rate,
+        width, dropout, l2, validation; by default those tuned for gratings, or for edges.
+    device
+        Device for training; a seed reproduces the weights only on the CPU.
+    """
+    path = _needed(output, ENDINGS, taps=taps)
+    check_device(device)
+    if path.suffix == ".onnx":
+        from bgmodel.tactile.onnx_file import import_onnx
+
+        import_onnx()
+    how = record_of(EDGE if options["edge"] else Training(), training)
+    found, about = _taps(taps, options["edge"], options["mm_per_px"], pins)
+    say(f"training on {len(found)} taps for at most {how.epochs} epochs")
+    where = {} if device == "cpu" else {"device": device}
+    given = options_of(taps=taps, training=how, pins=pins, **options, **where)
+    from bgmodel.tactile.decoder import train as fitted
+
+    behind = {"taps": about, "command": given}
+    decoder = fitted(found, seed=options["seed"], training=how, about=behind, device=device)
+    decoder.save(path)
+    best = min(row["mae_deg"] for row in decoder.history)
+    print(f"validation error {best:.1f} degrees -> {path}")
+
+
+def decode(
+    decoder: Path,
+    taps: Path,
+    /,
+    *,
+    edge: bool = False,
+    mm_per_px: float | None = None,
+    pins: int | None = None,
+    output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+) -> None:
+    """Decode the angle of every tap, simulated or from a folder of recordings.
+
+    Example: bgmodel touch decode decoder.safetensors taps.npz --save decoded.parquet
+
+    Parameters
+    ----------
+    decoder
+        A decoder from `bgmodel touch train`.
+    taps
+        Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
+    edge
+        The taps are of an edge; without it, recordings are assumed to be of gratings.
+    mm_per_px
+        Scale of recordings, mm per pixel.
+    pins
+        Number of pins of the recorded sensor; printed with the number detected.
+    """
+    path = _needed(output, (".parquet", ".csv"), decoder=decoder, taps=taps)
+    loaded = Decoder.load(decoder)
+    found, about = _taps(taps, edge, mm_per_px, pins, loaded.rest_mm)
+    table = loaded.decode(found)
+    if "trained_on" in table:
+        known = table["trained_on"].sum()
+        say(f"the decoder was trained on {known} of these taps: tasks refuse the table")
+    if "image" in table:
+        table["image"] = table["image"].map(lambda image: Path(image).name)
+    options = options_of(decoder=decoder, taps=taps, edge=edge, mm_per_px=mm_per_px, pins=pins)
+    behind: dict[str, Any] = {
+        "taps": about,
+        "decoder": {"sha256": files.checksum(decoder), **loaded.about},
+        "command": options,
+    }
+    files.write_table(table, path, **behind)
+    print(f"{len(table)} taps decoded -> {path}")
+
+
+def _needed(output: Files, endings: Sequence[str], **read: Any) -> Path:
+    """Return the file for the result; ValueError without one, or for one that can't be written."""
+    must = f"must name the file for the result, {' or '.join(endings)}"
+    require(output.plot is None, "plot", "has no effect here: leave it out", str(output.plot))
+    require(output.save is not None, "save", must, None)
+    output.check(endings, **read)
+    assert output.save is not None
+    return output.save
+
+
+def _taps(
+    path: Path, edge: bool, mm_per_px: float | None, pins: int | None, rest: Reals | None = None
+) -> tuple[Taps, dict[str, Any]]:
+    """Return taps and their provenance, from a file or from a folder of recordings."""
+    if not path.is_dir():
+        usual = {"mm_per_px": None, "pins": None}
+        check_idle("a file of taps", usual, mm_per_px=mm_per_px, pins=pins)
+    stimulus = "edge" if edge else "grating" if path.is_dir() else None
+    taps, about = taps_of(path, stimulus=stimulus, mm_per_px=mm_per_px, rest=rest, pins=pins)
+    if path.is_dir():
+        from bgmodel.tactile.recordings import pins_found
+
+        print(f"{path.name}: {pins_found(taps, pins)}")
+    return taps, about
