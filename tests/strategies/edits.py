@@ -151,8 +151,6 @@ OPTIONS = "|".join(
     )
 )
 """Options that leave a circuit that works."""
-LESIONS = "'lesion STN 2%'|'scale D1->SNr 0.99' 'lesion D2'|'scale D2->GPe[0] 0.99'"
-"""Arguments of `bgmodel circuit compare-edits`."""
 WRONG_OPTIONS = """--edits 'lesion thalamus', --edits 'lesion STN 2', --edits 'lesion SNr',
     --edits 'lesion STN x', --edits 'lesoin STN', --edits STN=0.1, --edits 'scale STN',
     --edits 'scale STN->GPe -1', --edits 'scale STN->ctx 1', --edits 'scale STN->GPe[9] 1',

@@ -158,19 +158,24 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, fil
     assert outcome(folder) == outcome(tmp_path / "alone")
 
 
-LESS = {
-    "bench": ["--share", "0.05", "--domains", "resting rates"],
-    "discriminate": ["--task", "trials=200", "--check-trials", "2000", "--evaluations", "8"],
-}
-"""Options that make a command of the page short."""
+LESS = ["--share", "0.05", "--domains", "resting rates"]
+"""Options that make the exams of the page short."""
+SEARCH = """import bgmodel as bg
+from bgmodel.commands.output import say
+
+found = bg.discriminate("msprt", "max vs average", trials=200, check_trials=2000, evaluations=8,
+                        workers=1, tell=say)
+found.to_json("average.json")
+"""
+"""A script that searches for an experiment, as that of a reader."""
 
 
 def of_page():
-    """Return the commands of the guide, made short, and the script that runs one of them."""
+    """Return the commands of the guide, exams made short, and the script that runs one of them."""
     page = (ROOT / "docs/guides/sweeps.md").read_text()
     lines, script = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
     commands = [shlex.split(line) for line in lines.splitlines()]
-    return [[*each, *LESS[each[1]]] for each in commands], script
+    return [[*each, *(LESS if each[0] == "bgmodel" else ())] for each in commands], script
 
 
 def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
@@ -178,6 +183,7 @@ def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
     commands, script = of_page()
     (tmp_path / "commands.txt").write_text("".join(f"{shlex.join(each)}\n" for each in commands))
     (tmp_path / "array.sh").write_text(script)
+    (tmp_path / "search.py").write_text(SEARCH)
     with chdir(tmp_path):
         place = os.pathsep.join((str(Path(sys.executable).parent), cluster["PATH"]))
         submit = ["env", f"PATH={place}", "sbatch", "--parsable", "array.sh"]
@@ -199,7 +205,8 @@ def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
         assert before.items() <= found.items()
         for path in tmp_path.glob("*.json"):
             path.unlink()
-        for each in commands:
+        exec(SEARCH, {})
+        for each in commands[1:]:
             assert run(*each[1:]) == 0
         assert {name: text for name, (text, _) in found.items()} == {
             name: text for name, (text, _) in results(tmp_path).items()
