@@ -1,4 +1,4 @@
-"""The ``bgmodel`` command: its functions by name, and errors of use in one sentence."""
+"""The ``bgmodel`` command: parse arguments, run the command, report errors in one sentence."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from functools import partial
 from importlib import import_module
 from importlib.resources import files
 from textwrap import indent
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
+from bgmodel.support.toml_files import as_toml
 from bgmodel.version import __version__
 from circuits.errors import InputError, require
 
@@ -73,7 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def run(given: Sequence[str]) -> None:
-    """Run the command of some arguments; errors as for ``parsed``, and those of the command."""
+    """Run the command that the arguments name; errors: see ``parsed``, and those of it."""
     with _plain_warnings():
         parsed(given)()
     if {"-h", "--help"} & {*given} and given[0] in TEMPLATES:
@@ -93,14 +94,43 @@ def parsed(given: Sequence[str]) -> partial[None]:
         return partial(_print_completion, *given[1:2])
     try:
         app = application(given)
-        command, bound, _ = app.parse_args(given, exit_on_error=False, print_error=False)
+        words = _whole_numbers(app, given)
+        command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         if isinstance(error.__cause__, InputError):
             raise error.__cause__ from None
-        words = given[:2] if given and isinstance(COMMANDS.get(given[0]), dict) else given[:1]
-        about = f"`bgmodel {' '.join([*words, '--help'])}` lists what there is"
+        named = _named(given)
+        about = f"`bgmodel {' '.join([*named, '--help'])}` lists what there is"
         raise InputError(f"{_sentence(error)}; {about}", "arguments") from None
     return partial(command, *bound.args, **bound.kwargs)
+
+
+def _named(given: Sequence[str]) -> Sequence[str]:
+    """Return the words of the arguments that name a command; none if they name nothing."""
+    inner = COMMANDS.get(given[0]) if given else None
+    nested = isinstance(inner, dict) and given[1:2] and given[1] in inner
+    return given[: 2 if nested else 1] if inner is not None else []
+
+
+def _whole_numbers(app: App, given: Sequence[str]) -> list[str]:
+    """Return arguments with whole numbers such as 1e5 written in full; ValueError for fractions."""
+    words = list(given)
+    if not (named := _named(given)) or "--help" in words:
+        return words
+    own = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
+    if own.default_command is None:
+        return words
+    counts = {name: one.name for one in own.assemble_argument_collection()
+              if int in (one.hint, *get_args(one.hint)) and get_origin(one.hint) is not tuple
+              for name in one.names}  # fmt: skip
+    for k, word in enumerate(words[1:], 1):
+        before = words[k - 1]
+        if before in counts and not word.startswith("--"):
+            number = as_toml(word)
+            must = "must be a whole number"
+            require(type(number) is int, before.lstrip("-").replace("-", "_"), must, word)
+            words[k] = str(number)
+    return words
 
 
 def _print_completion(shell: Any = "") -> None:
@@ -137,7 +167,7 @@ def application(given: Sequence[str] = ()) -> App:
 
 
 def _add(app: App, words: tuple[str, ...], place: str, given: Sequence[str], order: int) -> None:
-    """Add a command: its function if it is the one that is run, otherwise where it is."""
+    """Add a command: its function if it is to be run, otherwise its import path."""
     if given[:1] == ["all"] or (*given[: len(words)],) == words:
         app.command(_function(place), name=words[-1], sort_key=order)
     else:
@@ -175,7 +205,10 @@ def _sentence(error: CycloptsError) -> str:
     """Return an error of use as one sentence."""
     if isinstance(error, UnusedCliTokensError):
         words = " ".join(map(repr, error.unused_tokens or ()))
-        return f"{words} is not expected here: a result is saved by --save FILE"
+        return (
+            f"{words} is not expected here: a result is saved by --save FILE, a circuit is named by "
+            "--circuit, a table of evidence by --task FILE"
+        )
     return " ".join(str(error).split()).rstrip(".,; ")
 
 

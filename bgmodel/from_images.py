@@ -25,7 +25,7 @@ COLUMNS = ["trial", "choice", "time_ms", "forced", "readings", "last_image", "la
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Watched:
     """A folder of images and how they are decided on.
 
@@ -48,7 +48,7 @@ class Watched:
     idle_s : float
         Stop when no image has arrived for this time, s.
     skipped : callable
-        Is told why an image is skipped.
+        Called with the reason when an image is skipped.
     latency_ms : list of float
         Latency of each reading, ms, added while images are read.
 
@@ -142,7 +142,7 @@ class Watched:
             begun, readings = None, 0
 
     def _reader(self) -> Callable[[Path], Array | None]:
-        """Return what turns an image into log-likelihoods, or None before the last of a reading."""
+        """Return a function that maps an image to log-likelihoods, or None within a reading."""
         decoder, task = self._loaded, self.task
         tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)
         angles: list[float] = []

@@ -204,8 +204,10 @@ def touch(
         Time between readings, ms.
     learner : Learner, optional
         Learner of gap and threshold; by default ``Learner()``.
-    seed, workers : int
-        Seed of evidence and noise, and number of threads.
+    seed : int
+        Seed of evidence and noise.
+    workers : int
+        Number of threads.
 
     Raises
     ------

@@ -37,12 +37,15 @@ from bgmodel import (
     train_decoder,
 )
 from bgmodel.cli import main
-from bgmodel.commands.options import record_of, task_of
+from bgmodel.commands.options import record_of, task_of, values
+from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.files import read_provenance, read_table
 from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.decoder import Training
 from bgmodel.task import Task
-from tests.helpers import GOOD, run
+from tests.helpers import GOOD, ROOT, run
+
+FIELDS = [each.name for each in fields(FitSettings)]
 
 
 def own_table(path, flat=False, truth=True, trials=30):
@@ -301,6 +304,40 @@ def test_a_task_is_its_name_and_settings_in_any_order(tmp_path):
     for words in (["walk"], ["gaussian", "orientation"], ["period_mm=2"], ["trials"], ["=3"]):
         with pytest.raises(InputError):
             task_of(Gaussian(), words)
+
+
+def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
+    for words, name, number in (
+        (["circuit", "run", "--workers", "1e0"], "workers", 1),
+        (["experiment", "x", "--trials", "2e3"], "trials", 2000),
+        (["learn", "--runs", "5"], "runs", 5),
+    ):
+        assert cli.parsed(words).keywords[name] == number
+    for words in (["circuit", "run", "--workers", "1.5"], ["circuit", "run", "--seed", "2.5"],
+                  ["experiment", "x", "--trials", "many"]):  # fmt: skip
+        with pytest.raises(InputError, match="must be a whole number"):
+            cli.parsed(words)
+
+
+def test_text_of_a_setting_stays_as_it_is_written():
+    found = task_of(SameDifferent(), ["taps=a,b.parquet"])
+    assert found.taps == Path("a,b.parquet")
+    given = values(["upper=2", "rt=2024-01-01", "alternatives=4"], FitSettings, FIELDS)
+    assert given == {"upper": "2", "rt": "2024-01-01", "alternatives": 4}
+
+
+def test_an_option_that_a_page_or_a_message_names_exists():
+    known = {name for _, app in cli.commands() for argument in app.assemble_argument_collection()
+             for name in argument.names} | {"--help", "--version", "--completion"}  # fmt: skip
+    pages = [ROOT / "README.md", *(ROOT / "docs" / "guides").glob("*.md")]
+    code = [*(ROOT / "bgmodel").rglob("*.py"), *(ROOT / "circuits").rglob("*.py")]
+    # Of Snakemake, SLURM and a script of another project.
+    others = {"--cores", "--rerun-incomplete", "--force-use-threads", "--quiet", "--config",
+              "--directory", "--configfile", "--array", "--noheader", "--allocations", "--clusters",
+              "--starttime", "--cpus-per-task", "--mem", "--time", "--table"}  # fmt: skip
+    for path in [*pages, *code]:
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")))
+        assert named <= known | others, path
 
 
 def test_a_record_has_the_types_of_its_fields():

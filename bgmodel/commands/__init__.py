@@ -1,1 +1,1 @@
-"""The commands of ``bgmodel``: a dataclass each, its fields the options, its call the work."""
+"""The commands of ``bgmodel``: one function each, whose parameters are its options."""

@@ -64,6 +64,7 @@ def decide(
     seed
         Seed of all random numbers.
     """
+    output.unused("plot")
     output.check(task=task)
     if posterior is not None and boundary_separation is not None:
         said = "boundary_separation and posterior both set the threshold: give one of them"
@@ -96,7 +97,7 @@ def decide(
     options |= level
     options |= {"onset_ms": onset_ms} if own else {}
     options |= {"density": density} if tactile else {}
-    output.show(*_shown(about, result, forced), **_facts(result))
+    output.show(_shown(about, result, forced), result, **_facts(result))
     output.write(result, None if own else seed, command=options_of(**options))
 
 
@@ -129,15 +130,14 @@ def _facts(table: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _shown(name: str, table: pd.DataFrame, forced: bool) -> tuple[str, pd.DataFrame]:
-    """Return the number of decisions, their accuracy and mean number of readings, and the table."""
+def _shown(name: str, table: pd.DataFrame, forced: bool) -> str:
+    """Return a one-line summary of the decisions."""
     found = _facts(table)
     accuracy = "no trial decided" if found["undecided"] == len(table) else "no truth given"
     if found["accuracy"] is not None:
         of = "" if forced else " of those decided"
         accuracy = f"accuracy {found['accuracy']:.3f}{of}"
-    text = (
+    return (
         f"{name}: {len(table)} trials, {accuracy}, mean readings {table['steps'].mean():.2f}, "
         f"forced {found['forced']}, undecided {found['undecided']}"
     )
-    return text, table

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bgmodel.commands.output import FIGURES, check_ending, save_figure, say
-from bgmodel.support import files
+from bgmodel.commands.output import Files, save_figure, say
 
 
 def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -> None:
@@ -22,9 +21,7 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
     force
         Overwrite an existing picture.
     """
-    check_ending("plot", plot, *FIGURES)
-    files.check_new(plot, force=force)
-    files.check_writable(plot.parent)
+    Files(plot=plot, force=force).check(())
     say("decisions of several thousand spiking cells")
     from bgmodel.demo import demo as shown
     from bgmodel.demo import draw

@@ -1,4 +1,4 @@
-"""The command that lets a circuit, or results from elsewhere, take the exam."""
+"""The command that lets a circuit take the exam, or scores tables from elsewhere."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import pandas as pd
 
 from bgmodel.commands.options import FLAT, MANY, like
-from bgmodel.commands.output import Output, check_whole, options_of, say
+from bgmodel.commands.output import Output, check_whole, options_of, recorded, say
 from bgmodel.exam.exam import Exam, examinee
 from bgmodel.exam.tables import OF_RATES, OF_TRIALS, WINDOWS
 from bgmodel.names import EngineName
@@ -32,7 +32,7 @@ def exam(
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
 ) -> None:
-    """Let a circuit take an exam of published numbers, or mark trials and rates from elsewhere.
+    """Let a circuit take an exam of published numbers, or score tables of trials and rates.
 
     Prints each number with the circuit's answer, and the totals of each domain. There is no total
     over domains. Without a circuit and without tables it lists the numbers with their sources.
@@ -70,6 +70,7 @@ def exam(
     asked = asked.with_numbers(*numbers) if numbers else asked
     asked = asked.only(domains) if domains else asked
     if tasks or not (circuit or data or rates):
+        output.unused("save", "plot")
         _list(asked, tasks, output)
         return
     if circuit:
@@ -87,7 +88,8 @@ def exam(
         output.note(f"-> {output.save}")
     else:
         given = {"circuit": circuit, "edits": edits, "engine": engine, "data": data,
-                 "rates": rates, "domains": domains, **options}  # fmt: skip
+                 "rates": rates, "domains": domains,
+                 "numbers": [recorded(path) for path in numbers], **options}  # fmt: skip
         output.write(found.table, found.seed, command=options_of(**given), **found.parameters)
     output.draw(found.plot)
 

@@ -38,7 +38,7 @@ def experiment(
     workers: int = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
 ) -> None:
-    """Run an experiment, control and manipulation, and test its published predictions.
+    """Run an experiment, control and manipulation, and test its predictions.
 
     Without a file it lists the shipped experiments. Predictions are in the file, written before
     the run; the 95 % interval of the change decides whether each agrees, disagrees or stays open.
@@ -70,6 +70,7 @@ def experiment(
         write_template(Experiment.template(), file)
         return
     if not file:
+        output.unused("save", "plot")
         _list(output)
         return
     if show:

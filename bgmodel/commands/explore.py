@@ -52,7 +52,7 @@ def explore(file: str = "", /, *, port: int = PORT, browser: Annotated[bool, OFF
 
 @contextmanager
 def _without_collections() -> Iterator[None]:
-    """Collect no garbage within the block.
+    """Suspend garbage collection within the block.
 
     Imports create thousands of lasting objects: to look for garbage among them takes a fifth of
     their time.

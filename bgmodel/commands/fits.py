@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.known_fits import fit_known_evidence
-from bgmodel.commands.options import MANY, settings
+from bgmodel.commands.options import MANY, values
 from bgmodel.commands.output import UNRECORDED, Output, check_whole, plain, recorded, say
 from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
-from bgmodel.support import files, toml_files
+from bgmodel.support import files
 from bgmodel.version import __version__
-from circuits.errors import InputError, require
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.fitting.exact.algorithms import Model
@@ -153,17 +153,9 @@ def fit(
         pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
         formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
         evidence=file, task=task, workers=workers, output=output,
-        **_given(columns, OF_COLUMNS), **_given(simulation, OF_SIMULATION),
-        **_given(words, EVIDENCE_ONLY),
+        **values(columns, FitRun, OF_COLUMNS), **values(simulation, FitRun, OF_SIMULATION),
+        **values(words, FitRun, EVIDENCE_ONLY),
     )()  # fmt: skip
-
-
-def _given(words: Iterable[str], known: tuple[str, ...]) -> dict[str, Any]:
-    """Return the settings of some words, each with its type in ``FitRun``."""
-    hints, found = get_type_hints(FitRun), settings(words)
-    for name in found:
-        require(name in known, name, f"must be one of {', '.join(known)}", name)
-    return {name: toml_files.value(each, hints[name], name) for name, each in found.items()}
 
 
 def _list(output: Output) -> None:
@@ -215,7 +207,8 @@ class FitRun(FitSettings):
         """Raise ValueError for an option that was given though it is not among those in use."""
         for each in fields(self):
             if each.name not in used and getattr(self, each.name) != each.default:
-                said = f"{each.name} has no effect with {reason}: leave it out"
+                name = "people" if each.name in ("pooled", "hierarchical") else each.name
+                said = f"{name} has no effect with {reason}: leave it out"
                 raise InputError(said, each.name)
 
     def __call__(self) -> None:

@@ -1,4 +1,4 @@
-"""Hierarchical fits at the terminal: `bgmodel fit --hierarchical`."""
+"""Hierarchical fits at the terminal: `bgmodel fit --people hierarchical`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def fit_hierarchically(
     import pandas as pd
 
     if command.draws:
-        raise InputError("--draws has no effect with --hierarchical, which always draws", "draws")
+        raise InputError(
+            "--draws has no effect with --people hierarchical, which always draws", "draws"
+        )
     for name in (GROUP, PEOPLE, CELLS):
         path = folder / name
         files.check_new(path, force=command.force and files.is_result(path))

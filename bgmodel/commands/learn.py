@@ -11,7 +11,7 @@ from bgmodel.conditions import Setup
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.given import identity
 from bgmodel.learning import from_reward
-from bgmodel.learning.dopamine_learner import CircuitLearned
+from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
@@ -85,28 +85,34 @@ def learn(
     what = what or ("dopamine" if by_circuit else "threshold")
     output.check(task=task, circuit=circuit)
     if not by_circuit:
-        usual = {"edits": Edits(), "engine": ENGINE, "gain": None}
-        reason = "the test: name a --circuit to let it learn"
-        check_idle(reason, usual, edits=edits, engine=engine, gain=gain)
+        idle: dict[str, Any] = {"edits": Edits(), "engine": ENGINE, "gain": None}
+        reason = "the test (no --circuit)"
+        check_idle(reason, idle, edits=edits, engine=engine, gain=gain)
     more: dict[str, Any]
     if what == WEIGHTS:
-        check_idle("--what weights", {"xi": 50.0, "levels": None}, xi=options["xi"], levels=levels)
+        check_idle(
+            "--what weights",
+            {"xi": from_reward.XI, "levels": None},
+            xi=options["xi"],
+            levels=levels,
+        )
         more = {"learner": record_of(WeightLearner(), learner),
                 "feedback": record_of(Feedback(), feedback)}  # fmt: skip
-        more |= {} if rule is None else {"rule": rule}
+        more["rule"] = rule or "confidence"
     else:
-        reason = "what is learned: it is for --what weights"
+        reason = f"--what {what}"
         check_idle(reason, {"rule": None, "feedback": ()}, rule=rule, feedback=feedback)
         more = {"learner": record_of(Learner(), learner)}
-    if levels is not None:
-        more["levels"] = levels
+    if what == DOPAMINE or levels is not None:
+        more["levels"] = levels or LEVELS
     model = None
     if by_circuit:
         model = _model(circuit or MACAQUE, edits, engine, gain, options["seed"], task)
     learns = planned(task, model, what=what, trials=task.trials, **options, **more)
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
-    given = {"what": what, **options, **more}
+    left_out = ("xi", "start") if what == WEIGHTS else ()
+    given = {"what": what, **{k: v for k, v in options.items() if k not in left_out}, **more}
     seed = options["seed"]
     try:
         with quiet(LearningWarning):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import inspect
-import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, wraps
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
 
 from cyclopts import Parameter
 from docstring_parser import parse
@@ -34,28 +33,27 @@ TASK = (
 )
 
 
-def settings(words: Iterable[str]) -> dict[str, Any]:
-    """Return settings written as name=value, with values as in TOML; text needs no quotes."""
-    found: dict[str, Any] = {}
+def settings(words: Iterable[str]) -> dict[str, str]:
+    """Return settings written as name=value."""
+    found: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
         name = name.strip().replace("-", "_")
         require(equals and name, "settings", "must be written as name=value", word)
         require(name not in found, name, "must be given once", word)
-        found[name] = _value(value.strip())
+        found[name] = value.strip()
     return found
 
 
-def _value(text: str) -> Any:
-    """Return a number, a list or a truth value of a text, or the text itself."""
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        parts = text.split(",")
-        return [_value(part) for part in parts] if len(parts) > 1 else text
-    # TOML writes a large whole number, such as 1e5, as it writes any number.
-    whole = isinstance(value, float) and value.is_integer()
-    return int(value) if whole else value
+def typed(given: Mapping[str, str], kind: type) -> dict[str, Any]:
+    """Return settings as a file would have them: text and paths as written, others as in TOML."""
+    hints = get_type_hints(kind)
+    return {name: text if _is_text(hints.get(name)) else toml_files.as_toml(text)
+            for name, text in given.items()}  # fmt: skip
+
+
+def _is_text(hint: Any) -> bool:
+    return bool({str, Path} & {hint, *get_args(hint)})
 
 
 def record_of(usual: T, words: Sequence[str]) -> T:
@@ -67,13 +65,17 @@ def record_of(usual: T, words: Sequence[str]) -> T:
         For a setting that the record does not have, or a value that it refuses.
     """
     kind = type(usual)
-    given = settings(words)
     known = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    return replace(usual, **values(words, kind, known))  # type: ignore[type-var]
+
+
+def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, Any]:
+    """Return the settings of some words, with the types that a record has for them."""
+    given, hints = settings(words), get_type_hints(kind)
     for name in given:
         require(name in known, name, f"must be one of {', '.join(known)}", name)
-    hints = get_type_hints(kind)
-    read = {name: toml_files.value(value, hints[name], name) for name, value in given.items()}
-    return replace(usual, **read)  # type: ignore[type-var]
+    found = typed(given, kind)
+    return {name: toml_files.value(value, hints[name], name) for name, value in found.items()}
 
 
 def task_of(usual: Task, words: Sequence[str]) -> Task:
@@ -82,27 +84,28 @@ def task_of(usual: Task, words: Sequence[str]) -> Task:
     Parameters
     ----------
     usual : Task
-        The task without any words; other kinds have its settings, as far as they have them.
+        The task without any words; other kinds have its settings, as far as they have them, but
+        for the number of alternatives.
     words : sequence of str
-        A name, then settings; or settings alone.
+        A name and settings, in any order; or settings alone.
 
     Raises
     ------
     ValueError
         For an unknown name, or a setting that the task does not have.
     """
-    more = [word for word in words if "=" in word]
+    given = settings(word for word in words if "=" in word)
     names = [word for word in words if "=" not in word] or [usual.name]
     require(len(names) == 1, "task", "must be a single one", " ".join(names))
     name = names[0]
     if Path(name).suffix in TABLES:
-        return Task.from_settings({"evidence": name, **settings(more)})
+        return Task.from_settings({"evidence": name} | typed(given, kind_of("table")))
     must = f"must be one of {', '.join(TASKS)}, or the file of an evidence table"
     require(name in TASKS, "task", must, name)
-    kind, base = kind_of(name), usual.settings()
-    own = {each.name for each in fields(kind)}
-    shared = {key: value for key, value in base.items() if key in own}
-    return Task.from_settings(shared | settings(more) | {"name": name})
+    kind, own = kind_of(name), {each.name for each in fields(kind_of(name))}
+    left_out = {"channels"} if name != usual.name else set()
+    shared = {k: v for k, v in usual.settings().items() if k in own - left_out}
+    return Task.from_settings(shared | typed(given, kind) | {"name": name})
 
 
 def _words(tokens: Any) -> list[str]:
@@ -110,7 +113,7 @@ def _words(tokens: Any) -> list[str]:
 
 
 def task(usual: Task) -> Any:
-    """Return the annotation of a task that is usually another one than 100 Gaussian trials."""
+    """Return the annotation of a task option whose default is ``usual``."""
     return Parameter(
         converter=lambda kind, tokens: task_of(usual, _words(tokens)),
         n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(), help=TASK,

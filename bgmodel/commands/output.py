@@ -1,4 +1,4 @@
-"""What becomes of a result at the terminal: printed, saved, drawn; and what is said meanwhile."""
+"""Output of commands: results (printed, saved, drawn), their provenance, and messages."""
 
 from __future__ import annotations
 
@@ -86,6 +86,12 @@ class Files:
             if any(folder in path.resolve().parents for folder in folders):
                 said = f"{str(path)!r} is in a folder that is read as input: move it"
                 raise InputError(said, "path")
+
+    def unused(self, *names: str) -> None:
+        """Raise ValueError for an option, ``save`` or ``plot``, that has no effect here."""
+        for name in names:
+            given = getattr(self, name)
+            require(given is None, name, "has no effect here: leave it out", str(given))
 
     def note(self, text: str) -> None:
         """Print a line in addition to the result."""

@@ -8,8 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
+from cyclopts import Parameter
+
 from bgmodel import from_taps
-from bgmodel.commands.options import FLAT, like, task
+from bgmodel.commands.options import FLAT, MANY, TASK, like, task_of
 from bgmodel.commands.output import (
     Files,
     Output,
@@ -23,6 +25,7 @@ from bgmodel.commands.touch_steps import (
     NuisanceOption,
     SkinOption,
     TipOption,
+    check_settings,
     decode,
     simulate,
     train,
@@ -39,6 +42,9 @@ from bgmodel.task import Task
 from bgmodel.version import __version__
 from circuits.errors import InputError, require
 
+USUAL = "same-different, or edge-turn with recordings"
+"""Default task."""
+
 
 @like(from_taps.touch, "trials", "folds", "step_ms", "seed")
 def touch(
@@ -48,7 +54,7 @@ def touch(
     recordings: Path | None = None,
     held_out: Path | None = None,
     mm_per_px: float | None = None,
-    task: Annotated[Task | None, task(SameDifferent())] = None,
+    task: Annotated[tuple[str, ...], MANY, Parameter(help=f"{TASK} By default {USUAL}.")] = (),
     taps: int = 1000,
     held_out_taps: int = 1200,
     epochs: int | None = None,
@@ -88,12 +94,13 @@ def touch(
         Number of processes and threads; does not affect the results.
     """
     grating = recordings is None
-    asked: Any = task or (SameDifferent() if grating else EdgeTurn())
+    asked: Any = task_of(SameDifferent() if grating else EdgeTurn(), task)
     sensor = {"tip": tip, "skin": skin, "nuisance": nuisance}
     output.check(task=asked, recordings=recordings, held_out=held_out)
     check_whole(taps=taps, held_out_taps=held_out_taps, trials=options["trials"])
     whole("folds", options["folds"], 2)
     _check(asked, recordings, held_out, mm_per_px)
+    check_settings(asked, {"channels", "period_mm", "step_deg", "a_deg", "b_deg", "first_deg"})
     if not grating:
         usual = {"taps": 1000, "held_out_taps": 1200, "tip": Tip(), "skin": Skin(),
                  "nuisance": Nuisance()}  # fmt: skip
@@ -120,8 +127,9 @@ def touch(
     if len(found.learned):
         text += f"\nat what reward taught\n{found.learned_summary().to_string(index=False)}"
     output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", found.summary())
-    given = {"task": asked, "recordings": recordings, "held_out": held_out, "epochs": epochs,
-             "taps": taps, "held_out_taps": held_out_taps, **sensor, **options}  # fmt: skip
+    simulated = {"taps": taps, "held_out_taps": held_out_taps, **sensor} if grating else {}
+    given = {"task": asked, "recordings": recordings, "held_out": held_out,
+             "mm_per_px": mm_per_px, "epochs": epochs, **simulated, **options}  # fmt: skip
     output.write(found.to_dataframe(), seed, command=options_of(**given))
     output.draw(found.plot)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -66,6 +67,7 @@ def simulate(
             raise InputError(said, "yaw_deg")
         yaws = getattr(task, "yaws_deg", None)
         require(yaws, "task", "must be of gratings, same-different or orientation", task.name)
+        check_settings(task, {"channels", "a_deg", "b_deg"})
         options = {**options, "yaw_deg": yaws}
     contacts = to_solve(LibraryPlan(skin=skin, radius_mm=tip.radius_mm))
     first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
@@ -170,10 +172,19 @@ def decode(
     print(f"{len(table)} taps decoded -> {path}")
 
 
+def check_settings(task: Task, used: set[str]) -> None:
+    """Raise ValueError for a setting of a task that has no effect on taps."""
+    usual = type(task)()
+    for each in fields(task):
+        given = getattr(task, each.name)
+        must = "has no effect here as a setting of --task: leave it out"
+        require(each.name in used or given == getattr(usual, each.name), each.name, must, given)
+
+
 def _needed(output: Files, endings: Sequence[str], **read: Any) -> Path:
     """Return the file for the result; ValueError without one, or for one that can't be written."""
     must = f"must name the file for the result, {' or '.join(endings)}"
-    require(output.plot is None, "plot", "has no effect here: leave it out", str(output.plot))
+    output.unused("plot")
     require(output.save is not None, "save", must, None)
     output.check(endings, **read)
     assert output.save is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.commands.options import FLAT, task
-from bgmodel.commands.output import Files, options_of, say
+from bgmodel.commands.output import Files, check_idle, made_with, options_of, say
 from bgmodel.conditions import Setup
 from bgmodel.from_images import COLUMNS, Watched
 from bgmodel.names import MACAQUE, CircuitName, EngineName
@@ -75,15 +75,20 @@ def watch(
     seed
         Seed of the noise of cells.
     """
-    output.check(decoder=decoder, taps=taps, circuit=circuit)
+    output.unused("plot")
+    output.check(folder=folder, decoder=decoder, taps=taps, circuit=circuit)
+    if by == "test":
+        usual = {"circuit": MACAQUE, "engine": SPIKES}
+        check_idle("--by test", usual, circuit=circuit, engine=engine)
     require(isinstance(task, Tactile), "task", "must be a tactile task", task.name)
     assert isinstance(task, Tactile)
     model = None
     if by == "circuit":
         model = Setup(circuit, engine=engine, seed=seed).model(len(task.names))
     watched = Watched(
-        folder, decoder, taps, mm_per_px, task, model, posterior, first_deg, idle_s, say
-    )
+        folder=folder, decoder=decoder, taps=taps, mm_per_px=mm_per_px, task=task, model=model,
+        posterior=posterior, first_deg=first_deg, idle_s=idle_s, skipped=say,
+    )  # fmt: skip
     session = watched.session
     say(f"watching {folder}; stops {idle_s:g} s after the last image")
     rows: list[dict[str, Any]] = []
@@ -99,10 +104,13 @@ def watch(
     finally:  # write the decisions even if interrupted
         if output.save is not None:
             given = {"folder": folder, "decoder": decoder, "taps": taps, "mm_per_px": mm_per_px,
-                     "task": task, "first_deg": first_deg, "by": by, "circuit": circuit,
-                     "engine": engine, "posterior": posterior, "idle_s": idle_s}  # fmt: skip
+                     "task": task, "first_deg": first_deg, "by": by, "posterior": posterior,
+                     "idle_s": idle_s}  # fmt: skip
+            behind = {"command": options_of(**given)}
+            if model is not None:
+                behind = made_with(model, circuit=circuit, engine=engine, **given)
             table = pd.DataFrame(rows, columns=COLUMNS)
-            files.write_table(table, output.save, seed=seed, command=options_of(**given))
+            files.write_table(table, output.save, seed=seed, **behind)
     if session.readings:
         say(f"the last trial ended undecided after {len(session.readings)} steps")
     latency = watched.latency_ms

@@ -306,5 +306,5 @@ def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:
                 f"{name}: the scores of {score.unreliable} of {len(score.trials)} trials are "
                 f"unreliable (Pareto k above {SMOOTH:g}), since the fit depends much on them. "
                 "If the models hardly differ, compare fits to single people by cross-validation "
-                "(without --hierarchical)"
+                "(without --people hierarchical)"
             )

@@ -197,8 +197,10 @@ def learn(
         threshold of the test, and the level of dopamine of a circuit.
     xi : float
         Cost of an error, readings.
-    runs, seed : int
-        Number of independent runs, and seed of all random numbers.
+    runs : int
+        Number of independent runs.
+    seed : int
+        Seed of all random numbers.
     trials : int
         Number of trials from which a circuit learns, and of others on which it is scored.
     start : float, optional

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -99,6 +100,20 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
             raise InputError(f"{before}{key}{says.removeprefix('it')}", key)
         raise InputError(f"{before}{'' if named else key + ': '}{says}", field)
     raise InputError.of(key, f"{says}", wrong["input"], owner=name)
+
+
+def as_toml(text: str) -> Any:
+    """Return a number, a list or a truth value of a text, as in TOML, or the text itself."""
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        parts = text.split(",")
+        return [as_toml(part) for part in parts] if len(parts) > 1 else text
+    if not isinstance(value, bool | int | float | str | list):
+        return text
+    # TOML writes a large whole number, such as 1e5, as it writes any number.
+    whole = isinstance(value, float) and value.is_integer()
+    return int(value) if whole else value  # type: ignore[arg-type]
 
 
 def value(given: Any, kind: Any, name: str) -> Any:

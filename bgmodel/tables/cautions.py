@@ -109,7 +109,7 @@ def check_times(rt_s: Array) -> None:
         DataWarning.warn(
             f"{fast} of {len(given)} times are below {FAST_S:g} s, the shortest {given.min():.3g} "
             "s: responses to the evidence take longer. Leave such trials out, or begin the window "
-            "of a fit later (rt_window, at the terminal --rt-window)"
+            "of a fit later (rt_window, at the terminal --columns rt_window=)"
         )
 
 
@@ -138,7 +138,7 @@ def _warn_of_pile(given: Array) -> None:
         DataWarning.warn(
             f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: if trials "
             "ended then without a response, leave rt and response empty, and give that time "
-            "as the deadline (deadline_s, at the terminal --deadline)"
+            "as the deadline (deadline_s, at the terminal --columns deadline_s=)"
         )
 
 
@@ -342,8 +342,8 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
             f"strength must be signed, positive where it favours response 1: none is below "
             f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0. For unsigned "
             "strengths, name the column that is 1 for correct responses and 0 for errors "
-            "(response, at the terminal --response), or the column of the correct response "
-            "(stimulus, --stimulus)",
+            "(response, at the terminal --columns response=), or the column of the correct "
+            "response (stimulus, --columns stimulus=)",
             "strength",
         )
 

@@ -75,7 +75,7 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
             check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
             held = "seems to hold participants: rename it to participant_id, or name it"
-            held += " (participant_column, at the terminal --participant-column)"
+            held += " (participant_column, at the terminal --columns participant_column=)"
             raise InputError(f"column {name!r} {held}", "participant")
     if missing := [name for name in wanted if name not in names]:
         hint = ""
@@ -108,8 +108,8 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         )
         raise InputError(
             f"column {each} may hold participants, whose trials would be pooled: rename it to "
-            "participant_id, name it (participant_column, at the terminal --participant-column), "
-            "or name it as a condition",
+            "participant_id, name it (participant_column, at the terminal --columns "
+            "participant_column=), or name it as a condition",
             "participant",
         )
 
@@ -152,7 +152,9 @@ def check_answers(
     refuse(absent & ~silent, rt, "given where there is a response")
     refuse(silent & ~absent, response, "given where there is an rt")
     if deadline_s is None:
-        hint = ": say when such a trial ended (deadline_s, at the terminal --deadline, s)"
+        hint = (
+            ": say when such a trial ended (deadline_s, at the terminal --columns deadline_s=, s)"
+        )
         refuse(absent, rt, "given unless trials have a deadline", hint)
     else:
         check_positive(deadline_s=deadline_s)
@@ -296,7 +298,7 @@ def times(column: pd.Series, unit: str = "s") -> Array:
     if unit == "s" and median > MOST_MEDIAN_S:
         raise InputError(
             f"{column.name} must be in seconds, got a median of {median:g}: divide by 1000 if "
-            "these are milliseconds, or say so (rt_unit='ms', at the terminal --rt-unit ms)",
+            "these are milliseconds, or say so (rt_unit='ms', at the terminal --columns rt_unit=ms)",
             column.name,
         )
     if unit == "ms" and 0 < median < LEAST_MEDIAN_MS:
@@ -332,7 +334,7 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])
         hint = (
-            ": name the response that counts as 1 (upper, at the terminal --upper), or, with more "
+            ": name the response that counts as 1 (upper, at the terminal --columns upper=), or, with more "
             "than two alternatives, the column of the correct one (stimulus)"
         )
         refuse(wrong, column, "1 or 0", hint)

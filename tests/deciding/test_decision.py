@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel import Evidence, Msprt, Trace, first_crossing, stream, tally
+from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
+from bgmodel.deciding.tally import tally
 from tests.helpers import refused, some_evidence
 
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream, tally
+from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
+from bgmodel.deciding.tally import tally
 from bgmodel.integrators.sprt import (
     Stream,
     msprt_threshold_from_gap,

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing, tally
+from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import OF_ALL
+from bgmodel.deciding.tally import tally
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.plots import LABELS

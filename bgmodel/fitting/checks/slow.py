@@ -70,7 +70,7 @@ def warn_of_slow(found: Optimum) -> None:
         f"than the model allows (with an exponential delay of {slow.tail_s:g} s in "
         f"{slow.share:.1%} of trials the log likelihood is {slow.gain_nats:.1f} nats higher). "
         f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
-        "rt_window (at the terminal --rt-window)"
+        "rt_window (at the terminal --columns rt_window=)"
     )
 
 

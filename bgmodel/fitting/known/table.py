@@ -131,7 +131,9 @@ def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
         raise InputError(f"evidence needs the columns {FORMS}; got {', '.join(names)}", "evidence")
     if "step" in names:
         if step_ms is None:
-            said = "say how far steps are apart (step_ms, ms)"
+            said = (
+                "give the time between them, step_ms, ms (--evidence FILE step_ms= at a terminal)"
+            )
             raise InputError(f"the evidence has steps instead of times: {said}", "step_ms")
         check_positive(step_ms=step_ms)
         return _numbered(table, None, step_ms)

@@ -93,7 +93,7 @@ def _warn_of_no_error(choices: Choices, who: str) -> None:
             f"{who}: each of {len(right)} responses agrees with the sign of its strength. If the "
             "strengths were given the sign of the responses, errors count as correct: give "
             "strengths without a sign, and code responses as 1 if correct and 0 if wrong "
-            "(response, at the terminal --response)"
+            "(response, at the terminal --columns response=)"
         )
 
 
@@ -134,7 +134,7 @@ def _check_right(choices: Choices, who: str) -> float:
             f"{who}: responses must agree with the sign of the strength more often than not, "
             f"got {count} of {trials} ({count / trials:.0%}, {-z:.1f} standard errors below "
             "chance): name the other response as the one that counts as 1 (upper, at the terminal "
-            "--upper), or change the sign of the strengths",
+            "--columns upper=), or change the sign of the strengths",
             "response",
         )
     return float(z)

@@ -110,7 +110,7 @@ def in_window(
         DataWarning.warn(
             f"{who}: {out} of {responses} response times are excluded from the fit, the longest "
             f"{rt_s[~inside].max():.3g} s: it uses those {span}. To change this: rt_window (at the "
-            "terminal --rt-window); 0 inf keeps all"
+            "terminal --columns rt_window=); 0,inf keeps all"
         )
     elif rule:
         # All trials are included: the likelihood is that of all times.
