@@ -206,8 +206,8 @@ def _sentence(error: CycloptsError) -> str:
     if isinstance(error, UnusedCliTokensError):
         words = " ".join(map(repr, error.unused_tokens or ()))
         return (
-            f"{words} is not expected here: a result is saved by --save FILE, a circuit is named by "
-            "--circuit, a table of evidence by --task FILE"
+            f"{words} is not expected here: a result is saved by --save FILE, a circuit is named "
+            "by --circuit, a table of evidence by --task FILE"
         )
     return " ".join(str(error).split()).rstrip(".,; ")
 

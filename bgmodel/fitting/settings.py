@@ -53,7 +53,7 @@ class FitSettings:
     """Column of the correct alternative, in the words of the responses, which are then coded as
     correct or wrong."""
     rt_window: tuple[float, float] | None = None
-    """Earliest and latest response time to fit, s; "0 inf" keeps all. By default, and without a
+    """Earliest and latest response time to fit, s; 0 and inf keep all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
     many trials are excluded."""
     mechanism: str = "threshold"

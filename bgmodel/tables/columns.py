@@ -298,7 +298,8 @@ def times(column: pd.Series, unit: str = "s") -> Array:
     if unit == "s" and median > MOST_MEDIAN_S:
         raise InputError(
             f"{column.name} must be in seconds, got a median of {median:g}: divide by 1000 if "
-            "these are milliseconds, or say so (rt_unit='ms', at the terminal --columns rt_unit=ms)",
+            "these are milliseconds, or say so (rt_unit='ms', at the terminal --columns "
+            "rt_unit=ms)",
             column.name,
         )
     if unit == "ms" and 0 < median < LEAST_MEDIAN_MS:
@@ -334,8 +335,8 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])
         hint = (
-            ": name the response that counts as 1 (upper, at the terminal --columns upper=), or, with more "
-            "than two alternatives, the column of the correct one (stimulus)"
+            ": name the response that counts as 1 (upper, at the terminal --columns upper=), or, with "
+            "more than two alternatives, the column of the correct one (stimulus)"
         )
         refuse(wrong, column, "1 or 0", hint)
         upper = "1"
