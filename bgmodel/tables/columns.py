@@ -335,8 +335,8 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])
         hint = (
-            ": name the response that counts as 1 (upper, at the terminal --columns upper=), or, with "
-            "more than two alternatives, the column of the correct one (stimulus)"
+            ": name the response that counts as 1 (upper, at the terminal --columns upper=), or, "
+            "with more than two alternatives, the column of the correct one (stimulus)"
         )
         refuse(wrong, column, "1 or 0", hint)
         upper = "1"
