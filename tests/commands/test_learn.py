@@ -18,7 +18,7 @@ COURSE = ["run", "episode", "mean", "played", "reward", "dopamine"]
         (("--task", "period_mm=2"), None),
         (("--what", "dopamine", *FEW), "macaque"),
         (
-            ("--circuit", "macaque", "--task", "gaussian", "d_prime=1", *FEW[:4]),
+            ("--circuit", "macaque", "--task", "gaussian", "d_prime=1", *FEW[:3]),
             "macaque",
         ),
     ],

@@ -114,8 +114,8 @@ def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, cap
     fit = bg.fit(odd, "constant_gap", **NAMED, rt_unit="ms", **quick)
     expected = bg.fit(table, "constant_gap", **quick)
     assert fit.optimum.values == expected.optimum.values
-    options = ["--rt", "latency", "--response", "key", "--participant-column", "who"]
-    asked = ["odd.csv", *options, "--rt-unit", "ms", "--strength", "coherence"]
+    options = ["--columns", "rt=latency", "response=key", "participant_column=who", "rt_unit=ms"]
+    asked = ["odd.csv", *options, "--strength", "coherence"]
     asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
     assert run("fit", *asked) == 0
     found = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]

@@ -108,7 +108,8 @@ def test_taps_are_decoded_without_pytorch(tmp_path):
     assert run("touch", "train", taps, "--save", decoder, *quick) == 0
     assert "device" not in Decoder.load(decoder).about["command"]
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT, "decode", decoder, taps, decoded], cwd=ROOT
+        [sys.executable, "-c", WITHOUT, "touch", "decode", decoder, taps, "--save", decoded],
+        cwd=ROOT,
     )
     assert done.returncode == 0
     table = read_table(decoded)
