@@ -120,17 +120,22 @@ def _whole_numbers(app: App, given: Sequence[str]) -> list[str]:
     own = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
     if own.default_command is None:
         return words
-    counts = {name: one.name for one in own.assemble_argument_collection()
+    counts = {name for one in own.assemble_argument_collection()
               if int in (one.hint, *get_args(one.hint)) and get_origin(one.hint) is not tuple
               for name in one.names}  # fmt: skip
-    for k, word in enumerate(words[1:], 1):
-        before = words[k - 1]
-        if before in counts and not word.startswith("--"):
-            number = as_toml(word)
-            must = "must be a whole number"
-            require(type(number) is int, before.lstrip("-").replace("-", "_"), must, word)
-            words[k] = str(number)
+    for k, word in enumerate(words):
+        option, equals, text = word.partition("=")
+        if option in counts and equals:
+            words[k] = f"{option}={_whole(option, text)}"
+        elif k and words[k - 1] in counts and not word.startswith("--"):
+            words[k] = _whole(words[k - 1], word)
     return words
+
+
+def _whole(option: str, text: str) -> str:
+    number, name = as_toml(text), option.lstrip("-").replace("-", "_")
+    require(type(number) is int, name, "must be a whole number", text)
+    return str(number)
 
 
 def _print_completion(shell: Any = "") -> None:

@@ -313,7 +313,8 @@ def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
         (["learn", "--runs", "5"], "runs", 5),
     ):
         assert cli.parsed(words).keywords[name] == number
-    for words in (["circuit", "run", "--workers", "1.5"], ["circuit", "run", "--seed", "2.5"],
+    assert cli.parsed(["experiment", "x", "--trials=2e3"]).keywords["trials"] == 2000
+    for words in (["circuit", "run", "--workers", "1.5"], ["circuit", "run", "--seed=2.5"],
                   ["experiment", "x", "--trials", "many"]):  # fmt: skip
         with pytest.raises(InputError, match="must be a whole number"):
             cli.parsed(words)

@@ -320,6 +320,7 @@ def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output
     evidence = condition.drawn(STREAM).evidence
     say_of_edits(condition.edits)
     model = condition.model(evidence.hypotheses, workers=workers, rates=False)
+    model = model.adapted_to(evidence)
     level = model.threshold(condition.threshold, condition.stopping_posterior)
     runs = len(stop.delays_ms) if stop.staircases else 1
     say_before("running", model, evidence)

@@ -98,13 +98,13 @@ def learn(
         )
         more = {"learner": record_of(WeightLearner(), learner),
                 "feedback": record_of(Feedback(), feedback)}  # fmt: skip
-        more["rule"] = rule or "confidence"
+        more["rule"] = "confidence" if rule is None else rule
     else:
         reason = f"--what {what}"
         check_idle(reason, {"rule": None, "feedback": ()}, rule=rule, feedback=feedback)
         more = {"learner": record_of(Learner(), learner)}
     if what == DOPAMINE or levels is not None:
-        more["levels"] = levels or LEVELS
+        more["levels"] = LEVELS if levels is None else levels
     model = None
     if by_circuit:
         model = _model(circuit or MACAQUE, edits, engine, gain, options["seed"], task)

@@ -68,6 +68,7 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
         (("--what", "weights", "--feedback", "given=0"), "nothing can be learned"),
         (("--what", "weights", "--feedback", "wrong=-1"), "takes rewards as 0 or 1"),
         (("--what", "dopamine", "--levels", 1), "levels must be >= 2"),
+        (("--what", "dopamine", "--levels", 0), "levels must be >= 2"),
         (("--what", "dopamine", "--engine", "algebra"), "engine must be one with times"),
         (
             ("--what", "dopamine", "--task", "trials=40", "--start", 3),

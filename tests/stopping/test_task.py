@@ -21,6 +21,7 @@ from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.files import read_provenance
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.task import Gaussian
@@ -360,6 +361,20 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["p_respond"] == mine.p_respond
     assert len(found["records"]) == len(stop.delays_ms)
+
+
+def test_the_command_records_the_gain_that_fits_strong_evidence(tmp_path):
+    out = tmp_path / "out.csv"
+    task = Gaussian(d_prime=2, step_ms=10, trials=60, t_max=60)
+    asked = ["--task", "d_prime=2", "step_ms=10", "trials=60", "t_max=60", "--seed", "5"]
+    assert main([*RUN, "--save", str(out), *asked, "--stop", "delay_ms=40"]) == 0
+    condition = bg.Condition(task=task, seed=5)
+    evidence = condition.drawn(STREAM).evidence
+    model = condition.model(2)
+    mine = bg.StopTask(share=0.5, delay_ms=40.0).decide(model, evidence, posterior=0.82, seed=5)
+    pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
+    gain = read_provenance(out)["parameters"]["command"]["gain"]
+    assert gain == model.adapted_to(evidence).gain < model.gain
 
 
 def test_the_command_says_why_there_is_no_estimate(capsys):
