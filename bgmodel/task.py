@@ -147,12 +147,6 @@ class Task:
         usual = "table" if "evidence" in own else Gaussian.name
         return toml_files.decoded(own, kind_of(given.get("name", usual)), "", "task")
 
-    @staticmethod
-    def of(name: str, **given: Any) -> Task:
-        """Return the task of a name, with those of the given settings that it has."""
-        own = {each.name for each in fields(kind_of(name))}
-        return kind_of(name)(**{key: value for key, value in given.items() if key in own})
-
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         """How a field of this type is read from a file: the name chooses the class."""

@@ -247,12 +247,6 @@ class Activity:
         whole = pd.concat(parts, ignore_index=True)
         return whole[["population", *(name for name in whole if name != "population")]]
 
-    def rate_table(self) -> pd.DataFrame:
-        """Return mean rates as a table: one row per population, channel and time."""
-        means = RateMeans()
-        means.add(self)
-        return means.table()
-
 
 class RateMeans:
     """Running means of rates over batches of trials, which need not be in memory together."""

@@ -13,7 +13,7 @@ from bgmodel.names import CircuitName
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tables.given import EvidenceTable, trials_of
 from bgmodel.tactile.source import load_taps
-from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent, tactile_task
+from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent
 from bgmodel.task import KINDS, Gaussian, Task, kind_of, settings_of_tasks
 from tests.helpers import refused
 
@@ -93,11 +93,6 @@ def test_a_setting_that_a_task_does_not_have_cannot_be_changed():
     assert Gaussian().changed(d_prime=1.0) == Gaussian(d_prime=1.0)
     with refused("period_mm"):
         Gaussian().changed(period_mm=2.0)
-    for odd in ("gaussian", "table", "taste"):
-        with refused("task"):
-            tactile_task(odd, 2)
-    with refused("channels"):
-        tactile_task("same-different", 4)
 
 
 def test_files_are_looked_for_in_the_folder_of_the_file_that_names_them():

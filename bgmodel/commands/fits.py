@@ -190,19 +190,6 @@ class FitRun(FitSettings):
     runs: int | None = None
     output: Output = Output()  # noqa: RUF009
 
-    @property
-    def force(self) -> bool:
-        """Whether existing results are overwritten."""
-        return self.output.force
-
-    def show(self, text: str, table: Any, **facts: Any) -> None:
-        """Print a result."""
-        self.output.show(text, table, **facts)
-
-    def note(self, text: str) -> None:
-        """Print a line in addition to the result."""
-        self.output.note(text)
-
     def check_idle(self, used: Iterable[str], reason: str) -> None:
         """Raise ValueError for an option that was given though it is not among those in use."""
         for each in fields(self):
@@ -257,22 +244,22 @@ class FitRun(FitSettings):
             return
         kept = Kept(
             folder, self.seed, self._asked(), circuits,
-            self.draws, self.note,
+            self.draws, self.output.note,
         )  # fmt: skip
-        kept.check(self.force)
+        kept.check(self.output.force)
         # Build all before any is fitted, so that errors are raised at once.
         likelihoods = {
             who: {name: own.likelihood(design, each) for name, (own, each) in versions.items()}
             for who, design in designs.items()
         }
-        self.note(choices.summary())
+        self.output.note(choices.summary())
         fitted = [kept.person(who, some, likelihoods[who]) for who, some in people]
         found = [each for person in fitted for each in person]
         parameters = kept.gather(found)
         if self.compare:
-            self.note("\n" + kept.compare(fitted, likelihoods))
-        self.show("\n" + parameters.round(4).to_string(index=False), parameters)
-        self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
+            self.output.note("\n" + kept.compare(fitted, likelihoods))
+        self.output.show("\n" + parameters.round(4).to_string(index=False), parameters)
+        self.output.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
     def _models(self, alternatives: int) -> tuple[str, ...]:
         """Return the models to fit; by default those for a number of alternatives."""

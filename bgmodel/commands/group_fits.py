@@ -52,7 +52,7 @@ def fit_hierarchically(
         )
     for name in (GROUP, PEOPLE, CELLS):
         path = folder / name
-        files.check_new(path, force=command.force and files.is_result(path))
+        files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
     found = {
         name: _fit(command, folder, name, likelihoods, {**asked, "checksum": checksum})
@@ -68,10 +68,10 @@ def fit_hierarchically(
 
         comparison = compare_fits(found)
         write_comparison(comparison, folder, command.seed, asked)
-        command.note("\n" + comparison.summary())
+        command.output.note("\n" + comparison.summary())
     with pd.option_context("display.width", 160):
-        command.show("\n" + group.round(4).to_string(index=False), group)
-    command.note(
+        command.output.show("\n" + group.round(4).to_string(index=False), group)
+    command.output.note(
         f"-> {folder}: {GROUP}, {PEOPLE}, {CELLS}; for each model figures of its parameters and of "
         "data and model, and the draws (.nc, for ArviZ)"
     )
@@ -107,7 +107,7 @@ def _fit(
     try:
         save_figure(fit.plot_cells(), folder / f"{stem} cells.png")
     except InputError as error:
-        command.note(f"{name}: no figure of data and model, {error}")
+        command.output.note(f"{name}: no figure of data and model, {error}")
     return fit
 
 

@@ -38,14 +38,14 @@ def fit_known_evidence(command: Any) -> None:
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in TABLES]
     for path in paths:
-        files.check_new(path, force=command.force and files.is_result(path))
+        files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
     people = _people(command)
     made = {who: _models(command, trials) for who, trials in people.items()}
     texts: list[str] = []
     parts: list[list[pd.DataFrame]] = [[] for _ in TABLES]
     for who, trials in people.items():
-        command.note(trials.summary())
+        command.output.note(trials.summary())
         fits = _fitted(command, made[who], trials)
         text, tables = _report(who, fits)
         texts.append(text)
@@ -53,8 +53,8 @@ def fit_known_evidence(command: Any) -> None:
             part.append(table)
         _draw(fits, folder / f"known_{safe(who)}.png")
     tables = _written(command, parts, paths)
-    command.show("\n\n".join(texts), tables[0], parameters=tables[1].to_dict("records"))
-    command.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
+    command.output.show("\n\n".join(texts), tables[0], parameters=tables[1].to_dict("records"))
+    command.output.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
 
 def _people(command: Any) -> dict[str, KnownTrials]:

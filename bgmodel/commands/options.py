@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
 
@@ -19,7 +19,7 @@ from circuits.errors import require
 
 T = TypeVar("T")
 FLAT = Parameter(name="*")
-"""For a record whose fields are options of their own."""
+"""For a record each of whose fields is an option."""
 MANY = Parameter(consume_multiple=(1, None), negative=())
 """For an option that takes all words up to the next option."""
 OFF = Parameter(negative_bool="no-")
@@ -108,17 +108,18 @@ def task_of(usual: Task, words: Sequence[str]) -> Task:
     return Task.from_settings(shared | typed(given, kind) | {"name": name})
 
 
-def _words(tokens: Any) -> list[str]:
-    return [token.value for token in tokens]
+def _of_words(made: Callable[[list[str]], Any], **more: Any) -> Any:
+    """Return the annotation of an option whose value is made from all words up to the next one."""
+    return Parameter(
+        converter=lambda kind, tokens: made([token.value for token in tokens]),
+        n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(), **more,
+    )  # fmt: skip
 
 
 def task(usual: Task) -> Any:
     """Return the annotation of a task option whose default is ``usual``."""
-    return Parameter(
-        converter=lambda kind, tokens: task_of(usual, _words(tokens)),
-        n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(), help=TASK,
-        show_default=lambda value: value.text if value else "",
-    )  # fmt: skip
+    made = partial(task_of, usual)
+    return _of_words(made, help=TASK, show_default=lambda value: value.text if value else "")
 
 
 def record(usual: Any, about: str) -> Any:
@@ -132,11 +133,8 @@ def record(usual: Any, about: str) -> Any:
         What it is; its fields and their values are added.
     """
     shown = " ".join(f"{f.name}={_shown(getattr(usual, f.name))}" for f in fields(usual))
-    return Parameter(
-        converter=lambda kind, tokens: record_of(usual, _words(tokens)),
-        n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(),
-        help=f"{about} By default {shown}.", show_default=False,
-    )  # fmt: skip
+    made = partial(record_of, usual)
+    return _of_words(made, help=f"{about} By default {shown}.", show_default=False)
 
 
 def _shown(value: Any) -> str:
@@ -164,6 +162,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
     def decorated(command: T) -> T:
         target: Any = command
         own, about = inspect.signature(target), described(function)
+        defaults = {name: inspect.signature(function).parameters[name].default for name in names}
         hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
         kept = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
         for name in names:
@@ -172,11 +171,9 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
             many = kind in (Sequence[float], Sequence[str])
             annotation: Any = Annotated[(kind, MANY, text) if many else (kind, text)]
             hints[name] = annotation
-            default = inspect.signature(function).parameters[name].default
-            kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default,
-                                          annotation=annotation))  # fmt: skip
+            how: Any = {"default": defaults[name], "annotation": annotation}
+            kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, **how))
         hints.pop("options", None)
-        defaults = {name: inspect.signature(function).parameters[name].default for name in names}
 
         @wraps(target)
         def filled(*args: Any, **given: Any) -> Any:
@@ -200,12 +197,5 @@ def described(function: Callable[..., Any]) -> dict[str, str]:
     return found
 
 
-def _edits(kind: Any, tokens: Any) -> Edits:
-    return Edits(_words(tokens))
-
-
 task(Gaussian())(Task)
-Parameter(
-    converter=_edits, n_tokens=-1, consume_multiple=(1, None), accepts_keys=False, negative=(),
-    show_default=False, allow_repeating=False,
-)(Edits)  # fmt: skip
+_of_words(Edits, show_default=False, allow_repeating=False)(Edits)

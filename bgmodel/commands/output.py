@@ -32,7 +32,7 @@ UNRECORDED = (*OUTPUTS, "output", "workers", "seed")
 FIRST_S, MINUTE_S = 10.0, 60.0
 """When the stage of a long computation is first printed to a log, and how often after that."""
 RECORDS = ("setup", "condition")
-"""Options whose fields are options of their own."""
+"""Options each of whose fields is an option."""
 
 
 FIGURES, TABLES = (".png", ".pdf", ".svg"), (".csv", ".parquet")

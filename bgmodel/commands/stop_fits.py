@@ -35,7 +35,7 @@ def fit_stop_signals(command: Any) -> None:
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in (PARAMETERS, PEOPLE)]
     for path in paths:
-        files.check_new(path, force=command.force and files.is_result(path))
+        files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
     models = {name: _model(name, command.noise_nats) for name in command.models or DEFAULT_MODELS}
     people = _people(command)
@@ -44,8 +44,8 @@ def fit_stop_signals(command: Any) -> None:
     asked["folder"] = None
     for table, path in zip((parameters, estimates), paths, strict=True):
         files.write_table(table, path, **asked)
-    command.show("\n\n".join(texts), parameters)
-    command.note(f"-> {folder}: {PARAMETERS}, {PEOPLE}")
+    command.output.show("\n\n".join(texts), parameters)
+    command.output.note(f"-> {folder}: {PARAMETERS}, {PEOPLE}")
 
 
 def _model(name: str, noise_nats: float) -> StopModel:

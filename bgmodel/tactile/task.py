@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
-from bgmodel.task import Task, kind_of
 from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
@@ -270,20 +269,3 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
             "taps",
         )
     return taps[wanted]
-
-
-def tactile_task(name: str, channels: int, **given: Any) -> Tactile:
-    """Return a tactile task by its name, with those of the given settings that it has.
-
-    Raises
-    ------
-    ValueError
-        If there is no such tactile task, or it has another number of alternatives.
-    """
-    if not issubclass(kind_of(name), Tactile):
-        raise InputError.of("task", "must be a tactile task", name)
-    found = Task.of(name, channels=channels, **given)
-    assert isinstance(found, Tactile)
-    same = found.channels == channels
-    require(same, "channels", f"must be {found.channels} with {name}", channels)
-    return found

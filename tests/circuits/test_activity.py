@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 
 from circuits import anatomy, plots
-from circuits.activity import checked_drive, total_nats, warn_beyond_range
+from circuits.activity import RateMeans, checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
 from circuits.cells.phase import phase_spectrum
 from circuits.circuit import Circuit
@@ -34,7 +34,9 @@ def test_rates_decode_to_the_activity_they_stand_for():
     assert np.abs(activity.decoded_nats("STN").sum(axis=2)[:, 0] - s).max() < CLOSE
     assert np.abs(activity.decoded_nats("GPe")[:, 0, 0] - (s - np.log(s))).max() < CLOSE
     assert np.array_equal(activity.decoded_nats("SNr"), activity.output_nats)
-    table = activity.rate_table()
+    means = RateMeans()
+    means.add(activity)
+    table = means.table()
     assert len(table) == 4 * 4 + 1
     assert table[table.population == "GPe"].rate_hz.iloc[0] == pytest.approx(
         activity.rates_hz["GPe"].mean()

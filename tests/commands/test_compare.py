@@ -70,7 +70,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys,
     def stop(*given, **named):
         raise ValueError("started")
 
-    monkeypatch.setattr("bgmodel.comparison.compare.compare", stop)
+    monkeypatch.setattr("bgmodel.commands.compare.comparing.compare", stop)
     assert run("compare", "--task", "channels=4") == 2
     said = capsys.readouterr().err
     assert re.search(r"bgmodel: comparing macaque on population, .*1000 trials of up", said)

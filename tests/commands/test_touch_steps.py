@@ -160,6 +160,7 @@ def test_a_training_option_is_used_for_edges_too_also_at_the_default_of_gratings
     assert found == replace(default, **{name: CHOSEN[name]})
 
 
+WATCHED = ("touch", "watch", ".", "--decoder", "d", "--taps", "t", "--mm-per-px", 0.3)
 RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-px", 0.3)
 
 
@@ -172,6 +173,16 @@ RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-p
         (("touch", "mine", "--mm-per-px", 0.3), "mm_per_px"),
         (("touch", "mine", "--task", "step_deg=7"), "task.step_deg"),
         ((*RECORDED, "--taps", 7), "taps"),
+        (("touch", "simulate", "--save", "out.npz", "--task", "orientation", "trials=7"), "trials"),
+        (("touch", "mine", "--task", "trials=7"), "trials"),
+        (("touch", "mine", "--task", "step_ms=7"), "step_ms"),
+        ((*WATCHED, "--by", "test", "--engine", "rate"), "engine"),
+        ((*WATCHED, "--plot", "a.png"), "plot"),
+        (("decide", "--plot", "a.png"), "plot"),
+        (("circuit", "run", "--plot", "a.png"), "plot"),
+        (("circuit", "export", "--save", "a.py", "--plot", "a.png"), "plot"),
+        (("exam", "--save", "a.csv"), "save"),
+        (("experiment", "--plot", "a.png"), "plot"),
         ((*RECORDED, "--held-out-taps", 7), "held_out_taps"),
         ((*RECORDED, "--task", "same-different"), "task"),
         ((*RECORDED, "--tip", "pin_mm=7"), "tip"),
