@@ -41,13 +41,7 @@ except ImportError as error:
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import (
-    Msprt,
-    Sprt,
-    msprt_threshold_from_gap,
-    sprt_threshold_from_gap,
-    threshold_from_posterior,
-)
+from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian
@@ -141,11 +135,9 @@ __all__ = [
     "load_circuit",
     "load_decoder",
     "load_taps",
-    "msprt_threshold_from_gap",
     "read_choices",
     "read_evidence",
     "simulate_taps",
-    "sprt_threshold_from_gap",
     "stream",
     "take_exam",
     "threshold_from_posterior",

@@ -12,7 +12,7 @@ from bgmodel.deciding.decision import Decision, crossing_of_each
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.sprt import Msprt, msprt_threshold_from_gap
+from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.from_reward import FromReward, learn
 from bgmodel.learning.reinforce import Learner
 from bgmodel.plots import acquisition
@@ -136,7 +136,7 @@ def demo(seed: int = 1) -> Demo:
         CIRCUIT: model.trace(activity, evidence),
         TEST: Msprt(model.gain).run(evidence),
     }
-    threshold = float(msprt_threshold_from_gap(model.gain * learned.learned.mean()))
+    threshold = float(Msprt.threshold(model.gain * learned.learned.mean()))
     decisions = {
         name: crossing_of_each(trace, np.array([threshold]), forced=False, checked=False)
         for name, trace in traces.items()

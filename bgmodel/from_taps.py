@@ -80,9 +80,9 @@ class Touched:
     table : DataFrame
         Circuit and test at equal accuracy, as in ``Comparison.table``.
     learning : DataFrame
-        Course of the learned criteria: who, run, episode, mean_delta. It is the gap of the test,
-        and of the circuit the gap that corresponds to its threshold, nats of evidence; with more
-        than two alternatives the log odds of its posterior.
+        Course of the learned criteria: who, run, episode, mean_separation. It is the boundary
+        separation of the test, and of the circuit the one that corresponds to its threshold, nats
+        of evidence; with more than two alternatives the log odds of its posterior.
     learned : DataFrame
         Decisions of test, populations and spikes at what was learned, as from
         ``decide_as_learned``.
@@ -369,21 +369,21 @@ def chain(
     gap, courses = {}, []
     if len(pooled.names) == 2:
         table, summary = learn_gap(
-            pooled, name=(0.0, 0), start_delta=START_DELTA, t_max=T_MAX, **given
+            pooled, name=(0.0, 0), start_separation=START_DELTA, t_max=T_MAX, **given
         )
-        courses.append(table[["run", "episode", "mean_delta"]].assign(who=TEST))
+        courses.append(table[["run", "episode", "mean_separation"]].assign(who=TEST))
         gap = {
-            "learned_gap_nats": float(np.mean(summary["learned_delta"])),
-            "optimal_gap_nats": float(summary["optimal_delta"]),
+            "learned_gap_nats": float(np.mean(summary["learned_separation"])),
+            "optimal_gap_nats": float(summary["optimal_separation"]),
             "learned_gap_regret_percent": 100 * float(np.mean(summary["regret"])),
         }
     rng, step_ms = stream(seed, "touch, learned"), evidence.step_ms
     before = readings.draw(TO_LEARN, T_MAX, rng=rng, step_ms=step_ms)
     circuit = learn_in_circuit(model, before, evidence, what=CRITERION, **given)
-    own = circuit.to_dataframe().rename(columns={"tonic": "mean_delta"})
+    own = circuit.to_dataframe().rename(columns={"tonic": "mean_separation"})
     if gap:
-        own["mean_delta"] *= 2 / model.gain
-    courses.append(own[["run", "episode", "mean_delta"]].assign(who=POPULATIONS))
+        own["mean_separation"] *= 2 / model.gain
+    courses.append(own[["run", "episode", "mean_separation"]].assign(who=POPULATIONS))
     few = evidence[:spiking]
     gaps = (gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None
     learned = decide_as_learned(
@@ -490,13 +490,14 @@ def _learning(ax: Axes, of: Touched) -> None:
     for colour, (who, label) in zip((PALETTE[0], PALETTE[1]), names.items(), strict=True):
         rows = every[every["who"] == who]
         if len(rows):
-            wide = rows.pivot(index="run", columns="episode", values="mean_delta")
+            wide = rows.pivot(index="run", columns="episode", values="mean_separation")
             acquisition(ax, wide, color=colour, label=label)
     if "optimal_gap_nats" in of.numbers:
         best = of.numbers["optimal_gap_nats"]
-        ax.axhline(best, color="k", lw=0.8, ls="--", label="Optimal gap of the test")
+        ax.axhline(best, color="k", lw=0.8, ls="--", label="Best of the test")
     gap = TEST in set(of.learning["who"])
-    ax.set(xlabel="Trial", ylabel="Gap δ (nats)" if gap else "Log odds of the criterion",
+    ax.set(xlabel="Trial",
+           ylabel="Boundary separation δ (nats)" if gap else "Log odds of the criterion",
            title="Criterion learned from reward")  # fmt: skip
     ax.legend(frameon=False, fontsize=7)
 

@@ -301,14 +301,14 @@ def trajectories(
     ax: Axes,
     z: npt.NDArray[np.float64],
     steps: npt.NDArray[np.float64],
-    delta: float,
+    boundary_separation: float,
     **line: Any,
 ) -> Axes:
     """Draw evidence Z (trials, 1 + t_max), each until its decision, with both bounds."""
     for path, stop in zip(z, steps.astype(int), strict=True):
         ax.plot(np.arange(stop + 1), path[: stop + 1], **line)
         ax.plot(stop, path[stop], "o", ms=2.5, color=line.get("color"))
-    for bound in (-delta / 2, delta / 2):
+    for bound in (-boundary_separation / 2, boundary_separation / 2):
         ax.axhline(bound, color="k", lw=0.8)
     ax.set(xlabel="readings", ylabel="evidence Z (nats)")
     return ax
@@ -332,7 +332,7 @@ def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:
     low, middle, high = np.percentile(runs.to_numpy(), [10, 50, 90], axis=0)
     ax.plot(runs.columns, middle, **line)
     ax.fill_between(runs.columns, low, high, color=line.get("color"), alpha=0.2, lw=0)
-    ax.set(xlabel="trial", ylabel="gap δ (nats)")
+    ax.set(xlabel="trial", ylabel="boundary separation δ (nats)")
     return ax
 
 

@@ -76,7 +76,7 @@ class Settings:
     dopamine_trials: int = 25
 
     @property
-    def deltas(self) -> np.ndarray:
+    def separations(self) -> np.ndarray:
         """Gaps of the exhaustive search, 0..8 nats."""
         return np.linspace(0, 8, round(8 / self.delta_step) + 1)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel import Sprt, first_crossing, sprt_threshold_from_gap, stream
+from bgmodel import Sprt, first_crossing, stream
 from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import trajectories
 from bgmodel.support.files import read_table, write_table
@@ -29,7 +29,7 @@ def follow(readings: Source, settings: Settings, trials: int = 2000) -> pd.DataF
     """Return one row per trial and reading: Z, with the trial's truth, choice and steps."""
     evidence = readings.draw(trials, settings.t_max, rng=stream(settings.seed, "fig2b"))
     trace = Sprt().run(evidence)
-    decision = first_crossing(trace, float(sprt_threshold_from_gap(GAP)))
+    decision = first_crossing(trace, float(Sprt.threshold(GAP)))
     z = trace.out_nats[..., 0]  # OUT of R1 is Z itself
     assert evidence.truth is not None
     trial, step = np.indices(z.shape)

@@ -24,7 +24,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.4, 2.8))
     for i, gap in enumerate(GAPS):
-        here = table[np.isclose(table["delta"], gap)]
+        here = table[np.isclose(table["boundary_separation"], gap)]
         folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
         # There are many trials but few taps, so the interval is over six folds of taps.
         half = t.ppf(0.975, folds.shape[1] - 1) * folds.sem(axis=1)

@@ -23,7 +23,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     figure, ax = plt.subplots(figsize=(4.4, 2.8))
     for period in SHOWN_MM:
         here = table[table["period_mm"] == period]
-        mean = here.groupby("delta").mean(numeric_only=True)
+        mean = here.groupby("boundary_separation").mean(numeric_only=True)
         colour = COLOUR.get(period, "0.5" if period else "0.75")
         window = min(10, max(1, len(mean) // 8))
         time, accuracy = (smoothed(mean[n].to_numpy(), window) for n in ("mean_steps", "accuracy"))

@@ -58,7 +58,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         letter(above, f"{period:g} mm")
     for ax in axes[:, 1:].flat:
         ax.set_ylabel("")
-    axes[0, 0].set_ylabel("gap δ (nats)")
+    axes[0, 0].set_ylabel("boundary separation δ (nats)")
     axes[1, 0].set_ylabel("runs")
     key(figure, more=_marks(), ncols=4)
     return figure
@@ -66,10 +66,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
     for start, style in zip(STARTS, ("-", "--"), strict=True):
-        some = here[here["start_delta"] == start]
-        runs = some.pivot(index=["fold", "repeat"], columns="episode", values="smoothed_delta")
+        some = here[here["start_separation"] == start]
+        runs = some.pivot(index=["fold", "repeat"], columns="episode", values="smoothed_separation")
         acquisition(ax, runs, color=colour, ls=style)
-    best = here.groupby("fold")["optimal_delta"].first()
+    best = here.groupby("fold")["optimal_separation"].first()
     ax.axhspan(best.min(), best.max(), color="0.85", lw=0, zorder=0)
     ax.axhline(best.mean(), color="k", lw=0.8, ls=":")
     ax.set(xlabel="trial", ylim=(0, 8))
@@ -77,7 +77,7 @@ def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 
 def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
     """Draw the distribution over runs of the final cost beyond the optimum of their fold."""
-    final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
+    final = here.groupby(["start_separation", "fold", "repeat"])["regret"].first() * 100
     bins: Any = np.linspace(-1, max(6, np.ceil(final.max())), 22)
     kind: Any
     for start, kind in zip(STARTS, ("stepfilled", "step"), strict=True):

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bgmodel import Sprt, sprt_threshold_from_gap, stream
+from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.learning.gap import fold_sources, search_folds
@@ -30,7 +30,7 @@ def search(settings: Settings, taps: Path, *, output: Path) -> None:
     for period in COLOUR:
         scored = search_folds(
             fold_sources(table, period),
-            settings.deltas,
+            settings.separations,
             trials=settings.search_trials // 6,
             t_max=settings.t_max,
             seed=settings.seed,
@@ -48,12 +48,12 @@ def dots(settings: Settings, taps: Path, *, output: Path) -> None:
         rng = stream(settings.seed, "dots", period)
         evidence = fold_sources(table, period)[0].draw(DOTS, settings.t_max, rng=rng)
         gaps = rng.uniform(0, 8, DOTS)
-        decision = crossing_of_each(
-            Sprt().run(evidence), sprt_threshold_from_gap(gaps), checked=False
-        )
+        decision = crossing_of_each(Sprt().run(evidence), Sprt.threshold(gaps), checked=False)
         assert evidence.truth is not None
         rewards = reward(decision, evidence.truth, settings.xi)
-        parts.append(pd.DataFrame({"period_mm": period, "delta": gaps, "reward": rewards}))
+        parts.append(
+            pd.DataFrame({"period_mm": period, "boundary_separation": gaps, "reward": rewards})
+        )
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
@@ -69,11 +69,13 @@ def draw(
         for ax in axes[:, column]:
             _curves(ax, curve, settings.xi, colour)
             _learned(ax, values)
-        axes[0, column].plot(cloud["delta"], cloud["reward"], ".", ms=1, color="0.75", zorder=0)
+        axes[0, column].plot(
+            cloud["boundary_separation"], cloud["reward"], ".", ms=1, color="0.75", zorder=0
+        )
         best = -_exact_costs(curve, settings.xi)
         span = max(0.15, 0.6 * (best.max() - best.min()))
         axes[1, column].set_ylim(best.max() - span, best.max() + 0.12 * span)
-        axes[1, column].set_xlabel("gap δ (nats)")
+        axes[1, column].set_xlabel("boundary separation δ (nats)")
         letter(axes[0, column], f"{period:g} mm")
     axes[0, 0].set_ylabel("reward of a trial\n(readings)")
     axes[1, 0].set_ylabel("mean reward,\nenlarged (readings)")
@@ -95,19 +97,19 @@ def _key() -> list[Any]:
 def _exact_costs(curve: pd.DataFrame, xi: float) -> pd.Series[float]:
     """Return the exact mean cost at each gap."""
     costs = -reward_of(1 - curve["exact_accuracy"], curve["exact_mean_steps"], xi)
-    return pd.Series(costs, curve.index).groupby(curve["delta"]).mean()
+    return pd.Series(costs, curve.index).groupby(curve["boundary_separation"]).mean()
 
 
 def _curves(ax: Axes, curve: pd.DataFrame, xi: float, colour: str) -> None:
     sampled = reward_of(1 - curve["accuracy"], curve["mean_steps"], xi)
-    mean = pd.Series(sampled, curve.index).groupby(curve["delta"]).mean()
+    mean = pd.Series(sampled, curve.index).groupby(curve["boundary_separation"]).mean()
     ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5)
     exact = _exact_costs(curve, xi)
     ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":")
 
 
 def _learned(ax: Axes, values: pd.DataFrame) -> None:
-    final = values.groupby(["start_delta", "fold", "repeat"])["learned_delta"].first()
+    final = values.groupby(["start_separation", "fold", "repeat"])["learned_separation"].first()
     ax.axvline(final.mean(), color="0.2", lw=1)
     ax.axvspan(*np.percentile(final, [10, 90]), color="0.5", alpha=0.15, lw=0)
 

@@ -20,7 +20,7 @@ from figures.common import COLOUR, Settings, key, letter, run
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Find the exact optimum of every fold at many costs of an error."""
     table = read_table(taps)
-    gaps = np.linspace(0, 8, 2 * len(settings.deltas) - 1)
+    gaps = np.linspace(0, 8, 2 * len(settings.separations) - 1)
     rows = []
     for period in COLOUR:
         for fold, readings in enumerate(fold_sources(table, period)):
@@ -28,7 +28,12 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             for xi in np.geomspace(5, 500, 25):
                 costs = -reward_of(test.error_rate, test.mean_steps, xi)
                 best = int(np.argmin(costs))
-                row = {"period_mm": period, "fold": fold, "xi": xi, "optimal_delta": gaps[best]}
+                row = {
+                    "period_mm": period,
+                    "fold": fold,
+                    "xi": xi,
+                    "optimal_separation": gaps[best],
+                }
                 row |= {"cost": costs[best], "accuracy": 1 - test.error_rate[best]}
                 rows.append(row | {"mean_steps": test.mean_steps[best]})
     write_table(pd.DataFrame(rows), output, seed=settings.seed, settings=settings)
@@ -39,7 +44,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5))
     names = {
-        "optimal_delta": ("optimal gap", "gap δ (nats)"),
+        "optimal_separation": ("optimal gap", "gap δ (nats)"),
         "accuracy": ("accuracy at the optimum", "proportion correct"),
         "mean_steps": ("decision time at the optimum", "mean readings"),
     }

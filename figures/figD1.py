@@ -161,13 +161,17 @@ def _marks() -> list[Line2D]:
 def _gap(ax: Axes, table: pd.DataFrame) -> None:
     period: Any
     for period, rows in table.groupby("period_mm"):
-        for _, one in rows.groupby(["start_delta", "repeat"]):
+        for _, one in rows.groupby(["start_separation", "repeat"]):
             ax.plot(
-                one["episode"] / 1000, one["smoothed_delta"], lw=0.4, alpha=0.5, c=COLOUR[period]
+                one["episode"] / 1000,
+                one["smoothed_separation"],
+                lw=0.4,
+                alpha=0.5,
+                c=COLOUR[period],
             )
-        ax.axhline(rows["optimal_delta"].mean(), ls=":", lw=0.8, color=COLOUR[period])
+        ax.axhline(rows["optimal_separation"].mean(), ls=":", lw=0.8, color=COLOUR[period])
         ax.plot([], [], color=COLOUR[period], label=f"{period:g} mm")
-    ax.set(xlabel="trials (1 000)", ylabel="gap of the SPRT (nats)")
+    ax.set(xlabel="trials (1 000)", ylabel="boundary separation of the SPRT (nats)")
     letter(ax, "a  algorithm (SPRT)")
 
 
@@ -186,7 +190,7 @@ def _regret(
     period: Any
     deciders = {"algorithm": gap, "rates": rates, "noise": noisy, "spikes": spiking}
     for place, table in enumerate(deciders.values()):
-        by = ["period_mm", "start_level" if "start_level" in table else "start_delta"]
+        by = ["period_mm", "start_level" if "start_level" in table else "start_separation"]
         one = [*by, "run"] if "run" in table else [*by, "fold", "repeat"]
         ends = table.drop_duplicates(one)
         for period, rows in ends.groupby("period_mm"):

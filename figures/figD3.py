@@ -29,7 +29,7 @@ from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import Source, source
 from bgmodel.tactile.task import SameDifferent
-from bgmodel.theory.sprt import optimal_delta
+from bgmodel.theory.sprt import optimal_separation
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
 from figures.common import Settings, letter, run, where
@@ -83,7 +83,9 @@ def _algorithm(sources: dict[float, Source], settings: Settings, name: str) -> p
         learner=_learner(settings),
     )
     best = [
-        optimal_delta(*increments(sources[p]), xi, t_max=settings.t_max, bounds=(0, 8)).delta
+        optimal_separation(
+            *increments(sources[p]), xi, t_max=settings.t_max, bounds=(0, 8)
+        ).boundary_separation
         for p, xi in world
     ]
     return _course(learned, best, every)

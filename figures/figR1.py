@@ -43,10 +43,10 @@ def decide(settings: Settings, taps: pd.DataFrame) -> pd.DataFrame:
 
 def _score(settings: Settings, readings: Source, rng: np.random.Generator) -> pd.DataFrame:
     evidence = readings.draw(settings.sweep_trials, T_MAX, rng=rng)
-    counts = exhaustive_search(evidence, settings.deltas)
+    counts = exhaustive_search(evidence, settings.separations)
     return pd.DataFrame(
         {
-            "delta": settings.deltas,
+            "boundary_separation": settings.separations,
             "accuracy": counts.accuracy,
             "mean_steps": counts.mean_steps,
             "pairs": min(len(x) for x in readings.log_likelihood),
@@ -59,7 +59,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.2, 3.0))
     for i, difference in enumerate(DIFFERENCES_DEG):
-        by_fold = table[table["difference_deg"] == difference].groupby("delta")
+        by_fold = table[table["difference_deg"] == difference].groupby("boundary_separation")
         mean = by_fold[["mean_steps", "accuracy"]].mean()
         speed_accuracy(
             ax, mean["mean_steps"], mean["accuracy"], color=f"C{i}", label=f"{difference:g}°"

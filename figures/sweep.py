@@ -19,7 +19,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         sources = fold_sources(table, period)
         scored = search_folds(
             sources,
-            settings.deltas,
+            settings.separations,
             trials=settings.sweep_trials,
             t_max=settings.t_max,
             seed=settings.seed,

@@ -105,7 +105,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
 
 BAD_USE = {
     "decide --save out.xlsx": "save",
-    "decide --boundary-separation -1 --save out.csv": "delta",
+    "decide --boundary-separation -1 --save out.csv": "boundary_separation",
     "decide --posterior 1.5 --save out.csv": "posterior",
     "decide --posterior 0.5 --save out.csv": "posterior",
     "decide --posterior 0.9 --boundary-separation 1 --save out.csv": "boundary_separation",

@@ -98,7 +98,7 @@ def test_figure_r1_scores_every_fold_of_the_taps():
     table = figR1.decide(replace(FAST, sweep_trials=400), taps)
     assert set(table["fold"]) == set(range(6))
     # One reading tells more of a wider difference.
-    accuracy = table[table["delta"] == 0].groupby("difference_deg")["accuracy"].mean()
+    accuracy = table[table["boundary_separation"] == 0].groupby("difference_deg")["accuracy"].mean()
     assert accuracy.is_monotonic_increasing
     assert accuracy.iloc[-1] > 0.9
 

@@ -76,7 +76,9 @@ def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(found):
     assert own[time_ms] <= rows[SPIKES, "criterion"] < own[own.index < time_ms].min()
     # What populations learned is drawn as the gap that it corresponds to.
     drawn = found.learning[found.learning["who"] == POPULATIONS]
-    ends = drawn.groupby("run")["mean_delta"].apply(lambda each: each.tail(Learner.last).mean())
+    ends = drawn.groupby("run")["mean_separation"].apply(
+        lambda each: each.tail(Learner.last).mean()
+    )
     threshold = np.log1p(np.exp(-found.numbers["gain"] * ends.mean() / 2))
     assert threshold == pytest.approx(rows[SPIKES, "criterion"])
 

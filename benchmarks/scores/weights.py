@@ -189,7 +189,7 @@ def together(xi: float, start: float, trials: int) -> pd.DataFrame:
     """Return the regret of weights and gap learned at once, over the exact optimum."""
     taught, held_out = gratings(t_max=30)
     both = learn_weights_and_gap(
-        taught, xi=xi, start_delta=start, seed=SCORING_SEED, runs=RUNS,
+        taught, xi=xi, start_separation=start, seed=SCORING_SEED, runs=RUNS,
         learner=WeightLearner(trials=trials),
     )  # fmt: skip
     # At xi = 50 few trials are errors: the regret is a mean over draws of many trials.

@@ -8,7 +8,7 @@ import pandas as pd
 
 from bgmodel.commands.options import FLAT, MANY, OFF, record, task
 from bgmodel.commands.output import Output, options_of
-from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
+from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
@@ -109,7 +109,7 @@ def _test(
         threshold = float(threshold_from_posterior(posterior, hypotheses))
         return Msprt(), threshold, f"msprt posterior={posterior:g}"
     nats = SEPARATION_NATS if separation is None else separation
-    level = float(sprt_threshold_from_gap(nats))
+    level = float(Sprt.threshold(nats))
     if hypotheses != 2:
         raise InputError(
             f"a boundary separation is for 2 hypotheses: with {hypotheses}, give --posterior",

@@ -230,9 +230,9 @@ def check_early_and_late(
     end = "the deadline decides them" if forced else "they stay undecided"
     for wrong, kind, what, better in (
         (early, NoiseWarning, "decide before their first reading, without evidence", "a lower "
-         "threshold (a higher posterior or gap)"),
+         "threshold (a higher posterior or separation)"),
         (late, DeadlineWarning, f"never meet the threshold, {end}", "more readings or a higher "
-         "threshold (a lower posterior or gap)"),
+         "threshold (a lower posterior or separation)"),
     ):  # fmt: skip
         most = wrong > MOST * trials
         if not most.any():

@@ -141,6 +141,17 @@ class Sprt(Decides):
         """Return OUT (2,) of a state."""
         return np.append(state, -state)
 
+    @staticmethod
+    def threshold(boundary_separation: npt.ArrayLike) -> Array:
+        """Return the threshold on OUT for a boundary separation delta: ``-delta/2``, nats.
+
+        Raises
+        ------
+        ValueError
+            If a separation is negative or not finite.
+        """
+        return -_checked_gap(boundary_separation) / 2
+
 
 @dataclass(frozen=True)
 class Msprt(Decides):
@@ -175,6 +186,20 @@ class Msprt(Decides):
     def output(self, log_posterior: Array) -> Array:
         """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
         return minus_log_softmax(self.gain * log_posterior)
+
+    @staticmethod
+    def threshold(boundary_separation: npt.ArrayLike) -> Array:
+        """Return the threshold on OUT of two hypotheses for a boundary separation delta, nats.
+
+        ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. For a posterior, use
+        ``threshold_from_posterior``.
+
+        Raises
+        ------
+        ValueError
+            If a separation is negative or not finite.
+        """
+        return np.asarray(np.log1p(np.exp(-_checked_gap(boundary_separation) / 2)))
 
 
 def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
@@ -224,32 +249,10 @@ def check_two(field: str, hypotheses: int) -> None:
     require(hypotheses == 2, field, "must be of exactly 2 hypotheses (or use Msprt)", hypotheses)
 
 
-def sprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
-    """Return the ``Sprt`` threshold on OUT, ``-delta/2`` nats, for the paper's gap delta >= 0."""
-    gap = _checked_gap(delta)
-    return -gap / 2
-
-
-def msprt_threshold_from_gap(delta: npt.ArrayLike) -> Array:
-    """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
-
-    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is not a posterior; for that,
-    use ``threshold_from_posterior``.
-
-    Raises
-    ------
-    ValueError
-        If a gap is negative or not finite.
-    """
-    gap = _checked_gap(delta)
-    criterion: Array = np.log1p(np.exp(-gap / 2))
-    return criterion
-
-
-def _checked_gap(delta: npt.ArrayLike) -> Array:
-    gap = np.asarray(reals("delta", delta), dtype=np.float64)
+def _checked_gap(boundary_separation: npt.ArrayLike) -> Array:
+    gap = np.asarray(reals("boundary_separation", boundary_separation), dtype=np.float64)
     if not (gap.size and np.isfinite(gap).all() and (gap >= 0).all()):
-        raise InputError.of("delta", "must be finite and >= 0 nats", gap)
+        raise InputError.of("boundary_separation", "must be finite and >= 0 nats", gap)
     return gap
 
 

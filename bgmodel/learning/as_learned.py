@@ -12,7 +12,7 @@ from bgmodel.bootstrap import RESAMPLES, check_resamples, interval, resampled
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
-from bgmodel.integrators.sprt import Msprt, msprt_threshold_from_gap
+from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine_learner import CRITERION, CircuitLearned, threshold_of
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
@@ -73,7 +73,7 @@ def decide_as_learned(
     check_resamples(resamples, groups)
     found: dict[str, tuple[Tradeoff, float, float]] = {}
     if gaps is not None:
-        own, best = (float(msprt_threshold_from_gap(gap)) for gap in gaps)
+        own, best = (float(Msprt.threshold(gap)) for gap in gaps)
         swept = tradeoff(Msprt().run(evidence), evidence, _falling(own, best))
         found[TEST] = swept, own, best
     own = learned.threshold_nats

@@ -334,7 +334,7 @@ def _of_test(
     readings = _readings(task, given, same["seed"])
     name = (getattr(task, task.main), getattr(task, "fold", 0))  # type: ignore[attr-defined]
     table, found = learn_gap(
-        readings, name=name, start_delta=start, t_max=task.t_max, policy=policy, **same
+        readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
     )
     cost = -float(reward_curve(*increments(readings), np.array([start]), same["xi"],
                                t_max=task.t_max)[0])  # fmt: skip
@@ -343,9 +343,10 @@ def _of_test(
         "learned": _over_runs(percent),
         "start": [100 * (cost / found["optimal_cost"] - 1)] * 3,  # exact
     }
-    course = table.rename(columns={"mean_delta": "mean", "delta": "played"})
+    course = table.rename(columns={"mean_separation": "mean", "boundary_separation": "played"})
     return FromReward(
-        THRESHOLD, UNITS[THRESHOLD], np.array(found["learned_delta"]), found["optimal_delta"],
+        THRESHOLD, UNITS[THRESHOLD], np.array(found["learned_separation"]),
+        found["optimal_separation"],
         pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"]), course, (),
         found,
     )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.reward import mean_reward
-from bgmodel.learning.policies import DELTA_RANGE, GaussianPolicy, Policy
+from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy, Policy
 from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
@@ -20,14 +20,14 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
-from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
+from bgmodel.theory.sprt import Empirical, Optimum, optimal_separation, reward_curve, sprt
 from circuits.errors import InputError, RangeWarning
 
 FRESH_TRIALS = 100_000
 WIDER = 1.25
 """Greatest gap that is explored by default, over the best one, if that is not below 8 nats."""
-RUN_COLUMNS = ["period_mm", "start_delta", "fold", "repeat", "learned_delta", "regret"]
-RUN_COLUMNS += ["optimal_delta", "optimal_cost", "start_regret"]
+RUN_COLUMNS = ["period_mm", "start_separation", "fold", "repeat", "learned_separation", "regret"]
+RUN_COLUMNS += ["optimal_separation", "optimal_cost", "start_regret"]
 
 
 def increments(readings: Source) -> tuple[Empirical, Empirical]:
@@ -46,7 +46,7 @@ def fold_sources(
 
 def search_folds(
     sources: list[Source],
-    deltas: npt.ArrayLike,
+    separations: npt.ArrayLike,
     *,
     trials: int,
     t_max: int,
@@ -59,11 +59,11 @@ def search_folds(
     Returns
     -------
     DataFrame
-        Columns fold, delta, trials, accuracy, mean_steps, forced (share), exact_accuracy and
-        exact_mean_steps.
+        Columns fold, boundary_separation, trials, accuracy, mean_steps, forced (share),
+        exact_accuracy and exact_mean_steps.
     """
     rows = []
-    gaps = np.atleast_1d(np.asarray(deltas, dtype=float))
+    gaps = np.atleast_1d(np.asarray(separations, dtype=float))
     for fold, readings in enumerate(sources):
         rng = stream(seed, "search", name, fold)
         sizes = [min(block, trials - k) for k in range(0, trials, block)]
@@ -73,7 +73,7 @@ def search_folds(
             pd.DataFrame(
                 {
                     "fold": fold,
-                    "delta": gaps,
+                    "boundary_separation": gaps,
                     "trials": counts.trials,
                     "accuracy": counts.accuracy,
                     "mean_steps": counts.mean_steps,
@@ -86,16 +86,16 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
-def check_start(start_delta: float, field: str = "start_delta") -> None:
+def check_start(start_separation: float, field: str = "start_separation") -> None:
     """Raise ValueError, naming a field, if learning can't start from this gap."""
-    low, high = DELTA_RANGE
-    if not low <= start_delta <= high:
-        raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_delta)
+    low, high = SEPARATIONS
+    if not low <= start_separation <= high:
+        raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_separation)
 
 
 def policy_for(policy: Policy | None, optima: Sequence[Optimum]) -> Policy:
     """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
-    best, (least, most) = max(optimum.delta for optimum in optima), DELTA_RANGE
+    best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
     if policy is None:
         return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
     top = float(policy.mean(policy.bounded(policy.start(np.array([np.inf]))))[0])
@@ -141,7 +141,7 @@ def learn_sources(
 
 
 def regret_on_fresh_trials(
-    delta: Array,
+    boundary_separation: Array,
     readings: Source,
     optimum: Optimum,
     *,
@@ -152,7 +152,7 @@ def regret_on_fresh_trials(
 ) -> Array:
     """Return the excess cost of fixed gaps over the exact optimum on 1e5 fresh trials, relative."""
     fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
-    cost = -mean_reward(exhaustive_search(fresh, delta), xi)
+    cost = -mean_reward(exhaustive_search(fresh, boundary_separation), xi)
     return (cost - optimum.cost) / optimum.cost
 
 
@@ -178,12 +178,12 @@ def learn_folds(
     Returns
     -------
     DataFrame
-        ``keep`` rows per run: period_mm, start_delta, fold, repeat, episode, smoothed_delta
-        (running mean of the mean gap), and, constant within a run, learned_delta, regret,
-        optimal_delta, optimal_cost and start_regret.
+        ``keep`` rows per run: period_mm, start_separation, fold, repeat, episode,
+        smoothed_separation (running mean of the mean), and, constant within a run,
+        learned_separation, regret, optimal_separation, optimal_cost and start_regret.
     """
     sources = fold_sources(taps, period_mm)
-    optima = [optimal_delta(*increments(one), xi, t_max=t_max) for one in sources]
+    optima = [optimal_separation(*increments(one), xi, t_max=t_max) for one in sources]
     options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": period_mm}
     learned = learn_sources(
         sources,
@@ -204,7 +204,7 @@ def learn_folds(
         runs = scores.assign(fold=fold, repeat=np.tile(np.arange(repeats), len(starts)))
         rows.append(
             runs.loc[runs.index.repeat(keep), RUN_COLUMNS].assign(
-                episode=np.tile(episodes, count), smoothed_delta=curves[own].ravel()
+                episode=np.tile(episodes, count), smoothed_separation=curves[own].ravel()
             )
         )
     return pd.concat(rows, ignore_index=True)
@@ -229,10 +229,10 @@ def _scored(
     return pd.DataFrame(
         {
             "period_mm": name,
-            "start_delta": starts,
-            "learned_delta": learned,
+            "start_separation": starts,
+            "learned_separation": learned,
             "regret": regret,
-            "optimal_delta": optimum.delta,
+            "optimal_separation": optimum.boundary_separation,
             "optimal_cost": optimum.cost,
             "start_regret": start_cost / optimum.cost - 1,
         }
@@ -244,7 +244,7 @@ def learn_gap(
     *,
     name: tuple[float, int],
     xi: float,
-    start_delta: float,
+    start_separation: float,
     runs: int,
     t_max: int,
     seed: int,
@@ -263,17 +263,17 @@ def learn_gap(
     Returns
     -------
     table : DataFrame
-        One row per trial of a run: run, episode, mean_delta, delta, reward, dopamine (the reward
-        prediction error).
+        One row per trial of a run: run, episode, mean_separation, boundary_separation, reward,
+        dopamine (the reward prediction error).
     summary : dict
-        learned_delta and regret of each run, optimal_delta, optimal_cost.
+        learned_separation and regret of each run, optimal_separation, optimal_cost.
     """
-    check_start(start_delta)
-    optimum = optimal_delta(*increments(readings), xi, t_max=t_max)
+    check_start(start_separation)
+    optimum = optimal_separation(*increments(readings), xi, t_max=t_max)
     learned = learn_sources(
         [readings],
         xi=xi,
-        starts=[start_delta],
+        starts=[start_separation],
         repeats=runs,
         t_max=t_max,
         seed=seed,
@@ -285,9 +285,11 @@ def learn_gap(
         learned.learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
     summary = {
-        "learned_delta": learned.learned.tolist(),
+        "learned_separation": learned.learned.tolist(),
         "regret": regret.tolist(),
-        "optimal_delta": optimum.delta,
+        "optimal_separation": optimum.boundary_separation,
         "optimal_cost": optimum.cost,
     }
-    return course(learned, mean="mean_delta", played="delta", error="dopamine"), summary
+    return course(
+        learned, mean="mean_separation", played="boundary_separation", error="dopamine"
+    ), summary

@@ -12,7 +12,7 @@ from bgmodel.support.checks import check_positive
 from circuits.errors import InputError, require
 
 # Range of gaps, nats (that of the paper's exhaustive search).
-DELTA_RANGE = (0.0, 8.0)
+SEPARATIONS = (0.0, 8.0)
 
 
 class Policy(Protocol):
@@ -52,7 +52,7 @@ class GaussianPolicy:
     Exploration starts wide, to detect the slope of a flat reward, and narrows.
     """
 
-    bounds: tuple[float, float] = DELTA_RANGE
+    bounds: tuple[float, float] = SEPARATIONS
     """Lowest and highest action."""
     first_share: float = 0.25
     """Initial exploration, sd as a share of the range; assumed (not printed in the paper)."""
@@ -71,7 +71,7 @@ class GaussianPolicy:
     @property
     def pace(self) -> float:
         """The learner's step suits a gap of 0..8 nats; gradients have the inverse unit."""
-        return ((self.bounds[1] - self.bounds[0]) / (DELTA_RANGE[1] - DELTA_RANGE[0])) ** 2
+        return ((self.bounds[1] - self.bounds[0]) / (SEPARATIONS[1] - SEPARATIONS[0])) ** 2
 
     def sd(self, episode: int) -> float:
         """Return the exploration (sd) in a trial, in the unit of actions."""
@@ -102,7 +102,7 @@ class BernoulliPolicy:
     """A gap coded by stochastic binary units: ``delta = sum_j s_j y_j`` (Lepora 2016).
 
     ``y_j`` is 1 with probability ``logistic(w_j)`` and the ``s_j`` fall as powers of two, such that
-    all units together give the upper end of ``DELTA_RANGE``.
+    all units together give the upper end of ``SEPARATIONS``.
     """
 
     units: int = 8
@@ -122,11 +122,11 @@ class BernoulliPolicy:
     def sizes(self) -> Array:
         """``s_j`` (units,), nats."""
         powers = 0.5 ** np.arange(1, self.units + 1)
-        return np.asarray(DELTA_RANGE[1] * powers / powers.sum(), dtype=np.float64)
+        return np.asarray(SEPARATIONS[1] * powers / powers.sum(), dtype=np.float64)
 
     def start(self, mean: Array) -> Array:
         """Return w (runs, units), all equal within a run, with these mean gaps (runs,)."""
-        p = np.clip(mean / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
+        p = np.clip(mean / SEPARATIONS[1], 1e-9, 1 - 1e-9)
         return self.bounded(np.tile(np.log(p / (1 - p))[:, None], self.units))
 
     def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:

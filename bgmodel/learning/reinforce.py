@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.tally import Tally
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import sprt_threshold_from_gap, tally_sprt
+from bgmodel.integrators.sprt import Sprt, tally_sprt
 from bgmodel.learning.policies import GaussianPolicy, Policy
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_finite, check_positive
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
+def exhaustive_search(evidence: Evidence | Iterable[Evidence], separations: npt.ArrayLike) -> Tally:
     """Count decisions at every gap on every trial.
 
     Parameters
     ----------
     evidence : Evidence, or an iterable of blocks of it
         Evidence of two hypotheses.
-    deltas : array (K,), nats
+    separations : array (K,), nats
         Gaps to try, all in one pass.
 
     Returns
@@ -36,7 +36,7 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
     Tally
         With one entry per gap in ``accuracy``, ``mean_steps`` and ``mean_reward``.
     """
-    thresholds = sprt_threshold_from_gap(np.atleast_1d(deltas))
+    thresholds = Sprt.threshold(np.atleast_1d(separations))
     total: Tally | None = None
     for block in [evidence] if isinstance(evidence, Evidence) else evidence:
         counts = tally_sprt(block, thresholds)

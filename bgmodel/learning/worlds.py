@@ -13,7 +13,7 @@ from bgmodel.deciding.reward import check_xi, reward, reward_of
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, needed_truth
-from bgmodel.integrators.sprt import Sprt, sprt_threshold_from_gap
+from bgmodel.integrators.sprt import Sprt
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import whole
@@ -54,7 +54,7 @@ def trials_of(
         # The same trial of every run: its number is that of the episode.
         numbers = np.full(len(draws), episode)
         trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
-        decision = crossing_of_each(trace, sprt_threshold_from_gap(gaps), checked=False)
+        decision = crossing_of_each(trace, Sprt.threshold(gaps), checked=False)
         return reward(decision, truth[0][now], xi)
 
     return rewards

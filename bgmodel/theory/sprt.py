@@ -27,7 +27,7 @@ __all__ = [
     "Performance",
     "Walk",
     "gaussian_pair",
-    "optimal_delta",
+    "optimal_separation",
     "optimal_threshold",
     "reward_curve",
     "siegmund",
@@ -51,16 +51,16 @@ class Performance(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Threshold `delta` in nats, and its cost in readings."""
+    """Threshold `boundary_separation` in nats, and its cost in readings."""
 
-    delta: float
+    boundary_separation: float
     cost: float
 
 
 def sprt(
     increments_s1: Increments,
     increments_s2: Increments,
-    delta: ArrayLike,
+    boundary_separation: ArrayLike,
     *,
     prior_s2: float = 0.5,
     t_max: int | None = None,
@@ -72,7 +72,7 @@ def sprt(
     ----------
     increments_s1, increments_s2 : Gaussian or Empirical
         Distribution of x under each state, in nats.
-    delta : array (...) or float
+    boundary_separation : array (...) or float
         Distance between the bounds in nats.
     prior_s2 : float
         Probability of S2; the test starts at its log odds.
@@ -82,26 +82,31 @@ def sprt(
     Returns
     -------
     Performance
-        `error_rate` and `mean_steps`, of the shape of `delta`.
+        `error_rate` and `mean_steps`, of the shape of `boundary_separation`.
 
     Raises
     ------
     ValueError
-        If a `delta` is negative or not finite, or `prior_s2` is not between 0 and 1.
+        If a `boundary_separation` is negative or not finite, or `prior_s2` is not between 0 and 1.
     """
-    deltas = np.asarray(delta, dtype=float)
-    require(np.all(np.isfinite(deltas) & (deltas >= 0)), "delta", "must be finite and >= 0", delta)
+    separations = np.asarray(boundary_separation, dtype=float)
+    require(
+        np.all(np.isfinite(separations) & (separations >= 0)),
+        "boundary_separation",
+        "must be finite and >= 0",
+        boundary_separation,
+    )
     require(0 < prior_s2 < 1, "prior_s2", "must be above 0 and below 1", prior_s2)
     start = float(np.log(prior_s2) - np.log1p(-prior_s2))
-    out = np.empty((2, deltas.size))
-    for i, bound in enumerate(deltas.ravel() / 2):
+    out = np.empty((2, separations.size))
+    for i, bound in enumerate(separations.ravel() / 2):
         s1, s2 = (
             walk(x, -bound, bound, start=start, t_max=t_max, cells=cells)
             for x in (increments_s1, increments_s2)
         )
         out[0, i] = (1 - prior_s2) * s1.p_upper + prior_s2 * s2.p_lower
         out[1, i] = (1 - prior_s2) * s1.mean_steps + prior_s2 * s2.mean_steps
-    return Performance(out[0].reshape(deltas.shape)[()], out[1].reshape(deltas.shape)[()])
+    return Performance(out[0].reshape(separations.shape)[()], out[1].reshape(separations.shape)[()])
 
 
 def wald(d: ArrayLike, theta: ArrayLike) -> Performance:
@@ -171,14 +176,14 @@ def optimal_threshold(d: ArrayLike, xi: ArrayLike) -> Array:
 def reward_curve(
     increments_s1: Increments,
     increments_s2: Increments,
-    delta: ArrayLike,
+    boundary_separation: ArrayLike,
     xi: float,
     *,
     prior_s2: float = 0.5,
     t_max: int | None = None,
     cells: int = 256,
 ) -> Array:
-    """Return the expected reward -xi ER - E[T], in readings, at each `delta` (...); see `sprt`.
+    """Return the expected reward -xi ER - E[T], in readings, at each separation; see `sprt`.
 
     Raises
     ------
@@ -186,7 +191,14 @@ def reward_curve(
         If `xi` is not finite and above 0, or as for `sprt` and `walk`.
     """
     cost = float(_positive("xi", xi))
-    test = sprt(increments_s1, increments_s2, delta, prior_s2=prior_s2, t_max=t_max, cells=cells)
+    test = sprt(
+        increments_s1,
+        increments_s2,
+        boundary_separation,
+        prior_s2=prior_s2,
+        t_max=t_max,
+        cells=cells,
+    )
     return reward_of(test.error_rate, test.mean_steps, cost)
 
 
@@ -207,7 +219,7 @@ def least(costs: Array) -> int:
     return int(np.argmax(costs <= costs.min() * (1 + FLAT)))
 
 
-def optimal_delta(
+def optimal_separation(
     increments_s1: Increments,
     increments_s2: Increments,
     xi: float,
@@ -220,7 +232,7 @@ def optimal_delta(
     """Find the threshold that minimises the exact cost xi ER + E[T].
 
     A grid of 33 thresholds is searched, then the interval around the best of them. The curve is
-    flat near its minimum, so ``cost`` is determined far more precisely than ``delta``.
+    flat near its minimum, so ``cost`` is determined far more precisely than its place.
 
     Parameters
     ----------
@@ -229,7 +241,7 @@ def optimal_delta(
     xi : float
         Cost of an error, in readings.
     bounds : tuple of two floats, optional
-        Least and greatest delta in nats; by default 0 and as much as it takes (`widened`).
+        Least and greatest separation, nats; by default 0 and as much as it takes (`widened`).
 
     Raises
     ------
@@ -242,8 +254,10 @@ def optimal_delta(
     require(0 <= low < high < np.inf, "bounds", "must be finite, rising and at least 0", bounds)
     pair = increments_s1, increments_s2
 
-    def cost(delta: ArrayLike) -> Array:
-        return -reward_curve(*pair, delta, xi, prior_s2=prior_s2, t_max=t_max, cells=cells)
+    def cost(boundary_separation: ArrayLike) -> Array:
+        return -reward_curve(
+            *pair, boundary_separation, xi, prior_s2=prior_s2, t_max=t_max, cells=cells
+        )
 
     grid = np.linspace(low, high, 33)
     grid, costs = widened(cost, grid) if bounds is None else (grid, cost(grid))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel import Sprt, first_crossing, sprt_threshold_from_gap, stream
+from bgmodel import Sprt, first_crossing, stream
 from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
@@ -13,7 +13,7 @@ from tests.learning.helpers import SEPARATION, T_MAX
 def test_the_reward_is_that_of_the_paper():
     evidence = separated_evidence(200, T_MAX, SEPARATION, rng=stream(1, "reward"))
     trace = Sprt().run(evidence)
-    decision = first_crossing(trace, float(sprt_threshold_from_gap(3.0)))
+    decision = first_crossing(trace, float(Sprt.threshold(3.0)))
     wrong = decision.choice != evidence.truth
     assert reward(decision, evidence.truth, 7.0) == pytest.approx(-7.0 * wrong - decision.steps)
     free = first_crossing(trace, -1e9, forced=False)

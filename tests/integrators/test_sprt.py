@@ -7,20 +7,14 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
 from bgmodel.deciding.tally import tally
-from bgmodel.integrators.sprt import (
-    Stream,
-    msprt_threshold_from_gap,
-    sprt_threshold_from_gap,
-    tally_sprt,
-    threshold_from_posterior,
-)
+from bgmodel.integrators.sprt import Stream, tally_sprt, threshold_from_posterior
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, some_evidence
 
 
 def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
     evidence = some_evidence(hypotheses=2)
-    decision = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(0.0))
+    decision = first_crossing(Sprt().run(evidence), Sprt.threshold(0.0))
     assert (decision.steps == 1).all()
     ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
     assert (decision.choice == (ratio > 0)).all()
@@ -31,18 +25,18 @@ def test_a_posterior_and_a_gap_give_one_criterion_each():
     posterior = np.array([0.6, 0.9, 0.99])
     assert threshold_from_posterior(posterior) == pytest.approx(-np.log(posterior))
     gap = 2 * np.log(posterior / (1 - posterior))
-    assert msprt_threshold_from_gap(gap) == pytest.approx(threshold_from_posterior(posterior))
+    assert Msprt.threshold(gap) == pytest.approx(threshold_from_posterior(posterior))
 
 
 def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
     evidence = some_evidence(trials=20_000, steps=50, hypotheses=2)
-    deltas = np.linspace(0, 8, 17)
-    a = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), msprt_threshold_from_gap(deltas))
+    separations = np.linspace(0, 8, 17)
+    a = first_crossing(Sprt().run(evidence), Sprt.threshold(separations))
+    b = first_crossing(Msprt().run(evidence), Msprt.threshold(separations))
     assert (a.choice != b.choice).sum() == 0
     assert (a.time_ms != b.time_ms).sum() == 0
     # The control: without the mapping the tests are not the same.
-    c = first_crossing(Msprt().run(evidence), np.log1p(np.exp(-deltas)))
+    c = first_crossing(Msprt().run(evidence), np.log1p(np.exp(-separations)))
     assert (a.time_ms != c.time_ms).sum() > 1000
 
 
@@ -102,12 +96,12 @@ def test_sums_equal_up_to_rounding_are_equal():
     truth = np.arange(trials) % 2
     x = np.where(rng.random((trials, steps)) < 0.6, 0.1, -0.1) * np.where(truth, 1, -1)[:, None]
     evidence = Evidence(np.stack([np.minimum(-x, 0), np.minimum(x, 0)], axis=-1), truth)
-    deltas = np.array([0.4, 1.6, 4.0])
-    a = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), msprt_threshold_from_gap(deltas))
+    separations = np.array([0.4, 1.6, 4.0])
+    a = first_crossing(Sprt().run(evidence), Sprt.threshold(separations))
+    b = first_crossing(Msprt().run(evidence), Msprt.threshold(separations))
     assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
     pair = Empirical([-0.1, 0.1], [0.6, 0.4]), Empirical([-0.1, 0.1], [0.4, 0.6])
-    exact = sprt(*pair, deltas, t_max=steps)
+    exact = sprt(*pair, separations, t_max=steps)
     error = (a.steps.mean(axis=1) - exact.mean_steps) / (a.steps.std(axis=1) / np.sqrt(trials))
     assert np.abs(error).max() < 4
 
@@ -115,8 +109,8 @@ def test_sums_equal_up_to_rounding_are_equal():
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: sprt_threshold_from_gap(-0.1), "delta must be finite and >= 0"),
-        (lambda: msprt_threshold_from_gap(np.nan), "delta must be finite and >= 0"),
+        (lambda: Sprt.threshold(-0.1), "boundary_separation must be finite and >= 0"),
+        (lambda: Msprt.threshold(np.nan), "boundary_separation must be finite and >= 0"),
         (lambda: threshold_from_posterior(4.0), "posterior must lie between chance, 0.5"),
         (lambda: threshold_from_posterior(1.0), "and 1, got 1.0"),
         (lambda: threshold_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
@@ -125,7 +119,7 @@ def test_sums_equal_up_to_rounding_are_equal():
         (lambda: tally_sprt(some_evidence(hypotheses=2), [[-1.0]]), "thresholds must be .K,."),
         (lambda: tally_sprt(some_evidence(hypotheses=2), []), "thresholds must be .K,."),
         (lambda: tally_sprt(some_evidence(hypotheses=2), [np.nan]), "finite nats, got .nan."),
-        (lambda: sprt_threshold_from_gap(np.inf), "delta must be finite"),
+        (lambda: Sprt.threshold(np.inf), "boundary_separation must be finite"),
         (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
         (lambda: Stream(Msprt(), 0.1).update([0.0, 0.0, 0.0]), "must hold 2 finite"),
         (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
@@ -157,7 +151,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
         lengths=lengths,
         numbers=rng.permutation(100)[:30],
     )
-    thresholds = sprt_threshold_from_gap(gaps)
+    thresholds = Sprt.threshold(gaps)
     want = tally(Sprt().run(evidence), evidence.truth, thresholds, checked=False)
     found = tally_sprt(evidence, thresholds)
     for name in ("trials", "correct", "steps", "forced"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.sprt import Msprt, msprt_threshold_from_gap
+from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -35,7 +35,7 @@ def test_an_exact_circuit_at_the_gap_of_the_test_decides_as_the_test():
         learned(GAP / 2), EVIDENCE, gaps=(GAP, GAP), engine="algebra", resamples=200
     )
     wide = table.set_index(["who", "measure"])
-    test = Msprt().decide(EVIDENCE, float(msprt_threshold_from_gap(GAP)))
+    test = Msprt().decide(EVIDENCE, float(Msprt.threshold(GAP)))
     for who in (TEST, POPULATIONS, SPIKES):
         assert wide.loc[(who, "accuracy"), "value"] == pytest.approx(test.accuracy)
         readings = test.time_ms.mean() / EVIDENCE.step_ms
@@ -83,7 +83,7 @@ def test_the_regret_of_a_criterion_that_is_not_the_best_is_seen():
 
 def test_the_regret_of_the_test_is_its_cost_beyond_that_at_the_best_gap():
     def cost(gap):
-        test = Msprt().decide(EVIDENCE, float(msprt_threshold_from_gap(gap)))
+        test = Msprt().decide(EVIDENCE, float(Msprt.threshold(gap)))
         return XI * (1 - test.accuracy) + test.time_ms.mean() / EVIDENCE.step_ms
 
     table = decide_as_learned(learned(2.0), EVIDENCE, gaps=(1.0, GAP), engine="algebra")

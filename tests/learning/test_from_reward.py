@@ -14,7 +14,7 @@ from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.theory.sprt import Gaussian as GaussianSteps
-from bgmodel.theory.sprt import optimal_delta
+from bgmodel.theory.sprt import optimal_separation
 from tests.helpers import long_table, refused
 
 SHORT = Learner(episodes=1500)
@@ -27,20 +27,20 @@ def test_the_gap_of_the_test_is_that_of_its_own_function():
     task = SameDifferent(2.0)
     found = learn(task, learner=SHORT, **FEW)
     table, summary = learn_gap(
-        task.source(), name=(2.0, 0), xi=50.0, start_delta=0.5, t_max=40, learner=SHORT, **FEW
+        task.source(), name=(2.0, 0), xi=50.0, start_separation=0.5, t_max=40, learner=SHORT, **FEW
     )
     assert found.what == THRESHOLD
-    np.testing.assert_array_equal(found.learned, summary["learned_delta"])
-    assert found.best == summary["optimal_delta"]
+    np.testing.assert_array_equal(found.learned, summary["learned_separation"])
+    assert found.best == summary["optimal_separation"]
     assert found.regret == pytest.approx(100 * np.mean(summary["regret"]))
-    np.testing.assert_array_equal(found.table["mean"], table["mean_delta"])
+    np.testing.assert_array_equal(found.table["mean"], table["mean_separation"])
 
 
 def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
     """The log-likelihood ratio of a reading is normal, with mean d'^2 / 2 and variance d'^2."""
     found = learn(Gaussian(d_prime=1.0), learner=SHORT, **FEW)
-    exact = optimal_delta(GaussianSteps(-0.5, 1.0), GaussianSteps(0.5, 1.0), 50.0, t_max=40)
-    assert found.best == pytest.approx(exact.delta, rel=0.05)
+    exact = optimal_separation(GaussianSteps(-0.5, 1.0), GaussianSteps(0.5, 1.0), 50.0, t_max=40)
+    assert found.best == pytest.approx(exact.boundary_separation, rel=0.05)
     assert found.regret < found.regrets.loc["start", "value"]
 
 

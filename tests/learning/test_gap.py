@@ -16,7 +16,7 @@ from bgmodel.learning.gap import (
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import Optimum, optimal_delta, reward_curve
+from bgmodel.theory.sprt import Optimum, optimal_separation, reward_curve
 from circuits.errors import RangeWarning
 from tests.helpers import refused, unwarned
 
@@ -24,10 +24,10 @@ TAPS = held_out_taps()
 
 
 def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
-    deltas = [0.0, 1.0, 4.0, 8.0]
+    separations = [0.0, 1.0, 4.0, 8.0]
     trials = 30_000
     table = search_folds(
-        fold_sources(TAPS, 2.0)[:2], deltas, trials=trials, t_max=30, seed=7, name="test"
+        fold_sources(TAPS, 2.0)[:2], separations, trials=trials, t_max=30, seed=7, name="test"
     )
     p = table["exact_accuracy"]
     z = (table["accuracy"] - p) / np.sqrt(p * (1 - p) / trials)
@@ -37,12 +37,12 @@ def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
 
 def test_regret_is_the_share_that_a_gap_costs_more():
     readings = fold_sources(TAPS, 2.0)[0]
-    best = optimal_delta(*increments(readings), 50.0, t_max=30)
-    deltas = np.array([0.5, best.delta])
+    best = optimal_separation(*increments(readings), 50.0, t_max=30)
+    separations = np.array([0.5, best.boundary_separation])
     regret = regret_on_fresh_trials(
-        deltas, readings, best, xi=50.0, t_max=30, seed=1, name="regret"
+        separations, readings, best, xi=50.0, t_max=30, seed=1, name="regret"
     )
-    cost = -reward_curve(*increments(readings), deltas, 50.0, t_max=30)
+    cost = -reward_curve(*increments(readings), separations, 50.0, t_max=30)
     assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
     assert regret[0] > 0.3
     assert abs(regret[1]) < 0.03
@@ -75,20 +75,22 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     # A start does not change the runs of another.
     for start in (3.0, 1.5):
         alone = learn_folds(TAPS, 2.0, starts=[start], repeats=2, **given)
-        some = table[table["start_delta"] == start].reset_index(drop=True)
+        some = table[table["start_separation"] == start].reset_index(drop=True)
         assert_frame_equal(some, alone, check_exact=True)
     table = some
     runs = table.groupby(["fold", "repeat"])
     assert list(runs.groups) == [(fold, repeat) for fold in range(2) for repeat in range(2)]
     assert all(run["episode"].tolist() == [0, 100, 199, 299] for _, run in runs)
     last = runs.last()
-    assert last["smoothed_delta"].to_numpy() == pytest.approx(last["learned_delta"].to_numpy())
-    assert (runs["smoothed_delta"].first() == 1.5).all()
-    assert last["learned_delta"].nunique() == 4
+    assert last["smoothed_separation"].to_numpy() == pytest.approx(
+        last["learned_separation"].to_numpy()
+    )
+    assert (runs["smoothed_separation"].first() == 1.5).all()
+    assert last["learned_separation"].nunique() == 4
     # One fold, one optimum; the start costs more than it by the same in both repeats.
-    same = table.groupby("fold")[["optimal_delta", "optimal_cost", "start_regret"]].nunique()
+    same = table.groupby("fold")[["optimal_separation", "optimal_cost", "start_regret"]].nunique()
     assert (same == 1).all(axis=None)
-    assert table["optimal_delta"].nunique() == 2
+    assert table["optimal_separation"].nunique() == 2
     assert (table["start_regret"] > 0).all()
 
 
@@ -96,5 +98,5 @@ def test_learning_starts_anywhere_in_the_range_of_the_paper_and_nowhere_else():
     for start in (0.0, 8.0):
         gap.check_start(start)
     for start in (-0.01, 8.01, np.nan):
-        with refused("start_delta"):
+        with refused("start_separation"):
             gap.check_start(start)

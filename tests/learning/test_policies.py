@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bgmodel import Sprt, sprt_threshold_from_gap, stream
+from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
@@ -30,7 +30,7 @@ def test_policy_gradient_agrees_with_the_finite_difference(mean):
     start = policy.start(np.full(runs, mean))
     gaps, gradient = policy.sample(start, rng.standard_normal((runs, 1)), 0)
     evidence = draw(rng)(runs)
-    decision = crossing_of_each(Sprt().run(evidence), sprt_threshold_from_gap(gaps))
+    decision = crossing_of_each(Sprt().run(evidence), Sprt.threshold(gaps))
     r = reward(decision, evidence.truth, XI)
     estimate = (r - r.mean()) * gradient[:, 0]
     h = 0.05

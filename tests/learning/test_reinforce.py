@@ -19,7 +19,7 @@ from bgmodel.learning.reinforce import (
 )
 from bgmodel.learning.worlds import trials_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
+from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
 from tests.helpers import ROOT, refused
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
@@ -29,17 +29,19 @@ def test_records_of_what_is_played_name_neither_gap_nor_threshold():
     """A gap and a level of dopamine are two uses of one learner and of one sweep."""
     names = {field.name for record in (Learned, Tradeoff) for field in fields(record)}
     assert {"played", "mean_played", "learned", "settings"} <= names
-    assert not [name for name in names if "gap" in name or "delta" in name or "thresh" in name]
+    assert not [name for name in names if "gap" in name or "separation" in name or "thresh" in name]
 
 
 def test_exhaustive_search_finds_the_exact_curve():
-    deltas = np.linspace(0, 8, 9)
+    separations = np.linspace(0, 8, 9)
     evidence = separated_evidence(200_000, T_MAX, SEPARATION, rng=stream(2, "search"))
-    counts = exhaustive_search(evidence, deltas)
-    exact = reward_curve(*gaussian_pair(D), deltas, XI, t_max=T_MAX)
+    counts = exhaustive_search(evidence, separations)
+    exact = reward_curve(*gaussian_pair(D), separations, XI, t_max=T_MAX)
     # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.
     assert np.abs(mean_reward(counts, XI) - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
-    blocks = exhaustive_search((evidence[i : i + 7000] for i in range(0, 200_000, 7000)), deltas)
+    blocks = exhaustive_search(
+        (evidence[i : i + 7000] for i in range(0, 200_000, 7000)), separations
+    )
     assert (blocks.correct == counts.correct).all()
     assert (blocks.steps == counts.steps).all()
 
@@ -67,10 +69,10 @@ def run_from(start, sign=1.0, policy=None, runs=4, seed=5):
 )
 def test_learning_approaches_the_exact_optimum(start, policy):
     pair = gaussian_pair(D)
-    best = optimal_delta(*pair, XI, t_max=T_MAX)
+    best = optimal_separation(*pair, XI, t_max=T_MAX)
 
-    def regret(delta):
-        return -reward_curve(*pair, delta, XI, t_max=T_MAX) / best.cost - 1
+    def regret(boundary_separation):
+        return -reward_curve(*pair, boundary_separation, XI, t_max=T_MAX) / best.cost - 1
 
     learned = run_from(start, policy=policy)
     assert regret(start) > 0.12

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel import Msprt, Sprt, sprt_threshold_from_gap, stream
+from bgmodel import Msprt, Sprt, stream
 from bgmodel.bootstrap import interval, resampled
 from bgmodel.deciding.tally import tally
 from bgmodel.learning.gap import fold_sources, increments
@@ -121,9 +121,9 @@ def test_shuffled_truth_is_at_chance():
     readings = pairs(2.5)[0]
     evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
     trace = Sprt().run(evidence)
-    right = tally(trace, evidence.truth, [sprt_threshold_from_gap(4.0)]).accuracy[0]
+    right = tally(trace, evidence.truth, [Sprt.threshold(4.0)]).accuracy[0]
     truth = stream(2, "shuffled").permutation(evidence.truth)
-    wrong = tally(trace, truth, [sprt_threshold_from_gap(4.0)]).accuracy[0]
+    wrong = tally(trace, truth, [Sprt.threshold(4.0)]).accuracy[0]
     assert right > 0.98
     assert abs(wrong - 0.5) < 0.02
 

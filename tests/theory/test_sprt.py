@@ -8,7 +8,7 @@ from bgmodel.theory.sprt import (
     Empirical,
     Gaussian,
     gaussian_pair,
-    optimal_delta,
+    optimal_separation,
     optimal_threshold,
     reward_curve,
     siegmund,
@@ -60,8 +60,8 @@ def test_wald_misses_the_overshoot_and_siegmund_most_of_it(d, theta):
     ("d", "xi", "theta"), [(0.5, 50, 1.051), (1, 50, 2.372), (1, 200, 3.931), (1.5, 50, 3.018)]
 )
 def test_the_optimal_threshold_is_tabulated_and_near_its_closed_form(d, xi, theta):
-    best = optimal_delta(*gaussian_pair(d), xi, t_max=None, bounds=(0, 10))
-    assert best.delta / 2 == pytest.approx(theta, abs=6e-4)
+    best = optimal_separation(*gaussian_pair(d), xi, t_max=None, bounds=(0, 10))
+    assert best.boundary_separation / 2 == pytest.approx(theta, abs=6e-4)
     assert optimal_threshold(d, xi) == pytest.approx(theta, abs=0.012)
     at_closed_form = -reward_curve(*gaussian_pair(d), 2 * optimal_threshold(d, xi), xi)
     assert 0 <= at_closed_form - best.cost < 1e-3
@@ -74,34 +74,37 @@ def test_the_best_gap_grows_by_twice_the_logarithm_of_the_cost_of_an_error(d):
     The optimum costs no more than any gap of a far wider grid, and is inside it.
     """
     costs = np.geomspace(200, 2e6, 3)
-    found = [optimal_delta(*gaussian_pair(d), xi, t_max=None) for xi in costs]
-    deltas = np.array([one.delta for one in found])
-    assert deltas == pytest.approx(2 * optimal_threshold(d, costs), abs=0.15)
-    slope = np.diff(deltas)[-1] / np.diff(np.log(costs))[-1]
+    found = [optimal_separation(*gaussian_pair(d), xi, t_max=None) for xi in costs]
+    separations = np.array([one.boundary_separation for one in found])
+    assert separations == pytest.approx(2 * optimal_threshold(d, costs), abs=0.15)
+    slope = np.diff(separations)[-1] / np.diff(np.log(costs))[-1]
     assert slope == pytest.approx(2, rel=0.03)
     wide = np.linspace(2, 38, 10)
     for xi, one in zip(costs, found, strict=True):
         assert one.cost <= -reward_curve(*gaussian_pair(d), wide, xi).max() + 1e-9
     # At a gap of 8 an error of 3 000 readings costs far more.
     at_8 = -reward_curve(*gaussian_pair(1.0), 8.0, 3000.0)
-    assert at_8 / optimal_delta(*gaussian_pair(1.0), 3000, t_max=None).cost > 2.3
+    assert at_8 / optimal_separation(*gaussian_pair(1.0), 3000, t_max=None).cost > 2.3
     # A range that is given is kept.
-    assert optimal_delta(*gaussian_pair(d), 2e6, t_max=None, bounds=(0, 8)).delta > 7.99
+    assert (
+        optimal_separation(*gaussian_pair(d), 2e6, t_max=None, bounds=(0, 8)).boundary_separation
+        > 7.99
+    )
 
 
 def test_of_gaps_that_cost_the_same_the_least_is_the_best():
     """Of five readings of a nat three decide: gaps of more than 4 and up to 6 are one test."""
     p = 1 / (1 + np.exp(-1))
     pair = Empirical([-1.0, 1.0], [p, 1 - p]), Empirical([-1.0, 1.0], [1 - p, p])
-    best = optimal_delta(*pair, 1e6, t_max=5)
-    assert 4 < best.delta < 4.3
+    best = optimal_separation(*pair, 1e6, t_max=5)
+    assert 4 < best.boundary_separation < 4.3
     every = -reward_curve(*pair, [4.1, 5.0, 6.0, 8.0, 100.0], 1e6, t_max=5)
     assert every[:3] == pytest.approx(best.cost, rel=1e-12)
     assert every[3:].min() > best.cost
 
 
 def test_one_reading_is_optimal_where_errors_are_cheap():
-    assert optimal_delta(*gaussian_pair(0.5), 10, t_max=None).delta == 0
+    assert optimal_separation(*gaussian_pair(0.5), 10, t_max=None).boundary_separation == 0
     assert optimal_threshold(0.5, [8, 10, 50]) == pytest.approx([0, 0.0187, 1.0508], abs=1e-4)
 
 
@@ -126,9 +129,9 @@ def test_optimal_threshold_solves_its_equation():
 def test_optima_of_lepora_2016_are_met(c, theta, error, steps, reward):
     """Readings N(+-1/3, 1), an error costs 1 and a reading c."""
     pair = gaussian_pair(2 / 3)
-    best = optimal_delta(*pair, 1 / c, t_max=None)
+    best = optimal_separation(*pair, 1 / c, t_max=None)
     test = sprt(*pair, 2 * theta)
-    assert best.delta / 2 == pytest.approx(theta, abs=6e-4)
+    assert best.boundary_separation / 2 == pytest.approx(theta, abs=6e-4)
     assert test.error_rate == pytest.approx(error, abs=5.1e-5)
     assert test.mean_steps == pytest.approx(steps, abs=5.1e-3)
     assert -c * best.cost == pytest.approx(reward, abs=5.1e-5)
@@ -195,15 +198,17 @@ def test_delta_zero_takes_the_sign_of_one_reading():
 
 def test_the_best_threshold_is_the_maximum_of_the_reward_curve():
     pair = gaussian_pair(0.6)
-    deltas = np.linspace(0, 8, 81)
-    reward = reward_curve(*pair, deltas, 40, t_max=30)
+    separations = np.linspace(0, 8, 81)
+    reward = reward_curve(*pair, separations, 40, t_max=30)
     assert reward.shape == (81,)
-    test = sprt(*pair, deltas[7], t_max=30)
+    test = sprt(*pair, separations[7], t_max=30)
     assert reward[7] == pytest.approx(-40 * test.error_rate - test.mean_steps, rel=1e-12)
-    best = optimal_delta(*pair, 40, t_max=30)
-    assert abs(best.delta - deltas[np.argmax(reward)]) <= 0.1
+    best = optimal_separation(*pair, 40, t_max=30)
+    assert abs(best.boundary_separation - separations[np.argmax(reward)]) <= 0.1
     assert 0 <= -best.cost - reward.max() < 1e-2
-    assert optimal_delta(*pair, 40, t_max=30, bounds=(5, 8)).delta == pytest.approx(5, abs=1e-4)
+    assert optimal_separation(
+        *pair, 40, t_max=30, bounds=(5, 8)
+    ).boundary_separation == pytest.approx(5, abs=1e-4)
 
 
 G = Gaussian(0.1, 1.0)
@@ -229,13 +234,13 @@ G = Gaussian(0.1, 1.0)
         (lambda: walk(G, -1.0, 1.0, cells=2), "cells"),
         (lambda: walk(G, -1e5, 1e5), "upper"),
         (lambda: walk(Empirical.of_sample([0.0]), -1.0, 1.0), "increments"),
-        (lambda: sprt(G, G, [1.0, -0.1]), "delta"),
+        (lambda: sprt(G, G, [1.0, -0.1]), "boundary_separation"),
         (lambda: sprt(G, G, 1.0, prior_s2=1.0), "prior_s2"),
         (lambda: wald(0.0, 1.0), "d"),
         (lambda: siegmund(1.0, -0.2), "theta"),
         (lambda: optimal_threshold(1.0, 0.0), "xi"),
-        (lambda: optimal_delta(G, G, -2.0, t_max=5), "xi"),
-        (lambda: optimal_delta(G, G, 2.0, t_max=5, bounds=(3.0, 1.0)), "bounds"),
+        (lambda: optimal_separation(G, G, -2.0, t_max=5), "xi"),
+        (lambda: optimal_separation(G, G, 2.0, t_max=5, bounds=(3.0, 1.0)), "bounds"),
     ],
 )
 def test_errors_name_the_argument(call, field):

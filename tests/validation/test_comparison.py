@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Sprt, first_crossing, msprt_threshold_from_gap, sprt_threshold_from_gap, stream
+from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
-from bgmodel.integrators.sprt import Msprt
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
@@ -31,8 +30,8 @@ def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     gap, different, trials = 4.0, 0, 0
     for part in range(20):
         evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
-        exact = first_crossing(Sprt().run(evidence), float(sprt_threshold_from_gap(gap)))
-        found = first_crossing(model.run(evidence), float(msprt_threshold_from_gap(gap)))
+        exact = first_crossing(Sprt().run(evidence), float(Sprt.threshold(gap)))
+        found = first_crossing(model.run(evidence), float(Msprt.threshold(gap)))
         # The circuit holds each reading for a step: it is read when it comes.
         different += np.sum(exact.choice != found.choice)
         trials += evidence.trials

@@ -11,7 +11,7 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learner, learn
 from bgmodel.learning.worlds import trials_of
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import optimal_delta, reward_curve
+from bgmodel.theory.sprt import optimal_separation, reward_curve
 
 pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30
@@ -29,14 +29,14 @@ def test_learning_ends_within_two_per_cent_of_the_exact_optimum(period, start):
     policy = GaussianPolicy(last_share=0.0625, half_episodes=20_000) if slow else GaussianPolicy()
     readings = fold_sources(held_out_taps(), period)[0]
     pair = increments(readings)
-    optimum = optimal_delta(*pair, XI, t_max=T_MAX)
+    optimum = optimal_separation(*pair, XI, t_max=T_MAX)
     start_regret = -float(reward_curve(*pair, start, XI, t_max=T_MAX)) / optimum.cost - 1
     name = ("validation", period, start)
     draws = [
         partial(readings.draw, steps=T_MAX, rng=stream(seed, *name, "trials"))
         for seed in SCORING_SEEDS
     ]
-    delta = learn(
+    boundary_separation = learn(
         trials_of(draws, XI),
         start,
         rngs=[stream(seed, *name, "explore") for seed in SCORING_SEEDS],
@@ -45,11 +45,11 @@ def test_learning_ends_within_two_per_cent_of_the_exact_optimum(period, start):
     ).learned
     regrets = [
         regret_on_fresh_trials(
-            delta[[i]], readings, optimum, xi=XI, t_max=T_MAX, seed=seed, name=name
+            boundary_separation[[i]], readings, optimum, xi=XI, t_max=T_MAX, seed=seed, name=name
         )[0]
         for i, seed in enumerate(SCORING_SEEDS)
     ]
-    exact = -reward_curve(*pair, delta, XI, t_max=T_MAX) / optimum.cost - 1
+    exact = -reward_curve(*pair, boundary_separation, XI, t_max=T_MAX) / optimum.cost - 1
     passed, surely = np.sum(np.array(regrets) < 0.02), np.sum(np.array(exact) < 0.02)
     print(
         f"{period} mm from {start}: start regret {start_regret:.3f}, within 2 % {passed}/20 "

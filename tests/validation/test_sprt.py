@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel import (
-    Msprt,
-    Sprt,
-    first_crossing,
-    msprt_threshold_from_gap,
-    sprt_threshold_from_gap,
-    stream,
-)
+from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.integrators.sprt import Stream
 from bgmodel.learning.gap import fold_sources
 from bgmodel.simulated_evidence import separated_evidence
@@ -22,7 +15,7 @@ XI, T_MAX = 50.0, 30
 
 
 def test_two_hypothesis_msprt_is_the_sprt_in_a_million_trials():
-    deltas = np.linspace(0, 8, 33)
+    separations = np.linspace(0, 8, 33)
     readings = fold_sources(held_out_taps(), 2.0)[0]
     for part in range(50):
         rng = stream(101, "equality", part)
@@ -30,8 +23,8 @@ def test_two_hypothesis_msprt_is_the_sprt_in_a_million_trials():
             evidence = readings.draw(20_000, T_MAX, rng=rng)
         else:
             evidence = separated_evidence(20_000, 50, 0.4, rng=rng)
-        a = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(deltas))
-        b = first_crossing(Msprt().run(evidence), msprt_threshold_from_gap(deltas))
+        a = first_crossing(Sprt().run(evidence), Sprt.threshold(separations))
+        b = first_crossing(Msprt().run(evidence), Msprt.threshold(separations))
         assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
 
 
@@ -57,7 +50,7 @@ def test_discrete_simulation_ends_as_the_exact_solution():
         for part in range(50):
             rng = stream(101, "exact", d, part)
             evidence = separated_evidence(trials // 50, t_max, d / np.sqrt(2), rng=rng)
-            decision = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(2 * thetas))
+            decision = first_crossing(Sprt().run(evidence), Sprt.threshold(2 * thetas))
             wrong = decision.choice != evidence.truth
             sums += [wrong.sum(1), decision.steps.sum(1), (decision.steps**2).sum(1), 0 * thetas]
         error, steps, squares, _ = sums / trials

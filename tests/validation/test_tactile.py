@@ -17,7 +17,7 @@ XI, T_MAX = 50.0, 30
 
 def test_a_smooth_grating_is_told_at_chance():
     """0 mm: a simultaneous interval over gaps, bootstrapped over taps per fold, contains 50 %."""
-    deltas = np.linspace(0, 8, 9)
+    separations = np.linspace(0, 8, 9)
     taps = held_out_taps()
     for period in (0.0, 1.0):
         task = SameDifferent(period)
@@ -31,7 +31,7 @@ def test_a_smooth_grating_is_told_at_chance():
                 part = [p[i] for p, i in zip(part, chosen(fold, part), strict=True)]
                 logs = [own.likelihood(x) for x in task.readings(part)]
                 again = Source(logs, task.names, own.likelihood)
-                values.append(1 - sprt(*increments(again), deltas, t_max=T_MAX).error_rate)
+                values.append(1 - sprt(*increments(again), separations, t_max=T_MAX).error_rate)
             return np.mean(values, axis=0)
 
         whole = accuracy(lambda fold, part: [np.arange(len(p)) for p in part])

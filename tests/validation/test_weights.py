@@ -129,7 +129,7 @@ def test_noise_of_the_read_out_changes_the_scale_and_not_the_time():
 )
 def test_weights_and_gap_are_learned_together(xi, most):
     taps, held_out = gratings(2.0, 30)
-    both = learn_weights_and_gap(taps, xi=xi, start_delta=1.0, seed=SEED, runs=RUNS)
+    both = learn_weights_and_gap(taps, xi=xi, start_separation=1.0, seed=SEED, runs=RUNS)
     # At xi = 50 few trials are errors, and one draw of trials is off by 0.01 or more.
     draws = [held_out.draw(15_000, rng=stream(SEED, "regret", k)) for k in range(4)]
     regret = np.mean([both.regret(draw, xi) for draw in draws], axis=0)

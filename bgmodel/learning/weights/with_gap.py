@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.deciding.reward import mean_reward, reward_of
-from bgmodel.learning.policies import DELTA_RANGE, GaussianPolicy
+from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, exhaustive_search, learn
 from bgmodel.learning.weights.critics import Critic, critic_of
 from bgmodel.learning.weights.deciders import FixedPoint
@@ -22,7 +22,7 @@ from bgmodel.theory.sprt import widened
 from circuits.errors import InputError, require
 
 GAPS = 161
-"""Number of gaps over ``DELTA_RANGE`` among which the best one is found, or of a wider range."""
+"""Number of gaps over ``SEPARATIONS`` among which the best one is found, or of a wider range."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class LearnedTogether:
         def exact(gaps: Array) -> Array:
             return -mean_reward(exhaustive_search(features.exact, gaps), xi)
 
-        best = float(widened(exact, np.linspace(*DELTA_RANGE, GAPS))[1].min())
+        best = float(widened(exact, np.linspace(*SEPARATIONS, GAPS))[1].min())
         cost = [
             -float(
                 mean_reward(exhaustive_search(self.weights.to_evidence(features, run), gap), xi)[0]
@@ -71,7 +71,7 @@ def learn_weights_and_gap(
     source: FeatureSource,
     *,
     xi: float,
-    start_delta: float,
+    start_separation: float,
     seed: int,
     rule: Rule | str = "confidence",
     critic: Critic | str | None = None,
@@ -92,7 +92,7 @@ def learn_weights_and_gap(
         Trials of two hypotheses.
     xi : float
         Cost of an error in readings.
-    start_delta : float
+    start_separation : float
         Initial gap, nats.
     seed : int
         Seed of trials and exploration.
@@ -116,12 +116,12 @@ def learn_weights_and_gap(
     require(gap_learner.episodes == learner.trials, "episodes", same, gap_learner.episodes)
     loop = Loop(source, rule, critic, Feedback(), learner, FixedPoint(), runs, seed, "together")
     if len(loop.names) != 2:
-        raise InputError(f"a gap is of 2 hypotheses, these are {len(loop.names)}", "source")
+        raise InputError(f"source must have 2 hypotheses, has {len(loop.names)}", "source")
 
     def rewards(episode: int, gaps: Array) -> Array:
         _, correct, readings = loop.trial(1 / (1 + np.exp(-gaps / 2)))
         return reward_of(~correct, readings, xi)
 
     explored = [stream(seed, "together", "gap", run) for run in range(runs)]
-    gap = learn(rewards, start_delta, rngs=explored, policy=policy, learner=gap_learner)
+    gap = learn(rewards, start_separation, rngs=explored, policy=policy, learner=gap_learner)
     return LearnedTogether(LearnedWeights(loop.final, loop.names), gap)

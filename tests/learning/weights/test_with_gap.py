@@ -8,15 +8,15 @@ from bgmodel.learning.weights.feedback import WeightLearner
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.learning.weights.sources import PoissonFeatures
 from bgmodel.learning.weights.with_gap import LearnedTogether, learn_weights_and_gap
-from bgmodel.theory.sprt import Empirical, optimal_delta
+from bgmodel.theory.sprt import Empirical, optimal_separation
 from tests.helpers import refused
 
 CELLS = PoissonFeatures(channels=2, units=8, peak=2.0, centred=True, t_max=30)
 XI = 25.0
 
 
-def together(delta):
-    gap = Learned(*(np.zeros((1, 1)) for _ in range(4)), np.array([delta]))
+def together(boundary_separation):
+    gap = Learned(*(np.zeros((1, 1)) for _ in range(4)), np.array([boundary_separation]))
     return LearnedTogether(LearnedWeights(np.log(CELLS.means)[None], ("0", "1")), gap)
 
 
@@ -25,7 +25,7 @@ def test_exact_weights_at_the_optimal_gap_have_no_regret():
     sample = CELLS.draw(2000, rng=1)
     ratio = sample.log_likelihood[..., 1] - sample.log_likelihood[..., 0]
     pair = [Empirical.of_sample(ratio[sample.truth == i].ravel()) for i in (0, 1)]
-    best = optimal_delta(*pair, XI, t_max=30).delta
+    best = optimal_separation(*pair, XI, t_max=30).boundary_separation
     test = CELLS.draw(8000, rng=2)
     assert 0 <= together(best).regret(test, XI)[0] < 0.02
     assert together(best + 3).regret(test, XI)[0] > 0.1
@@ -41,7 +41,7 @@ def test_no_gap_beyond_the_range_of_the_paper_has_less_cost_than_the_optimum():
 
 def test_a_short_course_learns_both():
     learned = learn_weights_and_gap(
-        CELLS, xi=XI, start_delta=1.0, seed=1, runs=3, learner=WeightLearner(trials=1500)
+        CELLS, xi=XI, start_separation=1.0, seed=1, runs=3, learner=WeightLearner(trials=1500)
     )
     assert learned.gap.mean_played.shape == (3, 1500)
     assert learned.gap.learned.min() > 1.0
@@ -52,8 +52,8 @@ def test_a_short_course_learns_both():
 
 def test_two_hypotheses_and_one_number_of_trials_are_required():
     with refused("episodes"):
-        learn_weights_and_gap(CELLS, xi=XI, start_delta=1, seed=1, gap_learner=Learner(1000))
-    with refused("source a gap is of 2 hypotheses"):
-        learn_weights_and_gap(PoissonFeatures(), xi=XI, start_delta=1, seed=1)
+        learn_weights_and_gap(CELLS, xi=XI, start_separation=1, seed=1, gap_learner=Learner(1000))
+    with refused("source source must have 2 hypotheses"):
+        learn_weights_and_gap(PoissonFeatures(), xi=XI, start_separation=1, seed=1)
     with pytest.raises(ValueError, match="xi"):
-        learn_weights_and_gap(CELLS, xi=-1, start_delta=1, seed=1)
+        learn_weights_and_gap(CELLS, xi=-1, start_separation=1, seed=1)
