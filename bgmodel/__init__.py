@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.learning.from_reward import learn
     from bgmodel.stopping.task import StopTask
+    from bgmodel.support.saved import load
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
@@ -92,6 +93,7 @@ LAZY = {
     "fit": "bgmodel.fitting.person",
     "fit_people": "bgmodel.fitting.hierarchy.people",
     "learn": "bgmodel.learning.from_reward",
+    "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",
     "load_decoder": "bgmodel.tactile.decoder",
     "read_choices": "bgmodel.tables.choices",
@@ -132,6 +134,7 @@ __all__ = [
     "fit_people",
     "gaussian_evidence",
     "learn",
+    "load",
     "load_circuit",
     "load_decoder",
     "load_taps",

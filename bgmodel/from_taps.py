@@ -28,6 +28,7 @@ from bgmodel.learning.dopamine_learner import CRITERION, CircuitLearned, learn_i
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
+from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tactile.grating import PERIODS_MM
@@ -61,8 +62,8 @@ PARTS = ("psychometric", "curves", "table", "learning", "learned", "courses", "d
 LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
 
-@dataclass(frozen=True)
-class Touched:
+@dataclass(frozen=True, repr=False)
+class Touched(Facts):
     """Results for one sensor's decoded taps.
 
     Parameters
@@ -109,6 +110,10 @@ class Touched:
     decided: pd.DataFrame
     step_ms: float
     remarks: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return the axis and the summary measures."""
+        return {"stimuli": self.axis} | {name: f"{x:.4g}" for name, x in self.numbers.items()}
 
     def summary(self) -> pd.DataFrame:
         """Return the numbers as a table: measure and value."""
@@ -408,9 +413,8 @@ def _one_decision(
         trace = model.trace(model.activity(one, checked=False), one) if own else decider.run(one)
         out = pd.DataFrame(np.asarray(trace.out_nats[0]), index=pd.Index(trace.time_ms))
         out = out.rename_axis("time_ms").reset_index()
-        courses.append(
-            out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)
-        )
+        long = out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)
+        courses.append(long.astype({"channel": int}))
         decision = first_crossing(trace, threshold, forced=False)
         decided.append((who, int(decision.choice[0]), float(decision.time_ms[0])))
     columns = ["who", "choice", "time_ms"]

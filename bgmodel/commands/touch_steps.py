@@ -15,12 +15,13 @@ from bgmodel.tactile import sensor
 from bgmodel.tactile.decoder import (
     EDGE,
     ENDINGS,
-    Decoder,
     Training,
     check_device,
+    load_decoder,
     taps_of,
     train_decoder,
 )
+from bgmodel.tactile.networks import OwnNetwork
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
@@ -134,6 +135,7 @@ def decode(
     edge: bool = False,
     mm_per_px: float | None = None,
     pins: int | None = None,
+    own: Annotated[tuple[str, ...], MANY] = (),
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
 ) -> None:
     """Decode the angle of every tap, simulated or from a folder of recordings.
@@ -143,7 +145,7 @@ def decode(
     Parameters
     ----------
     decoder
-        A decoder from `bgmodel touch train`.
+        A decoder from `bgmodel touch train`, or an .onnx file with a network of your own.
     taps
         Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
     edge
@@ -152,17 +154,23 @@ def decode(
         Scale of recordings, mm per pixel.
     pins
         Number of pins of the recorded sensor; printed with the number detected.
+    own
+        What a network of your own takes and gives, name=value: stimulus (grating or edge), takes
+        (maps or displacements), gives (angle or vector).
     """
     path = _needed(output, (".parquet", ".csv"), decoder=decoder, taps=taps)
-    loaded = Decoder.load(decoder)
-    found, about = _taps(taps, edge, mm_per_px, pins, loaded.rest_mm)
+    loaded = load_decoder(decoder, record_of(OwnNetwork(), own) if own else None)
+    rest = loaded.rest_mm if len(loaded.rest_mm) else None
+    found, about = _taps(taps, edge, mm_per_px, pins, rest)
     table = loaded.decode(found)
     if "trained_on" in table:
         known = table["trained_on"].sum()
         say(f"the decoder was trained on {known} of these taps: tasks refuse the table")
     if "image" in table:
         table["image"] = table["image"].map(lambda image: Path(image).name)
-    options = options_of(decoder=decoder, taps=taps, edge=edge, mm_per_px=mm_per_px, pins=pins)
+    options = options_of(
+        decoder=decoder, taps=taps, edge=edge, mm_per_px=mm_per_px, pins=pins, own=own or None
+    )
     behind: dict[str, Any] = {
         "taps": about,
         "decoder": {"sha256": files.checksum(decoder), **loaded.about},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,13 @@ if TYPE_CHECKING:
 
 
 class Facts:
-    """Base of records that hold arrays, which are not readable when printed."""
+    """Base of records that hold arrays: readable when printed, and saved whole."""
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the record to an .npz file, which ``bg.load`` reads; see ``saved.save``."""
+        from bgmodel.support.saved import save
+
+        return save(self, path, force=force)
 
     def facts(self) -> dict[str, str]:
         """Return the main facts of a record by name: shapes, units, a few means."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from bgmodel.support.arrays import Integers, Reals, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import check_writable, provenance, replacing
-from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
+from bgmodel.support.files import check_writable, checksum, provenance, replacing
+from bgmodel.tactile.networks import NETWORKS, Network, OwnNetwork, import_torch, set_scale
 from bgmodel.tactile.onnx_file import OnnxNetwork, onnx_bytes
 from bgmodel.tactile.taps import Taps
 from circuits.errors import InputError, require
@@ -90,10 +90,10 @@ class Decoder:
     ----------
     network : torch.nn.Module or OnnxNetwork
         Made by ``NETWORKS[training.network]``, or read from an .onnx file.
-    training : Training
-        Training options.
+    training : Training or OwnNetwork
+        Training options, or what a network of your own takes and gives.
     rest_mm : array (pins, 2)
-        Rest positions of the pins it was trained on, mm.
+        Rest positions of the pins it was trained on, mm; none if they are not known.
     history : list of dict
         Per epoch: training loss and validation errors, degrees.
     about : dict
@@ -103,7 +103,7 @@ class Decoder:
     """
 
     network: Any
-    training: Training
+    training: Training | OwnNetwork
     rest_mm: Reals
     history: list[dict[str, float]]
     about: dict[str, Any]
@@ -138,8 +138,8 @@ class Decoder:
         """
         if not isinstance(taps, Taps):
             scale = self.about.get("taps", {}).get("mm_per_px") if mm_per_px is None else mm_per_px
-            stimulus = self.training.network
-            taps = taps_of(taps, stimulus=stimulus, mm_per_px=scale, rest=self.rest_mm)[0]
+            rest = self.rest_mm if len(self.rest_mm) else None
+            taps = taps_of(taps, stimulus=self.training.network, mm_per_px=scale, rest=rest)[0]
         table = taps.labels.assign(**self._read(taps))
         known = self.knows(taps)
         return table.assign(trained_on=known) if known.any() else table
@@ -147,16 +147,19 @@ class Decoder:
     def _read(self, taps: Taps) -> dict[str, Reals]:
         """Return what the network decodes, by name, (taps,) each."""
         _check_stimulus(taps, self.training)
-        if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
-            taps.rest_mm, self.rest_mm, atol=1e-3
-        ):
+        known, same = len(self.rest_mm), taps.rest_mm.shape == self.rest_mm.shape
+        if known and not (same and np.allclose(taps.rest_mm, self.rest_mm, atol=1e-3)):
             raise InputError(
                 f"the decoder needs taps with its {len(self.rest_mm)} pins at the same positions, "
                 f"got taps of {len(taps.rest_mm)} pins or at other positions",
                 "taps",
             )
-        kind = NETWORKS[self.training.network]
-        return kind.read(_outputs(self.network, _checked_inputs(kind.inputs(taps))))
+        own = isinstance(self.training, OwnNetwork)
+        kind: Any = self.training if own else NETWORKS[self.training.network]
+        read: dict[str, Reals] = kind.read(
+            _outputs(self.network, _checked_inputs(kind.inputs(taps)))
+        )
+        return read
 
     def save(self, path: str | Path) -> Path:
         """Save the network and everything needed to reuse it; never leaves a partial file.
@@ -303,9 +306,48 @@ def train_decoder(
     return train(found, seed=seed, training=training, about={"taps": about}, device=device)
 
 
-def load_decoder(path: str | Path) -> Decoder:
-    """Return a decoder from its file, .safetensors or .onnx; as ``Decoder.load``."""
-    return Decoder.load(path)
+def load_decoder(
+    path: str | Path,
+    own: OwnNetwork | None = None,
+    *,
+    trained_on: Taps | str | Path | None = None,
+) -> Decoder:
+    """Return a decoder from its file: one that ``save`` wrote, or a network of your own.
+
+    Parameters
+    ----------
+    path : path
+        A .safetensors or .onnx file, as from ``Decoder.save``, or an .onnx file with a network of
+        your own, which has one input and one output; the number of taps comes first in both.
+    own : OwnNetwork, optional
+        What a network of your own takes and gives.
+    trained_on : Taps or path, optional
+        Taps on which your network was trained, so that they are marked and other pins refused.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, damaged, or of another kind.
+    """
+    known = own is None or isinstance(own, OwnNetwork)
+    require(known, "own", "must be an OwnNetwork, or None for one that save wrote", own)
+    if own is None:
+        require(trained_on is None, "trained_on", "has no effect without own", trained_on)
+        return Decoder.load(path)
+    path = path_of(path)
+    if not path.is_file():
+        raise InputError(f"there is no decoder {str(path)!r}", "path", path)
+    require(path.suffix == ".onnx", "path", "must be an .onnx file for a network of your own", path)
+    try:
+        network = OnnxNetwork(path.read_bytes())
+    except ValueError as error:
+        first = str(error).partition("\n")[0]
+        raise InputError(f"{str(path)!r} does not hold a network: {first}", "path") from error
+    about = {"network": {"file": path.name, "sha256": checksum(path), **asdict(own)}}
+    if trained_on is None:
+        return Decoder(network, own, np.zeros((0, 2)), [], about)
+    taps = taps_of(trained_on, stimulus=own.stimulus)[0]
+    return Decoder(network, own, taps.rest_mm, [], about, taps.numbers())
 
 
 def train(
@@ -411,6 +453,8 @@ def _from_onnx(path: Path) -> tuple[Any, ...]:
     """Return the fields of a decoder, without using PyTorch."""
     network = OnnxNetwork(path.read_bytes())
     header = network.header
+    if not header:
+        raise ValueError("a network of your own needs what it takes and gives: own")
     training = Training(**header["training"])
     rest_mm = np.array(header["rest_mm"], dtype=np.float64)
     trained_on = np.array(header["trained_on"], dtype=np.int64)
@@ -421,7 +465,7 @@ def _from_onnx(path: Path) -> tuple[Any, ...]:
     return network, training, rest_mm, header["history"], header["about"], trained_on
 
 
-def _check_stimulus(taps: Taps, training: Training) -> None:
+def _check_stimulus(taps: Taps, training: Training | OwnNetwork) -> None:
     if taps.stimulus != training.network:
         raise InputError(
             f"this decoder reads taps of one stimulus, {training.network}, got {taps.stimulus}",

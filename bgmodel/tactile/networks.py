@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from bgmodel.support.arrays import Reals
 from bgmodel.tactile.taps import Taps
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import torch
@@ -188,3 +190,52 @@ def wrapped(angle_deg: Reals, period_deg: float) -> Reals:
 
 Network = type[GratingNetwork] | type[EdgeNetwork]
 NETWORKS: dict[str, Network] = {"grating": GratingNetwork, "edge": EdgeNetwork}
+
+
+@dataclass(frozen=True)
+class OwnNetwork:
+    """A network of your own: what was tapped, what it takes and what it gives."""
+
+    stimulus: Literal["grating", "edge"] = "grating"
+    """What was tapped."""
+    takes: Literal["maps", "displacements"] = "maps"
+    """Input for one tap: z-scored sizes of displacements on 19 x 19 points, (1, 19, 19), or
+    displacements of all pins, x right and y up, mm, (pins, 2) or (2 pins,)."""
+    gives: Literal["angle", "vector"] = "angle"
+    """Output for one tap: the yaw, degrees, or its cosine and sine; those of twice the yaw for a
+    grating, which looks the same after half a turn."""
+
+    def __post_init__(self) -> None:
+        """Check the names."""
+        known = {"stimulus": NETWORKS, "takes": ("maps", "displacements"),
+                 "gives": ("angle", "vector")}  # fmt: skip
+        for name, words in known.items():
+            given = getattr(self, name)
+            require(given in words, name, f"must be {' or '.join(words)}", given)
+
+    @property
+    def network(self) -> str:
+        """What was tapped, as in ``Training``."""
+        return self.stimulus
+
+    def inputs(self, taps: Taps) -> Reals:
+        """Return the input of each tap (taps, ...)."""
+        return taps.maps() if self.takes == "maps" else taps.displacement_mm
+
+    def read(self, outputs: Reals) -> dict[str, Reals]:
+        """Return the columns that tasks read, as the included networks do."""
+        count = 1 if self.gives == "angle" else 2
+        if outputs.ndim != 2 or outputs.shape[1] != count:
+            said = f"must be one that gives {count} number(s) for a tap, as stated by gives"
+            raise InputError.of("network", f"{said} ({self.gives})", outputs.shape[1:])
+        turn, period = (2, 180.0) if self.stimulus == "grating" else (1, 360.0)
+        if self.gives == "angle":
+            angle, strength = outputs[:, 0].astype(np.float64), np.ones(len(outputs))
+        else:
+            cosine, sine = outputs.astype(np.float64).T
+            angle, strength = np.degrees(np.arctan2(sine, cosine)) / turn, np.hypot(cosine, sine)
+        turned = wrapped(angle, period)
+        if self.stimulus == "edge":
+            return {"edge_deg": turned, "strength": strength}
+        linear = np.clip(angle, -90, 90)
+        return {"psi_deg": linear, "orientation_deg": turned, "strength": strength}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import json
+import math
 import warnings
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from bgmodel.support.arrays import Singles
 from bgmodel.tactile.networks import import_torch
+from circuits.errors import InputError
 
 KEY = "bgmodel"
 """Metadata key of the JSON description of the network."""
@@ -77,8 +79,8 @@ class OnnxNetwork:
 
     Raises
     ------
-    ValueError, KeyError
-        If the content is not an ONNX file, or has no header.
+    ValueError
+        If the content is not an ONNX file, or its network has more than one input or output.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -89,11 +91,24 @@ class OnnxNetwork:
             self._session = runtime.InferenceSession(content, options, providers=providers)
         except Exception as error:  # onnxruntime errors have no other common base class
             raise ValueError(str(error)) from error
-        self.header = json.loads(self._session.get_modelmeta().custom_metadata_map[KEY])
-        ends = (*self._session.get_inputs(), *self._session.get_outputs())
-        self.shapes = [end.shape[1:] for end in ends]
+        self.header = json.loads(self._session.get_modelmeta().custom_metadata_map.get(KEY, "{}"))
+        self._ends = (*self._session.get_inputs(), *self._session.get_outputs())
+        if len(self._ends) != 2:
+            raise ValueError("its network must have one input and one output")
+        self.shapes = [end.shape[1:] for end in self._ends]
 
     def outputs(self, inputs: Singles) -> Singles:
         """Return the outputs (taps, outputs) for inputs (taps, ...)."""
-        (found,) = self._session.run([OUTPUTS], {INPUTS: inputs})
-        return np.asarray(found)
+        given, asked = self._ends
+        if all(isinstance(size, int) for size in given.shape[1:]):
+            inputs = _shaped(inputs, given.shape[1:])
+        kind = np.float64 if given.type == "tensor(double)" else np.float32
+        (found,) = self._session.run([asked.name], {given.name: inputs.astype(kind, copy=False)})
+        return np.asarray(found).reshape(len(inputs), -1)
+
+
+def _shaped(inputs: Singles, shape: list[int]) -> Singles:
+    """Return inputs in the shape that a network takes; ValueError if their sizes differ."""
+    if math.prod(inputs.shape[1:]) != math.prod(shape):
+        raise InputError.of("taps", f"must give the network's input, {shape}", inputs.shape[1:])
+    return inputs.reshape(len(inputs), *shape)

@@ -4,12 +4,15 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.support.files import read_table
-from bgmodel.tactile.decoder import EDGE, Decoder, train
+from bgmodel.tactile.decoder import EDGE, Decoder, load_decoder, train
+from bgmodel.tactile.networks import OwnNetwork
 from tests.helpers import ROOT, refused, run
 from tests.tactile.striped import QUICK, pushed_taps, striped_taps
 
@@ -87,7 +90,7 @@ def test_bad_files_get_one_clear_sentence(decoder, stored, tmp_path):
         b"": "graph",
         b"not a decoder": "protobuf",
         foreign.read_bytes(): "it has no 'training'",
-        with_header({}): "it has no 'bgmodel'",
+        with_header({}): "a network of your own",
         with_header(of_other): "shapes",
     }
     if decoder.training.network == "edge":
@@ -129,3 +132,71 @@ def test_a_missing_package_is_named_with_its_extra(absent, extra, tmp_path, monk
     command = train_it if absent == "onnx" else decode_it
     said = refusal(*command)
     assert said == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'
+
+
+def without_header(path):
+    """Write a stored decoder again as a network of anyone's."""
+    model = onnx.load(path)
+    del model.metadata_props[:]
+    onnx.save(model, path)
+    return path
+
+
+def exported(layers, taps, path, dtype):
+    """Write a network of one layer that is no decoder of this program."""
+    torch = pytest.importorskip("torch")
+    shape = taps.displacement_mm.shape[1:]
+    network = torch.nn.Sequential(torch.nn.Flatten(), *layers(2 * shape[0], torch)).to(dtype)
+    torch.onnx.export(network, (torch.zeros(1, *shape, dtype=dtype),), path, dynamo=False,
+                      dynamic_axes={"x": {0: "taps"}}, input_names=["x"])  # fmt: skip
+    return network
+
+
+def test_a_network_of_ones_own_is_read_as_stated(tmp_path):
+    taps = MAKERS["edge"](200, 2)
+    decoder = train(MAKERS["edge"](600, 1), seed=3, training=OPTIONS["edge"])
+    path = without_header(decoder.save(tmp_path / "own.onnx"))
+    own = OwnNetwork("edge", "displacements", "vector")
+    for given in (None, MAKERS["edge"](600, 1)):
+        found = load_decoder(path, own, trained_on=given)
+        pd.testing.assert_frame_equal(
+            found.decode(taps), decoder.decode(taps), check_exact=False, atol=1e-3
+        )
+    assert found.knows(MAKERS["edge"](600, 1)).all()
+    assert found.decode(MAKERS["edge"](600, 1))["trained_on"].all()
+
+
+@pytest.mark.parametrize(("stimulus", "column"), [("edge", "edge_deg"), ("grating", "psi_deg")])
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_a_network_may_give_the_angle_itself(stimulus, column, dtype, tmp_path):
+    torch = pytest.importorskip("torch")
+    taps, kind = MAKERS[stimulus](50, 2), getattr(torch, dtype)
+    network = exported(lambda n, t: [t.nn.Linear(n, 1)], taps, tmp_path / "own.onnx", kind)
+    found = load_decoder(tmp_path / "own.onnx", OwnNetwork(stimulus, "displacements", "angle"))
+    with torch.no_grad():
+        angle = network(torch.from_numpy(taps.displacement_mm).to(kind)).numpy()[:, 0]
+    assert np.abs(angle).max() < 90
+    np.testing.assert_allclose(found.decode(taps)[column], angle, atol=1e-4)
+
+
+def test_a_network_that_is_not_as_stated_is_refused(tmp_path):
+    torch = pytest.importorskip("torch")
+    taps, path = MAKERS["edge"](50, 2), tmp_path / "own.onnx"
+    exported(lambda n, t: [t.nn.Linear(n, 3)], taps, path, torch.float32)
+    with refused("network gives 2"):
+        load_decoder(path, OwnNetwork("edge", "displacements", "vector")).decode(taps)
+    with refused("taps must give the network's input"):
+        load_decoder(path, OwnNetwork("edge", "maps", "vector")).decode(taps)
+    with refused("taps reads taps of one stimulus"):
+        load_decoder(path, OwnNetwork("grating", "displacements")).decode(taps)
+    with refused("takes"):
+        OwnNetwork(takes="pictures")
+    with refused("trained_on no effect"):
+        load_decoder(path, trained_on=taps)
+    path.write_bytes(b"nothing")
+    with refused("path does not hold a network"):
+        load_decoder(path, OwnNetwork("edge"))
+    with refused("path there is no decoder"):
+        load_decoder(tmp_path / "absent.onnx", OwnNetwork("edge"))
+    with refused("path must be an .onnx file"):
+        load_decoder(Path(__file__), OwnNetwork("edge"))

@@ -1,0 +1,184 @@
+"""Results in files: any record, saved whole and loaded again as the same record.
+
+A file is an .npz without pickled objects: arrays and tables as they are, the rest as JSON. Only
+records of this package are made from one, so that a file from elsewhere runs no code.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import json
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.support.checks import path_of
+from bgmodel.support.files import check_new, check_writable, from_json, read_arrays, replacing
+from bgmodel.version import __version__
+from circuits.errors import InputError, require
+
+ENDING, TREE = ".npz", "record"
+"""Ending of a file, and the array that holds its JSON."""
+PACKAGES = ("bgmodel.", "circuits.")
+PLAIN = (bool, int, float, str)
+"""Types that JSON has."""
+
+
+def save(record: Any, path: str | Path, *, force: bool = False) -> Path:
+    """Write a record to an .npz file, whole or not at all.
+
+    Parameters
+    ----------
+    record : record
+        A result, decisions, evidence, a circuit: any record of this package.
+    path : path
+        File to write, .npz.
+    force : bool
+        Whether a file of that name may be replaced.
+
+    Raises
+    ------
+    ValueError
+        If the file is there, can't be written, or the record holds what can't be saved.
+    """
+    path = path_of(path)
+    require(path.suffix == ENDING, "path", f"must end in {ENDING}", str(path))
+    check_new(path, force=force)
+    check_writable(path.parent)
+    arrays: list[npt.NDArray[Any]] = []
+    tree = {"version": __version__, "value": _plain(record, arrays)}
+    text = np.frombuffer(json.dumps(tree).encode(), dtype=np.uint8)
+    named = {str(k): each for k, each in enumerate(arrays)}
+    with replacing(path) as partial, partial.open("wb") as stream:
+        np.savez_compressed(stream, **{TREE: text}, **named)  # type: ignore[arg-type]
+    return path
+
+
+def load(path: str | Path) -> Any:
+    """Return the record that ``.save`` wrote.
+
+    Parameters
+    ----------
+    path : path
+        A file that ``save`` of a result wrote, .npz.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, it is damaged, or a version wrote it whose records differ.
+    """
+    path = path_of(path)
+    if not path.is_file():
+        raise InputError(f"there is no file {str(path)!r}", "path", path)
+    arrays = read_arrays(path)
+    if TREE not in arrays:
+        raise InputError(f"{str(path)!r} is not a result that .save wrote", "path", path)
+    tree = from_json(arrays[TREE].tobytes())
+    try:
+        return _restored(tree["value"], arrays)
+    except (ImportError, AttributeError, KeyError, TypeError) as error:
+        said = f"{str(path)!r} was saved by version {tree.get('version')}, this is {__version__}"
+        raise InputError(f"{said}: its records differ ({error})", "path", path) from None
+
+
+def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
+    """Return a value as JSON; arrays and tables are put into the list."""
+    import pandas as pd
+
+    if value is None or type(value) in PLAIN:
+        return value
+    if isinstance(value, np.ndarray | np.generic):
+        return {"array": _kept(np.asarray(value), arrays), "of": type(value).__name__}
+    if isinstance(value, pd.DataFrame):
+        return {"table": _kept(_bytes_of(value), arrays), "of": _name(type(value))}
+    if type(value) in (list, tuple):
+        return {type(value).__name__: [_plain(each, arrays) for each in value]}
+    if type(value) is dict:
+        return {"dict": [[_plain(each, arrays) for each in pair] for pair in value.items()]}
+    if isinstance(value, Path):
+        return {"path": str(value)}
+    kind = type(value)
+    own_kind = kind.__module__.startswith(PACKAGES) and "." not in kind.__qualname__
+    base: Any = next((one for one in (float, str, tuple) if isinstance(value, one)), None)
+    if own_kind and base:
+        return {"kind": _name(kind), "value": _plain(base.__new__(base, value), arrays)}
+    if not own_kind or not is_dataclass(value):
+        said = f"it holds a {kind.__name__}, which is no record of this package"
+        raise InputError(f"this can't be saved: {said}", "record", value)
+    own = {one.name: _plain(getattr(value, one.name), arrays) for one in fields(value)}
+    return {"record": _name(type(value)), "fields": own}
+
+
+def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
+    """Return what ``_plain`` made JSON of."""
+    match value:
+        case {"array": int(place), "of": str(kind)}:
+            array = arrays[str(place)]
+            return array if kind == "ndarray" else array[()]
+        case {"table": int(place), "of": str(kind)}:
+            return _table_of(arrays[str(place)], kind)
+        case {"list": list(items)}:
+            return [_restored(each, arrays) for each in items]
+        case {"tuple": list(items)}:
+            return tuple(_restored(each, arrays) for each in items)
+        case {"dict": list(pairs)}:
+            return {_restored(k, arrays): _restored(v, arrays) for k, v in pairs}
+        case {"path": str(text)}:
+            return Path(text)
+        case {"kind": str(name), "value": inner}:
+            inner = _restored(inner, arrays)
+            return type(inner).__new__(_class(name), inner)
+        case {"record": str(name), "fields": dict(own)}:
+            return _record(_class(name), {k: _restored(v, arrays) for k, v in own.items()})
+        case dict():
+            raise TypeError(f"unknown kind of value: {', '.join(value)}")
+    return value
+
+
+def _record(kind: type, own: dict[str, Any]) -> Any:
+    """Return a record with these fields, as they were: it was checked when it was made."""
+    if not is_dataclass(kind) or {one.name for one in fields(kind)} != set(own):
+        raise TypeError(f"the fields of {kind.__name__} are others")
+    made = object.__new__(kind)
+    for name, value in own.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def _kept(array: npt.NDArray[Any], arrays: list[npt.NDArray[Any]]) -> int:
+    if array.dtype.hasobject:
+        array = array.astype(np.str_)
+    arrays.append(array)
+    return len(arrays) - 1
+
+
+def _bytes_of(table: Any) -> npt.NDArray[Any]:
+    stream = io.BytesIO()
+    table.to_parquet(stream)
+    return np.frombuffer(stream.getvalue(), dtype=np.uint8)
+
+
+def _table_of(content: npt.NDArray[Any], kind: str) -> Any:
+    import pandas as pd
+
+    table = pd.read_parquet(io.BytesIO(content.tobytes()))
+    return table if kind == _name(pd.DataFrame) else _class(kind)(table)
+
+
+def _name(kind: type) -> str:
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def _class(name: str) -> Any:
+    """Return a class of this package by name."""
+    module, _, inner = name.partition(":")
+    if not module.startswith(PACKAGES) or "__main__" in module or "." in inner:
+        raise TypeError(f"{name} is no record")
+    found = getattr(importlib.import_module(module), inner)
+    if not isinstance(found, type) or not found.__module__.startswith(PACKAGES):
+        raise TypeError(f"{name} is no record")
+    return found
