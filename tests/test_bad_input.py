@@ -10,6 +10,7 @@ import bgmodel as bg
 from bgmodel.discriminating.space import Space
 from bgmodel.fitting import fit as fitting
 from bgmodel.fitting.hierarchy import people as fitting_people
+from bgmodel.tactile.decoder import Decoder
 
 EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
 EVIDENCE_OF_STOP = bg.gaussian_evidence(40, d_prime=0.7, t_max=60, step_ms=10, seed=1)
@@ -164,7 +165,7 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
     monkeypatch.setattr(fitting, "fit_likelihood", lambda *_, **__: None)
     monkeypatch.setattr(fitting_people, "fit_group", lambda *_, **__: None)
     absent = Decoder.load
-    monkeypatch.setattr(Decoder, "load", lambda p: None if p == "nothing.onnx" else absent(p))
+    monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")
     for argument in inspect.signature(call).parameters.values():
         name = argument.name
