@@ -15,11 +15,18 @@ from importlib.resources import files
 from textwrap import indent
 from typing import Any, get_args, get_origin
 
-from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    MissingArgumentError,
+    Parameter,
+    UnknownCommandError,
+    UnusedCliTokensError,
+)
 
 from bgmodel.support.toml_files import as_toml
 from bgmodel.version import __version__
-from circuits.errors import InputError, require
+from circuits.errors import InputError, nearest, require
 
 ABOUT = (
     "Test hypotheses about the basal ganglia: run intact and edited circuits on evidence, and "
@@ -208,6 +215,12 @@ def _about(place: str) -> str:
 
 def _sentence(error: CycloptsError) -> str:
     """Return an error of use as one sentence."""
+    if isinstance(error, UnknownCommandError):
+        wrong = (error.unused_tokens or [""])[0]
+        near = nearest(wrong, COMMANDS)
+        return f"there is no command {wrong!r}{near}; there are {', '.join(COMMANDS)}"
+    if isinstance(error, MissingArgumentError) and error.keyword:
+        return f"{error.keyword} needs a value, or settings (name=value), after it"
     if isinstance(error, UnusedCliTokensError):
         words = " ".join(map(repr, error.unused_tokens or ()))
         return (

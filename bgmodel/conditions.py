@@ -62,7 +62,8 @@ class Setup:
     """Differences from the table, one line each: "lesion STN 10%", "dopamine 0.9"."""
     engine: EngineName = ENGINE
     """Engine that runs the circuit: population is fast and includes the noise of finitely many
-    cells; ensemble simulates their spikes."""
+    cells; ensemble simulates their spikes; rate and algebra have no noise; plain and brian2 are
+    slow, to be read or checked against."""
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that unit per
     nat); if omitted the circuit's default, or the largest at which it tracks the evidence."""
@@ -83,7 +84,8 @@ class Setup:
         if self.gain is not None:
             check_positive(gain=self.gain)
         lines = self.edits
-        listed = isinstance(lines, list | tuple) and all(isinstance(line, str) for line in lines)
+        many = isinstance(lines, list | tuple) and all(isinstance(line, str) for line in lines)
+        listed = many or isinstance(lines, str)  # of which Edits says how it is written
         require(listed, "edits", "must be a list of lines", lines)
         object.__setattr__(self, "edits", Edits(lines))
         if self.edits:

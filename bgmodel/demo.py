@@ -185,6 +185,7 @@ def _learning(panel: Axes, learned: FromReward) -> None:
 
 def _evidence(panel: Axes, evidence: Evidence) -> None:
     total = evidence.own_totals[0]
+    total = np.concatenate([total, total[-1:]])  # a reading lasts for a step
     channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
     truth = int(np.asarray(evidence.truth)[0])
     for i, (line, name) in enumerate(zip(panel.lines, ("same", "different"), strict=True)):

@@ -144,8 +144,8 @@ class Task:
             return given
         require(isinstance(given, dict), "task", "must be a table of settings", given)
         own = {key: value for key, value in given.items() if key != "name"}
-        usual = "table" if "evidence" in own else Gaussian.name
-        return toml_files.decoded(own, kind_of(given.get("name", usual)), "", "task")
+        name = given.get("name", "table" if "evidence" in own else Gaussian.name)
+        return toml_files.decoded(own, kind_of(name), "", "task")
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:

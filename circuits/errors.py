@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, Self
@@ -76,6 +76,14 @@ def require(allowed: object, field: Hashable, must: str, given: object, *, owner
     """Raise ``InputError.of(field, must, given, owner=owner)`` unless ``allowed`` is true."""
     if not allowed:
         raise InputError.of(field, must, given, owner=owner)
+
+
+def nearest(given: object, known: Iterable[str]) -> str:
+    """Return a question for a name that is nearly one of those that are known, or ""."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(str(given), list(known), 1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def within(owner: str, error: Exception, field: str) -> InputError:

@@ -246,7 +246,8 @@ def run(
     # A table of evidence on an engine without noise: there is no noise.
     seed = condition.seed if condition.task.file is None or model.engine.noisy else None
     about = f"{model.circuit.name} {model.engine}"
-    result = tables.trial_table(decision, trials, seed=seed, model=about)
+    result = tables.trial_table(decision, trials, seed=seed, model=about,
+                                condition=condition.edits.text())  # fmt: skip
     settled = replace(condition, gain=model.gain, posterior=posterior)
     behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
     if condition.task.file is not None:
@@ -330,6 +331,8 @@ def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output
     ssrt_ms = ssrt_by_delay(table)
     text = f"{table.round(3).to_string(index=False)}\n{told(found, ssrt_ms, stop)}"
     facts = {**vars(found), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
+    if np.isnan(ssrt_ms):
+        facts |= {"ssrt_ms": None, "ssrt_mean_ms": None}
     output.show(text, table, **facts)
     settled = replace(condition, gain=model.gain, posterior=condition.stopping_posterior)
     behind = made_with(model, condition=settled, stop=stop)

@@ -15,7 +15,7 @@ from docstring_parser import parse
 from bgmodel.support import toml_files
 from bgmodel.task import KINDS, Gaussian, Task, kind_of
 from circuits.declaration.edits import Edits
-from circuits.errors import require
+from circuits.errors import InputError, nearest, require
 
 T = TypeVar("T")
 FLAT = Parameter(name="*")
@@ -73,7 +73,11 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
     """Return the settings of some words, with the types that a record has for them."""
     given, hints = settings(words), get_type_hints(kind)
     for name in given:
-        require(name in known, name, f"must be one of {', '.join(known)}", name)
+        if name not in known:
+            near = nearest(name, known)
+            raise InputError(
+                f"there is no setting {name!r}{near}; there are {', '.join(known)}", name
+            )
     found = typed(given, kind)
     return {name: toml_files.value(value, hints[name], name) for name, value in found.items()}
 
@@ -197,5 +201,16 @@ def described(function: Callable[..., Any]) -> dict[str, str]:
     return found
 
 
+def _edits_of(words: list[str]) -> Edits:
+    """Return edits; one that the shell has split is named as that."""
+    try:
+        return Edits(words)
+    except InputError as error:
+        if len(words) < 2 or all(" " in word for word in words):
+            raise
+        said = f'{error}; put each edit in quotes: --edits "{" ".join(words)}"'
+        raise InputError(said, error.field, error.given) from None
+
+
 task(Gaussian())(Task)
-_of_words(Edits, show_default=False, allow_repeating=False)(Edits)
+_of_words(_edits_of, show_default=False, allow_repeating=False)(Edits)

@@ -99,7 +99,7 @@ class Exam:
         seed : int
             Seed of evidence and noise.
         share : float
-            Share of the usual numbers of trials, above 0; totals are comparable at 1.
+            Share of the usual numbers of trials, 0.05 to 10; totals are comparable at 1.
         workers : int
             Threads; results do not depend on them.
 

@@ -33,8 +33,9 @@ LEVELS, CRITERIA = 16, 40
 """Number of levels and of criteria at which a circuit decides every trial."""
 WEIGHTS = 10_000_000
 """Most bootstrap weights in memory; many trials have fewer resamples, at least 200."""
-WORSE = 2.0
-"""Regret beyond that of the start, in per cent, from which learning made decisions worse."""
+WORSE, LEAST = 2.0, 0.1
+"""Regret beyond that of the start, in per cent, from which learning made decisions worse; and the
+least by which it must be lower for anything to have been learned."""
 RESOLVED = 0.02
 """Largest share of the cost to which the trials may leave the best level open."""
 DIFFERENT = "the trials for learning and those for scoring differ by more than chance"
@@ -275,7 +276,7 @@ class CircuitLearned:
         return [text for text in (self._worse_or_unresolved(), self._edge()) if text]
 
     def _worse_or_unresolved(self) -> str:
-        (regret, *_), (start, *_), (worse, least, _) = self.regrets.to_numpy()
+        (regret, *_), (start, *_), (worse, least, most) = self.regrets.to_numpy()
         trials = self.outcomes.trials
         weights = resampled(trials, 200, stream(0, "unresolved"))[1:]
         doubt = self.outcomes.unresolved(self.xi, weights)
@@ -291,6 +292,11 @@ class CircuitLearned:
             return (
                 f"learning ended worse than it began, with a regret of {regret:.1f} % "
                 f"after {start:.1f} %: {why}"
+            )
+        if doubt <= RESOLVED and most > -LEAST and regret > WORSE:
+            return (
+                f"nothing was learned: the regret of {regret:.1f} % after learning does not differ "
+                f"from that at the start, {start:.1f} %: give more episodes, or another start"
             )
         return few if doubt > RESOLVED else ""
 

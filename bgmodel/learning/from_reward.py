@@ -45,6 +45,7 @@ from bgmodel.tables.given import EvidenceTable, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
 from bgmodel.theory.sprt import reward_curve
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from circuits.errors import InputError, require
 from circuits.plots import PALETTE, one_panel, styled
@@ -190,7 +191,8 @@ def learn(
     task : Task
         What is decided. An evidence table is halved: one half is for learning.
     model : BasalGanglia, optional
-        The circuit that learns; without it, the optimal test does.
+        The circuit that learns; without it, the optimal test does, or for dopamine the default
+        circuit on the rate engine.
     what : str, optional
         ``"threshold"`` (of the test: its boundary separation; of a circuit: the posterior at which
         it decides, as log odds), ``"dopamine"`` (a level), or ``"weights"``; by default the
@@ -258,6 +260,8 @@ def planned(
     check_xi(xi)
     whole("runs", runs, 1)
     stream(seed)
+    if model is None and what == DOPAMINE:  # the test has none
+        model = BasalGanglia(load_circuit(DEFAULT, task.channels), "rate", seed=seed)
     given = {"taps": taps} if taps is not None else {}
     if what == WEIGHTS:
         _know(more, "rule", "critic", "feedback", "units")
@@ -274,7 +278,6 @@ def planned(
     check_learning_memory(runs, episodes)
     same: dict[str, Any] = {"xi": xi, "runs": runs, "seed": seed, "learner": learner}
     if model is None:
-        require(what == THRESHOLD, "model", "must be a circuit, which has dopamine", model)
         _know(more, "policy")
         must = "must be left out: the test stops at the gap that it learns"
         require(posterior is None, "posterior", must, posterior)

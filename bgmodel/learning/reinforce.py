@@ -69,7 +69,12 @@ class Learner:
 
     def __post_init__(self) -> None:
         fits = self.episodes >= self.last >= 1
-        require(fits, "episodes", f"must be at least last ({self.last}) >= 1", self.episodes)
+        require(
+            fits,
+            "episodes",
+            f"must be at least last, {self.last} trials, whose mean is learned",
+            self.episodes,
+        )
         check_positive(rate=self.rate, baseline_rate=self.baseline_rate)
         require(self.half_episodes > 0, "half_episodes", "must be > 0", self.half_episodes)
         check_finite(carried=self.carried)

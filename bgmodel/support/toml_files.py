@@ -11,7 +11,7 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from circuits.checks import parsed_toml
-from circuits.errors import InputError
+from circuits.errors import InputError, nearest
 
 T = TypeVar("T")
 UNKNOWN = "unexpected_keyword_argument"
@@ -88,8 +88,11 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
     place = [inside] * bool(inside) + [str(part) for part in wrong["loc"]]
     key = ".".join(place) or "the whole"
     if wrong["type"] == UNKNOWN:
-        allowed = ", ".join(_keys(kind, wrong["loc"][:-1]))
-        raise InputError(f"{before}there is no key {key!r}; there are {allowed}", key)
+        known = _keys(kind, wrong["loc"][:-1])
+        near = nearest(wrong["loc"][-1], known)
+        whose = f" for {getattr(kind, 'name', '')}" if inside else ""
+        said = f"there is no key {key!r}{whose}{near}; there are {', '.join(known)}"
+        raise InputError(f"{before}{said}", key)
     if wrong["type"] == "missing":
         raise InputError(f"{before}the key {key!r} is missing", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")

@@ -42,7 +42,7 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
         (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
     ):
         assert says in refusal("decide", "--save", path)
-    monkeypatch.setattr("bgmodel.commands.touch_steps.Decoder.load", lambda path: 1 / 0)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *given: 1 / 0)
     given = (
         "d.safetensors",
         tmp_path / "taps",

@@ -190,7 +190,7 @@ RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-p
 )
 def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, field):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bgmodel.commands.touch_steps.Decoder.load", lambda path: Unread)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *given: Unread)
     with refused(field):
         cli.run([str(word) for word in command])
 
@@ -198,7 +198,7 @@ def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, fie
 class Unread:
     """A decoder that no test uses."""
 
-    rest_mm = None
+    rest_mm = ()
 
 
 @pytest.mark.parametrize("recorded", [True, False])

@@ -98,13 +98,26 @@ def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
     assert len({each.tobytes() for each in found}) == 60
 
 
+def test_dopamine_without_a_circuit_is_that_of_the_default_one():
+    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
+    found = learn(Gaussian(), learner=SHORT, **options)
+    own = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
+    assert np.array_equal(found.learned, own.learned)
+
+
+@pytest.mark.filterwarnings("ignore::circuits.errors.BgmodelWarning")
+def test_that_nothing_was_learned_is_said():
+    still = Learner(600, rate=1e-9)
+    found = learn(SameDifferent(2.0), RATE, runs=2, trials=400, learner=still, start=0.8)
+    assert "nothing was learned" in found.verdict() + " ".join(found.cautions)
+
+
 @pytest.mark.parametrize(
     ("given", "says"),
     [
         ({"task": "gaussian"}, "task"),
         ({"model": "macaque"}, "model"),
         ({"what": "gap"}, "what"),
-        ({"what": DOPAMINE}, "model"),
         ({"task": Gaussian(3)}, "channels"),
         ({"task": EvidenceTable("mine.csv"), "what": WEIGHTS}, "task"),
         ({"xi": 0.0}, "xi"),
