@@ -193,7 +193,8 @@ def _out(ax: Any, traces: pd.DataFrame, decisions: pd.DataFrame) -> None:
     ax.axhspan(CIRCUIT.readable_nats[1], OUT_SHOWN, **beyond)
     ax.set(ylabel=f"OUT (nats, gain {GAIN:g})", xlabel="time from onset (ms)", xlim=(0, END_MS))
     ax.set_ylim(0, OUT_SHOWN)
-    ax.legend(ncols=2, loc="upper right", bbox_to_anchor=(1.0, 0.95), **NARROW)
+    # Below the other channels, right of both decisions.
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.09), **NARROW)
 
 
 def _nucleus(row: list[Any], panels: dict[str, pd.DataFrame]) -> None:
