@@ -84,13 +84,37 @@ def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.Data
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of events, sorted; ValueError if there are none."""
+    """Return the files of events, sorted; ValueError if there are none, or of several tasks.
+
+    Hidden and empty files, and copies under derivatives or sourcedata or with "desc-" in their
+    name, are no data.
+    """
     if not path.is_dir():
         return [path]
-    found = sorted(path.rglob(f"*{ENDING}"))
-    tasks = [file for file in found if re.search(r"task-[A-Za-z0-9]*stop", file.name, re.I)]
+    found = sorted(file for file in path.rglob(f"*{ENDING}") if _is_data(file, path))
+    stops = [file for file in found if re.search("stop", _entity(file, "task"), re.IGNORECASE)]
     require(found, "path", f"must hold files that end in {ENDING}", str(path))
-    return tasks or found
+    files = stops or found
+    for kind in ("task", "ses"):
+        names = sorted({_entity(file, kind) for file in files} - {""})
+        if len(names) > 1:
+            each = ", ".join(f"{kind}-{name}" for name in names)
+            said = f"{path.name} holds {each}: give a folder with the files of one"
+            raise InputError(f"path: {said}", "path")
+    return files
+
+
+def _is_data(file: Path, folder: Path) -> bool:
+    parts = file.relative_to(folder).parts
+    hidden = any(part.startswith(".") for part in parts)
+    copied = bool({"derivatives", "sourcedata"} & {*parts}) or "_desc-" in file.name
+    return not hidden and not copied and file.stat().st_size > 0
+
+
+def _entity(file: Path, name: str) -> str:
+    """Return the label of an entity in a BIDS name, such as that of task-; "" without one."""
+    found = re.search(rf"(?:^|_){name}-([A-Za-z0-9]+)", file.name)
+    return found.group(1) if found else ""
 
 
 def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
@@ -107,7 +131,7 @@ def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
     table = pd.DataFrame(
         {
             "participant_id": subject.group(0) if subject else "",
-            "rt": np.where(rt > 0, rt, np.nan),
+            "rt": np.where(rt == 0, np.nan, rt),
             "ssd": np.where(stop, ssd, np.nan),
         }
     )

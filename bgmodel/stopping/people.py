@@ -5,24 +5,42 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.events import is_events, read_events
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import read_table
+from bgmodel.tables.cautions import (
+    LEAST_RIGHT,
+    check_one_unit,
+    warn_of_copies,
+    warn_of_mixed_units,
+    warn_of_twins,
+)
+from bgmodel.tables.columns import (
+    check_alike,
+    check_columns,
+    delays,
+    names_of,
+    participants,
+    silent,
+    times,
+)
+from bgmodel.tables.foreign import named
 from bgmodel.tables.shipped import STOP_SET, shipped_table
+from bgmodel.tables.text_files import read_rows
 from circuits.errors import DataWarning, InputError, collected, require, within
 
 SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
-COLUMNS = ("participant_id", "rt", "ssd")
+COLUMNS = ("participant_id", "rt", "ssd", "stimulus", "response")
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
 """If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
-SLOWEST_S = 20.0
-"""Largest median response time and delay, s: longer ones are in ms."""
 
 
 def read_people(
@@ -59,44 +77,73 @@ def read_people(
         If nearly all stop trials with a delay of exactly 0 have a response, as in the set that
         ships: see ``bgmodel.stopping.restored``.
     """
-    table = _table(table, columns)
-    missing = [name for name in COLUMNS if name not in table]
-    if missing:
-        must = f"must have the columns {', '.join(COLUMNS)}"
-        raise InputError.of("table", must, list(table.columns))
-    for name in ("rt", "ssd"):
-        median = float(table[name].median())
-        require(not median > SLOWEST_S, name, "must be in seconds", median)
-    people = {}
-    for who, rows in table.groupby("participant_id", sort=True):
-        correct = None
-        if {"stimulus", "response"} <= set(table):
-            correct = (rows["stimulus"] == rows["response"]).fillna(False).to_numpy(bool)
-        rt_ms, ssd_ms = (1000 * rows[name].to_numpy(float) for name in ("rt", "ssd"))
-        try:
-            people[str(who)] = StopTrials(rt_ms, ssd_ms, correct)
-        except InputError as error:
-            raise within(f"participant {who}", error, "table") from None
+    name, table = _table(table, columns or {})
+    try:
+        check_columns(table, ["participant_id", "rt", "ssd"])
+        who = participants(table)
+        check_alike("participant_id", who)
+        warn_of_copies(table, ["ssd"])
+        rt_s, ssd_s = times(table["rt"]), delays(table["ssd"])
+        correct = _correct(table, rt_s)
+        check_one_unit(rt_s)
+        warn_of_mixed_units(rt_s, who)
+        warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
+        people = {}
+        for each in np.unique(who).tolist():
+            own = who == each
+            right = None if correct is None else correct[own]
+            try:
+                people[each] = StopTrials(1000 * rt_s[own], 1000 * ssd_s[own], right)
+            except InputError as error:
+                raise within(f"participant {each}", error, "table") from None
+    except ValueError as error:
+        raise within(name, error, "table") from None
     if not restore:
-        _warn_of_zeros(table)
+        _warn_of_zeros(rt_s, ssd_s)
     return people
 
 
-def _table(table: pd.DataFrame | str | Path, columns: Mapping[str, str] | None) -> pd.DataFrame:
-    """Return the rows of a table, of the set that ships, or of BIDS events."""
+def _table(
+    table: pd.DataFrame | str | Path, columns: Mapping[str, str]
+) -> tuple[str, pd.DataFrame]:
+    """Return the name and the rows of a table, of the set that ships, or of BIDS events."""
     if isinstance(table, str) and table == SHIPPED:
-        return shipped_table(SHIPPED)[0]
-    if not isinstance(table, pd.DataFrame):
+        return table, shipped_table(SHIPPED)[0]
+    if isinstance(table, pd.DataFrame):
+        name, rows = "a table", table.reset_index(drop=True)
+    else:
         path = path_of(table, "table")
         if is_events(path):
-            return read_events(path, columns)
-        table = read_table(path)
-    return table.rename(columns={theirs: ours for ours, theirs in (columns or {}).items()})
+            return path.name, read_events(path, columns)
+        name, rows = path.name, read_rows(path).reset_index(drop=True)
+    unknown = sorted({*columns} - {*COLUMNS})
+    require(not unknown, "columns", f"must name columns of {', '.join(COLUMNS)}", unknown)
+    return name, named(rows, {ours: (ours, theirs) for ours, theirs in columns.items()})
 
 
-def _warn_of_zeros(table: pd.DataFrame) -> None:
+def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
+    """Return which responses are correct; None if the table does not say which are right."""
+    if not {"stimulus", "response"} <= set(table):
+        return None
+    stimulus, response = (names_of(table[name]) for name in ("stimulus", "response"))
+    correct = np.asarray(stimulus == response) & ~silent(table[["rt", "response"]])
+    answered = np.isfinite(rt_s)
+    share = float(correct[answered].mean()) if answered.any() else 1.0
+    if share < LEAST_RIGHT:
+        DataWarning.warn(
+            f"{share:.0%} of responses are correct, equal to the stimulus: are both columns in "
+            f"the same words? Responses are {_some(response[answered])}, stimuli {_some(stimulus)}"
+        )
+    return correct
+
+
+def _some(names: npt.NDArray[np.object_]) -> str:
+    return ", ".join(sorted({str(name) for name in names})[:4])
+
+
+def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
     """Warn if delays of 0 are probably those of signals that came too late to be given."""
-    at_zero = table.loc[table["ssd"] == 0, "rt"].notna()
+    at_zero = np.isfinite(rt_s[ssd_s == 0])
     if len(at_zero) >= FEWEST_AT_ZERO and at_zero.mean() > MOST_AT_ZERO:
         DataWarning.warn(
             f"{at_zero.sum()} of {len(at_zero)} stop trials with a delay of 0 have a response: the "

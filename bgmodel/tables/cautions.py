@@ -81,7 +81,7 @@ def check_times(rt_s: Array) -> None:
     given = rt_s[np.isfinite(rt_s)]
     if len(given) < FEWEST:
         return
-    _check_one_unit(given)
+    check_one_unit(given)
     median = float(np.median(given))
     whole = bool((given == np.round(given)).all())
     if median > LONG_MEDIAN_S and whole:
@@ -113,9 +113,11 @@ def check_times(rt_s: Array) -> None:
         )
 
 
-def _check_one_unit(given: Array) -> None:
+def check_one_unit(rt_s: Array) -> None:
     """Raise ValueError if times fall into two groups, a factor of 20 or more apart."""
-    times = np.sort(given)
+    times = np.sort(rt_s[np.isfinite(rt_s)])
+    if len(times) < FEWEST:
+        return
     ratio = times[1:] / times[:-1]
     below = int(np.argmax(ratio)) + 1
     above = len(times) - below

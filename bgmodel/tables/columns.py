@@ -12,16 +12,21 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import check_positive
+from circuits.checks import is_whole
 from circuits.errors import DataWarning, InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """Contents of a cell for a missing number or response."""
+NOT_GIVEN = ("NA", "N/A", "n/a", "<NA>", "NaN", "nan")
+"""Contents of a cell that are no level of a condition; "None" may well be one."""
 MOST_MEDIAN_S = 50.0
 """Longest median time that is accepted as seconds."""
 UNITS = {"s": 1.0, "ms": 1e-3}
 """Units of response times, in seconds."""
 LEAST_MEDIAN_MS = 20.0
 """Shortest median time that is accepted as milliseconds."""
+SLOWEST_DELAY_S = 20.0
+"""Largest median stop-signal delay that is accepted as seconds."""
 MISSING_RT = -999.0
 """Response time of HSSM for a missing response."""
 NO_RESPONSE = -1
@@ -130,6 +135,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     check_alike("participant_id", who)
     if participant is None:
         return table
+    participant = str(participant) if is_whole(participant) else participant
     if not isinstance(participant, str) or participant not in who:
         known = ", ".join(sorted(set(who.tolist())))
         raise InputError.of("participant", f"must be one of {known}", participant)
@@ -201,8 +207,12 @@ def texts(column: pd.Series) -> npt.NDArray[np.str_]:
 
 
 def levels(column: pd.Series) -> npt.NDArray[np.str_]:
-    """Return a column of a condition as text; errors and warnings of ``check_alike``."""
+    """Return a column of a condition as text; errors and warnings of ``check_alike``.
+
+    A code of a missing value, such as R's NA, is no level.
+    """
     found = texts(column)
+    refuse(np.isin(found, NOT_GIVEN), column, "given for every trial")
     check_alike(column.name, found)
     return found
 
@@ -310,6 +320,24 @@ def times(column: pd.Series, unit: str = "s") -> Array:
         )
     refuse(values <= 0, column, f"above 0 {unit}")
     return values * UNITS[unit]
+
+
+def delays(column: pd.Series) -> Array:
+    """Return stop-signal delays, (rows,), s; NaN in go trials, whose cell is empty or infinite.
+
+    Raises
+    ------
+    ValueError
+        If a delay is not a number of at least 0, or delays seem to be in ms.
+    """
+    check_numeric(column)
+    cells = [_number(value) for value in column]
+    values = numbers(column.mask(np.isinf(cells)))
+    given = values[np.isfinite(values)]
+    median = float(np.median(given)) if len(given) else 0.0
+    require(median <= SLOWEST_DELAY_S, column.name, "must be in seconds", median)
+    refuse(values < 0, column, "0 s or more")
+    return values
 
 
 def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt.NDArray[np.int8]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -43,25 +45,42 @@ def renamed(
         "response": ("response", response),
         "participant_column": ("participant_id", participant_column),
     }
-    given = {option: pair for option, pair in options.items() if pair[1] is not None}
-    if given:
-        names = names_once(table.columns)
-        for option, (ours, name) in given.items():
-            there = isinstance(name, str) and name in names
-            require(there, option, f"must be one of the columns {', '.join(names)}", name)
-            if name != ours and ours in names:
-                raise InputError(
-                    f"{option} is {name!r}, but there is also a column {ours}: remove or rename it",
-                    option,
-                )
-        meant = [name for _, name in given.values()]
-        require(len(set(meant)) == len(meant), "columns", "must be named once each", meant)
-        table = table.set_axis(names, axis=1).rename(
-            columns={str(name): ours for ours, name in given.values()}
-        )
+    table = named(table, options)
     if rt is None and response is None:
         table = _of_pyddm(table)
     return _of_hssm(table)
+
+
+def named(table: pd.DataFrame, options: Mapping[str, tuple[str, str | None]]) -> pd.DataFrame:
+    """Return a table with our names of columns.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table.
+    options : mapping
+        By option, our name of a column and the user's; None where it has ours.
+
+    Raises
+    ------
+    ValueError
+        If a named column does not exist, is named twice, or its new name belongs to another column.
+    """
+    names = names_once(table.columns)
+    given = {option: pair for option, pair in options.items() if pair[1] is not None}
+    for option, (ours, name) in given.items():
+        there = isinstance(name, str) and name in names
+        require(there, option, f"must be one of the columns {', '.join(names)}", name)
+        if name != ours and ours in names:
+            raise InputError(
+                f"{option} is {name!r}, but there is also a column {ours}: remove or rename it",
+                option,
+            )
+    meant = [name for _, name in given.values()]
+    require(len(set(meant)) == len(meant), "columns", "must be named once each", meant)
+    return table.set_axis(names, axis=1).rename(
+        columns={str(name): ours for ours, name in given.values()}
+    )
 
 
 def _of_pyddm(table: pd.DataFrame) -> pd.DataFrame:

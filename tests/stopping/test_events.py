@@ -93,3 +93,30 @@ def test_a_folder_without_events_is_refused(tmp_path):
         read_people(tmp_path)
     with refused("columns must name columns of trial_type, rt, ssd"):
         read_people(written(tmp_path, GENERIC), columns={"delay": "lag"})
+
+
+@pytest.mark.parametrize(
+    "place", ["derivatives/x", "sourcedata", ".git", "sub-01/func/.hidden", "sub-01/func/empty"]
+)
+def test_copies_and_hidden_and_empty_files_are_no_data(tmp_path, place):
+    path = written(tmp_path, GENERIC)
+    other = tmp_path / place / path.name
+    other.parent.mkdir(parents=True, exist_ok=True)
+    other.write_text("" if place.endswith("empty") else GENERIC)
+    path.with_name("._" + path.name).write_bytes(b"\x00\x05\x16\x07\xb0" * 100)
+    path.with_name(path.name.replace("_events", "_desc-clean_events")).write_text(GENERIC)
+    assert len(read_people(tmp_path)["sub-01"].rt_ms) == 4
+
+
+@pytest.mark.parametrize("name", ["sub-01_task-stopreward_events.tsv",
+                                  "sub-01_ses-2_task-stopsignal_events.tsv"])  # fmt: skip
+def test_several_tasks_or_sessions_are_not_pooled(tmp_path, name):
+    written(tmp_path, GENERIC, "sub-01_ses-1_task-stopsignal_events.tsv")
+    written(tmp_path, GENERIC, name)
+    with refused("path holds .*: give a folder with the files of one"):
+        read_people(tmp_path)
+
+
+def test_a_premature_response_is_refused_as_in_any_table(tmp_path):
+    with refused("rt must be above 0 s, got .-0.08. in row 3"):
+        read_people(written(tmp_path, GENERIC.replace("0.388", "-0.08")))

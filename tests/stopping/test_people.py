@@ -60,10 +60,10 @@ def test_the_guide_refuses_three_people(table):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda t: t.drop(columns="ssd"), "table columns"),
+        (lambda t: t.drop(columns="ssd"), "ssd there is no column ssd"),
         (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
         (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0]), "ssd seconds"),
-        (lambda t: t.assign(ssd=-0.1), "ssd_ms participant a"),
+        (lambda t: t.assign(ssd=-0.1), "ssd 0 s or more, got .-0.1. in row 0"),
         (lambda t: t.assign(ssd=0.2), "ssd_ms participant a"),
     ],
 )
@@ -72,3 +72,79 @@ def test_a_bad_table_is_refused_by_participant(change, says):
     assert list(read_people(good)) == ["a"]
     with refused(says):
         read_people(change(good))
+
+
+def stops(**changes):
+    """Return 12 trials of each of two people with a stop signal in every third."""
+    rt = np.tile([0.41, 0.523, np.nan, 0.456, 0.397, 0.61], 4)
+    ssd = np.tile([np.nan, np.nan, 0.2, np.nan, np.nan, 0.25], 4)
+    jitter = np.arange(24) / 1000
+    table = pd.DataFrame(
+        {"participant_id": np.repeat(["1", "2"], 12), "rt": rt + jitter, "ssd": ssd}
+    )
+    return table.assign(**changes)
+
+
+def both(table, folder, ending=".csv"):
+    """Return a table as a frame and as a file."""
+    path = folder / f"stops{ending}"
+    table.to_csv(path, index=False, sep="\t" if ending == ".tsv" else ",")
+    return table, path
+
+
+def times_of(people):
+    return {who: (trials.rt_ms.tolist(), trials.ssd_ms.tolist()) for who, trials in people.items()}
+
+
+@pytest.mark.parametrize("ending", [".csv", ".tsv"])
+def test_a_frame_and_its_file_are_the_same_people(ending, tmp_path):
+    table, path = both(stops(), tmp_path, ending)
+    found, again = times_of(read_people(table)), times_of(read_people(path))
+    assert str(found) == str(again)
+    assert [*found] == ["1", "2"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"participant_id": [*["01"] * 12, "", *["2"] * 11]}, "participant_id .*row 12"),
+        ({"participant_id": [*["p1"] * 12, *["p1 "] * 12]}, "participant_id .*blanks"),
+        ({"rt": 0.0}, "rt must be above 0 s, got .0.0. in row 0"),
+        ({"rt": [-0.08, *[0.4] * 23]}, "rt must be above 0 s, got .-0.08. in row 0"),
+        ({"rt": [*["0,41"] * 2, *["0,5"] * 22]}, "rt must be a finite number, got .0,41. in row 0"),
+        ({"rt": [*[0.4] * 23, "omission"]}, "rt must be a finite number, got .omission. in row 23"),
+        ({"rt": 410.0}, "rt must be in seconds"),
+        ({"ssd": [np.nan, -0.1] * 12}, "ssd must be 0 s or more"),
+    ],
+)
+def test_what_a_reader_of_choices_refuses_that_of_stop_signals_refuses_too(change, says, tmp_path):
+    field, _, words = says.partition(" ")
+    for table in both(stops(**change), tmp_path):
+        with refused(f"{field} {words}"):
+            read_people(table)
+
+
+def test_ids_are_text_as_written(tmp_path):
+    names = [*["NA"] * 12, *["01"] * 12]
+    for table in both(stops(participant_id=names), tmp_path):
+        assert [*read_people(table)] == ["01", "NA"]
+    mixed = stops(participant_id=[*["01"] * 12, *["1"] * 12])
+    with pytest.warns(DataWarning, match="capitals or in how a number is written"):
+        assert len(read_people(both(mixed, tmp_path)[1])) == 2
+
+
+def test_an_infinite_delay_is_that_of_a_go_trial(tmp_path):
+    for table in both(stops(ssd=stops()["ssd"].fillna(np.inf)), tmp_path):
+        assert str(times_of(read_people(table))) == str(times_of(read_people(stops())))
+
+
+def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_path):
+    words = np.where(np.arange(24) % 2, "left", "right")
+    table = stops(stimulus=words, response=words)
+    kept = table["rt"].notna()
+    table["response"] = table["response"].where(kept)
+    for change in ({}, {"stimulus": "category", "response": "category"}):
+        for trials in read_people(table.astype(change)).values():
+            np.testing.assert_array_equal(trials.correct, trials.responded)
+    with pytest.warns(DataWarning, match="0% of responses are correct"):
+        read_people(table.assign(stimulus=table["stimulus"].str.upper()))

@@ -237,11 +237,23 @@ def test_bad_tables_get_one_sentence(says):
     assert "\n" not in str(raised.value)
 
 
+def test_a_participant_may_be_a_number():
+    numbered = people().assign(participant_id=np.repeat([1, 2], TRIALS // 2))
+    assert read_choices(numbered, **READ, participant=1).people() == ["1"]
+
+
+@pytest.mark.parametrize("code", ["NA", "n/a", "nan"])
+def test_a_missing_code_is_no_level_of_a_condition(code):
+    cues = [code, *people()["cue"][1:]]
+    with refused("cue given for every trial"):
+        read_choices(people().assign(cue=cues), **READ)
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         ({"participant": "9"}, "participant"),
-        ({"participant": 8}, "participant"),
+        ({"participant": 8.5}, "participant"),
         ({"deadline_s": 0.5}, "rt"),
         ({"deadline_s": 0.0}, "deadline_s"),
         ({"deadline_s": np.nan}, "deadline_s"),
