@@ -172,7 +172,7 @@ def cells_with_misfit(found: Optimum, apart: Misfit) -> pd.DataFrame:
     Two more columns, z_accuracy and z_mean_rt, are the difference between data and model in
     standard deviations; see ``misfit.Misfit``.
     """
-    table = cells_of(found.likelihood.design, found.density)
+    table = cells_of(found.complete.likelihood.design, found.complete.density)
     return table.assign(z_accuracy=apart.z_accuracy, z_mean_rt=apart.z_mean_rt)
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
-from bgmodel.fitting.exact.responses import moments, responded
+from bgmodel.fitting.exact.responses import Grid, moments, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
 from bgmodel.fitting.trials.design import Design
@@ -22,6 +22,8 @@ TOLERANCE_NATS = 0.01
 """Change of the log likelihood below which the search ends."""
 POPULATION = 16
 """Number of points in a generation of the search."""
+BEYOND, MOST_S = 1e-4, 60.0
+"""Share of the responses that predictions may leave out, and their latest time, s."""
 RESPONSES = tuple(each.name for each in RESPONSE)
 
 
@@ -62,6 +64,25 @@ class Likelihood:
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf outside the bounds."""
         return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
+
+
+def completed(likelihood: Likelihood, vector: Array) -> Likelihood:
+    """Return a likelihood whose grid holds nearly all responses that are predicted at a vector.
+
+    The grid of a fit ends soon after the slowest observed response. Predictions up to there would
+    depend on how late that happened to be, and would be too fast.
+    """
+    observed = likelihood.design.observed
+    ends_s = (observed.window_s[1], getattr(likelihood.model, "seconds", np.inf), MOST_S)
+    most, first = int(min(ends_s) / observed.grid.width_s), observed.grid
+    while observed.deadline_s is None and observed.grid.bins < most:
+        answered = likelihood.density(vector).sum(axis=(1, 2)) * observed.grid.width_s
+        if answered.min() > 1 - BEYOND:
+            break
+        bins = min(2 * observed.grid.bins, most)
+        observed = replace(observed, grid=Grid(bins, first.width_s, first.bins))
+        likelihood = replace(likelihood, design=replace(likelihood.design, observed=observed))
+    return likelihood
 
 
 def likelihood_of(
@@ -136,6 +157,11 @@ class Optimum:
         """Density of responses at the maximum, (cells, 2, bins), 1/s."""
         return self.likelihood.density(self.vector)
 
+    @cached_property
+    def complete(self) -> Optimum:
+        """The same optimum on a grid for predictions; see ``completed``."""
+        return replace(self, likelihood=completed(self.likelihood, self.vector))
+
     @property
     def values(self) -> dict[str, float]:
         """The numbers of the fit by name."""
@@ -144,7 +170,7 @@ class Optimum:
     @property
     def moments(self) -> dict[str, Array]:
         """Accuracy, mean and sd of each cell; see ``responses.moments``."""
-        return moments(self.density, self.likelihood.design.grid)
+        return moments(self.complete.density, self.complete.likelihood.design.grid)
 
     @property
     def at_bound(self) -> Truths:

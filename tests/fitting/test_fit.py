@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import QUANTILES, moments
+from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import likelihood_of
@@ -80,7 +80,7 @@ def test_cells_hold_data_beside_the_model(found, likelihood):
         for q in QUANTILES:
             assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
             assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)
-    said = moments(found.optimum.density, design.grid)
+    said = found.optimum.moments
     assert table["model_accuracy"].to_numpy() == pytest.approx(said["accuracy"], rel=1e-12)
     assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
     assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)

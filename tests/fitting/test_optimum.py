@@ -4,22 +4,26 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import (
     TOLERANCE_NATS,
     Likelihood,
     Optimum,
     _scales,
+    completed,
     likelihood_of,
     optimum,
     starts_of,
 )
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.tables.choices import read_choices
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned
@@ -225,3 +229,26 @@ def test_searches_in_threads_give_the_same_bytes_as_alone_and_leave_the_global_n
     with ThreadPoolExecutor(2) as threads:
         assert list(threads.map(searched, range(2))) == alone
     assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
+
+
+@pytest.mark.parametrize("longest", [0.8, 1.2, 4.0])
+def test_predictions_do_not_depend_on_how_late_the_slowest_response_was(longest):
+    """The mean time of a diffusion from the middle is ``bound / drift tanh(drift bound) + t0``."""
+    times = np.append(np.random.default_rng(1).uniform(0.4, 0.8, 39), longest)
+    table = pd.DataFrame({"rt": times, "response": (np.arange(40) % 4 > 0).astype(int)})
+    values = {"sensitivity": 0.8, "bound": 0.7, "t0_s": 0.3, "t0_sd_s": 0.03}
+    likelihood = likelihood_of(CONSTANT, design_of(read_choices(table)), fixed=values)
+    wide = completed(likelihood, likelihood.freedom.low)
+    mean_s = moments(wide.density(likelihood.freedom.low), wide.design.grid)["mean_s"][0]
+    lapse = likelihood.freedom.low[0]
+    end_s = likelihood.design.grid.bins * likelihood.design.grid.width_s
+    expected = (1 - lapse) * (0.7 / 0.8 * np.tanh(0.8 * 0.7) + 0.3) + lapse * end_s / 2
+    assert mean_s == pytest.approx(expected, abs=1e-3)
+    both = [one.density(likelihood.freedom.low) for one in (likelihood, wide)]
+    np.testing.assert_array_equal(both[1][:, :, : both[0].shape[2]], both[0])
+
+
+def test_with_a_deadline_predictions_end_there():
+    design = design_of(drawn(CONSTANT, STRENGTHS, 60, 1, deadline_s=0.9, **CASES["constant"][1]))
+    likelihood = likelihood_of(CONSTANT, design)
+    assert completed(likelihood, starts_of(likelihood)[0]) is likelihood

@@ -9,7 +9,7 @@ conservative (Chernoff & Lehmann 1954).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -168,12 +168,15 @@ def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mis
         The likelihood without each part of the simulated trials, and its optimum; see
         ``simulation.without_parts``.
     """
+    found = found.complete
     design, density = found.likelihood.design, found.density
     edges_s = _edges_s(design, density)
     said = _predicted(design, density, edges_s)
     low, high = found.likelihood.freedom.low, found.likelihood.freedom.high
     parts = [
-        _predicted(design, each.density(np.clip(vector, low, high)), edges_s)
+        _predicted(
+            design, replace(each, design=design).density(np.clip(vector, low, high)), edges_s
+        )
         for each, vector in left
     ]
     off = _observed(design, edges_s) - said

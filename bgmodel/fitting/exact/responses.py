@@ -33,10 +33,13 @@ class Grid:
         Number of bins.
     width_s : float, s
         Width of a bin; models whose decisions are simulated have no other than ``BIN_S``.
+    lapse_bins : int, optional
+        Number of bins, from the first, in which lapses respond; all by default.
     """
 
     bins: int
     width_s: float = BIN_S
+    lapse_bins: int | None = None
 
     @cached_property
     def middles_s(self) -> Array:
@@ -65,7 +68,7 @@ def responded(
     t0_s, t0_sd_s : array (cells,), s
         Mean and standard deviation of the non-decision time; Gaussian.
     lapse : array (cells,)
-        Probability of a lapse: any response, at any time of the grid.
+        Probability of a lapse: any response, at any time of the grid up to its ``lapse_bins``.
     alternatives : int
         Number of alternatives.
 
@@ -80,7 +83,10 @@ def responded(
     share = lapse[:, None, None]
     lapsed = np.array([alternatives - 1, 1])[:, None] / alternatives
     width_s = grid.width_s
-    return np.asarray((1 - share) / width_s * found + share * lapsed / (grid.bins * width_s))
+    answers = (1 - share) / width_s * found
+    until = grid.lapse_bins or grid.bins
+    answers[:, :, :until] += share * lapsed / (until * width_s)
+    return np.asarray(answers)
 
 
 @compiled

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bgmodel.fitting.optimum import completed
 from bgmodel.support import files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
@@ -122,6 +123,7 @@ def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[A
     ends = np.cumsum(trials)
     for k, (who, likelihood) in enumerate(likelihoods.items()):
         rng, own = stream(PREDICTIVE_SEED, who), slice(ends[k] - trials[k], ends[k])
+        likelihood = completed(likelihood, np.median(vectors[:, :, k], axis=(0, 1)))
         for at in np.ndindex(shape[:2]):
             density = likelihood.density(vectors[(*at, k)])
             rt_s[(*at, own)], response[(*at, own)] = likelihood.design.observed.drawn(density, rng)

@@ -31,6 +31,7 @@ def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
         As from ``fit.cells_of``; standard errors are as if all trials were of one person. None if
         people do not have the same strengths and conditions.
     """
+    people = [each.complete for each in people]
     designs = [each.likelihood.design for each in people]
     every = [list(zip(each.strength, *each.conditions.values(), strict=True)) for each in designs]
     order = {cell: number for number, cell in enumerate(every[0])}

@@ -12,7 +12,6 @@ from scipy.stats import chi2
 
 from bgmodel.fitting.checks.misfit import FIXED, Excess, misfit
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import Optimum, likelihood_of
 from bgmodel.fitting.simulated.circuit import CircuitModel
@@ -95,10 +94,7 @@ def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
 
 def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
     found, _ = fitted(CLEAN)
-    table, said = (
-        found.cells(),
-        moments(found.optimum.density, found.optimum.likelihood.design.grid),
-    )
+    table, said = found.cells(), found.optimum.moments
     n = table["trials"]
     sd = np.sqrt(said["accuracy"] * (1 - said["accuracy"]) / n)
     z = (table["accuracy"] - said["accuracy"]) / sd

@@ -29,7 +29,7 @@ def person(sensitivity, seed, each=60, strengths=STRENGTHS, seconds=3.0):
 
 
 def own(one):
-    return cells_of(one.likelihood.design, one.density)
+    return cells_of(one.complete.likelihood.design, one.complete.density)
 
 
 def test_one_person_pooled_is_that_person():
