@@ -165,7 +165,7 @@ class FitSettings:
         """Return the trials of a table; arguments as for ``tables.choices.read_choices``."""
         from bgmodel.tables.choices import read_choices
 
-        return read_choices(
+        choices = read_choices(
             data,
             strength=self.strength,
             conditions=self.columns,
@@ -179,6 +179,9 @@ class FitSettings:
             alternatives=self.alternatives,
             stimulus=self.stimulus,
         )
+        if not self.pooled:
+            _check_within(choices)
+        return choices
 
     def people(self, choices: Choices) -> list[tuple[str, Choices]]:
         """Return the trials of each person to fit, or of all pooled."""
@@ -333,6 +336,19 @@ class FitSettings:
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Examples of mappings of parameters for ``fit``."""
+
+
+def _check_within(choices: Choices) -> None:
+    """Raise ValueError for a condition that differs between people, and within none of them."""
+    for name, levels in choices.conditions.items():
+        kinds = levels.groupby(choices.participant).nunique()
+        if len(kinds) > 1 and (kinds == 1).all() and levels.nunique() > 1:
+            said = (
+                f"{name} must differ between trials of a person: here it differs between people "
+                "alone, and predictors between people are not supported. Fit each group on its own "
+                "and compare its parameters"
+            )
+            raise InputError(said, name)
 
 
 def settings_of(

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.support.arrays import Array
-from bgmodel.tables.columns import MISSING
+from bgmodel.tables.columns import MISSING, refuse
 from bgmodel.tables.text_files import read_rows
 from circuits.errors import DataWarning, InputError, require, within
 
@@ -121,11 +121,13 @@ def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
     """Return the go and stop trials of a file, and the number of other events."""
     subject = SUBJECT.search(file.name)
     require(subject, "path", 'must have a name with "sub-" and the participant', file.name)
-    cells = read_rows(file)
+    cells = read_rows(file).reset_index(drop=True)
     kind = cells[_column(cells, "trial_type", columns)]
     stop = kind.str.contains(STOP).to_numpy(bool)
     go = kind.str.contains(GO).to_numpy(bool) & ~stop
     rt, ssd = (_numbers(cells, _column(cells, name, columns)) for name in ("rt", "ssd"))
+    early = cells[_column(cells, "rt", columns)]
+    refuse((go | stop) & (rt < 0), early, "0 s or more: a premature response is no response time")
     lacking = stop & np.isnan(ssd)
     require(not lacking.any(), "ssd", "must be a number in each stop trial", int(lacking.sum()))
     table = pd.DataFrame(

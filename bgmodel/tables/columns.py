@@ -192,7 +192,8 @@ def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
     if wrong.any():
         at = int(np.argmax(wrong))
         count = f" ({wrong.sum()} such rows)" if wrong.sum() > 1 else ""
-        value = "nothing" if _is_missing(column)[at] else repr(str(column.iloc[at]))
+        empty = column.isna().iloc[at] or not str(column.iloc[at]).strip()
+        value = "nothing" if empty else repr(str(column.iloc[at]))
         raise InputError(
             f"{column.name} must be {must}, got {value} in row {column.index[at]}{count}{hint}",
             column.name,

@@ -5,6 +5,7 @@ import pickle
 from dataclasses import fields
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.commands.fits import FitRun
@@ -14,7 +15,7 @@ from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.person import fit
-from bgmodel.fitting.settings import FitSettings
+from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
@@ -132,3 +133,18 @@ def test_a_parameter_that_varies_with_two_columns_is_refused(name):
 def test_a_parameter_with_a_fixed_level_is_no_effect_to_remove():
     asked = FitSettings(vary=("stn_loss=stimulation/off", "bound=side"), formula=("t0_s ~ side",))
     assert asked.effects == ["bound", "t0_s"]
+
+
+def test_a_predictor_between_people_is_named_as_that():
+    table = pd.DataFrame({
+        "participant_id": np.repeat(["a", "b"], 40),
+        "group": np.repeat(["patient", "control"], 40),
+        "rt": np.random.default_rng(1).uniform(0.3, 0.9, 80),
+        "response": np.arange(80) % 4 // 3 ^ 1,
+    })  # fmt: skip
+    asked = settings_of(formula="bound ~ group")
+    with refused("group between people alone"):
+        asked.read(table)
+    assert settings_of(formula="bound ~ group", pooled=True).read(table).trials == 80
+    own = settings_of(formula="bound ~ group", participant="a")
+    assert own.read(table).trials == 40

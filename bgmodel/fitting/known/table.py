@@ -13,6 +13,7 @@ import pandas as pd
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, path_of
+from bgmodel.tables.cautions import ENOUGH
 from bgmodel.tables.columns import names_once, numbers, refuse, times
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
@@ -25,6 +26,8 @@ FORMS = (
 )
 SIGNED = ("0", "1")
 """Alternatives of cues that have a sign and no side: a positive value favours response 1."""
+MOST_ERRORS = 4.0
+"""Standard errors above chance from which responses are taken to be exchanged."""
 Source = str | Path | pd.DataFrame
 
 
@@ -108,10 +111,27 @@ def read_known(
     order = _matched(table, readings)
     rt_s = times(table["rt"], rt_unit)
     choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
+    _check_sides(readings.log_likelihood[order], readings.time_s[order], choice, rt_s)
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
         readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
     )  # fmt: skip
+
+
+def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: Array) -> None:
+    """Raise ValueError if most responses are against the readings before them."""
+    seen = np.where((time_s <= rt_s[:, None])[:, :, None], log_likelihood, 0.0).sum(axis=1)
+    best, chosen = seen.max(axis=1), np.take_along_axis(seen, np.maximum(choice, 0)[:, None], 1)
+    told = (choice >= 0) & (best > seen.min(axis=1))
+    against = int((chosen[told, 0] == seen[told].min(axis=1)).sum())
+    chance = told.sum() / log_likelihood.shape[2]
+    if told.sum() >= ENOUGH and against > chance + MOST_ERRORS * np.sqrt(chance):
+        raise InputError(
+            f"response must agree with the evidence: {against} of {told.sum()} responses are the "
+            "alternative that the readings before them speak against most. Are the names of the "
+            "alternatives exchanged (upper), or the signs of values?",
+            "response",
+        )
 
 
 def people_of(data: Source, participant_column: str | None = None) -> Sequence[str | None]:

@@ -6,6 +6,7 @@ import pytest
 
 from bgmodel.fitting.known.table import people_of, read_known, readings_of
 from circuits.errors import DataWarning, InputError
+from tests.helpers import refused
 from tests.known_trials import few
 
 
@@ -152,3 +153,23 @@ def test_a_step_is_only_for_steps():
     with pytest.raises(InputError) as error:
         read_known(*tables(), step_ms=50.0)
     assert error.value.field == "step_ms"
+
+
+def clicked(swapped, seed=1, trials=80):
+    """Return trials of an observer who follows the clicks, or does the opposite."""
+    rng = np.random.default_rng(seed)
+    side = rng.integers(0, 2, (trials, 5))
+    favoured = (side.sum(axis=1) > 2).astype(int) ^ swapped
+    words = np.array(["left", "right"])
+    data = pd.DataFrame({"trial": np.arange(trials), "rt": 0.9, "response": words[favoured]})
+    place = np.indices(side.shape)
+    clicks = {"trial": place[0].ravel(), "time": 0.1 * (1 + place[1].ravel())}
+    return data, pd.DataFrame({**clicks, "side": words[side.ravel()]})
+
+
+def test_responses_against_their_evidence_are_refused_and_those_by_chance_are_not():
+    assert len(read_known(*clicked(0)).choice) == 80
+    with refused("response against"):
+        read_known(*clicked(1))
+    data, clicks = clicked(0)
+    read_known(data.assign(response=np.resize(["left", "right"], 80)), clicks)
