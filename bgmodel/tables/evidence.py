@@ -20,7 +20,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
-from bgmodel.tables.text_files import separated
+from bgmodel.tables.text_files import SEPARATORS, separated
 from bgmodel.tables.trials import RESULT, Trials
 from circuits.errors import DataWarning, InputError, within
 
@@ -47,7 +47,7 @@ def read_evidence_table(
     Parameters
     ----------
     path : path
-        ``.csv`` or ``.parquet``.
+        ``.csv``, ``.tsv`` or ``.parquet``.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
 
@@ -57,7 +57,8 @@ def read_evidence_table(
         With the name of the file.
     """
     path = path_of(path)
-    table = read_csv_table(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
+    plain = path.suffix in SEPARATORS and path.is_file()
+    table = read_csv_table(path) if plain else read_table(path)
     try:
         trials = trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
         if step_ms < 1:
@@ -76,7 +77,7 @@ def read_evidence(
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
 ) -> Evidence:
-    """Read a user's evidence from a .csv or .parquet file.
+    """Read a user's evidence from a .csv, .tsv or .parquet file.
 
     Parameters
     ----------
@@ -172,14 +173,15 @@ def trials_from_table(
 def read_csv_table(path: Path) -> pd.DataFrame:
     """Return a table of text, with numbers only for log-likelihoods and plain numeric columns."""
     check_table_memory(path)
+    separator = SEPARATORS[path.suffix]
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = csv.reader(stream)
+            lines = csv.reader(stream, delimiter=separator)
             header, first = next(lines, []), next(filter(None, lines), [])
         if not any(header):
             raise InputError("the first line is blank, it must name the columns", "path", path)
-        if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
-            raise separated(other, ",")
+        if len(header) == 1 and (other := next((c for c in ";,\t|" if c in header[0]), None)):
+            raise separated(other, separator)
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
             raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
@@ -191,6 +193,7 @@ def read_csv_table(path: Path) -> pd.DataFrame:
         columns: dict[str, Any] = {"header": 0, "names": [*names, *beyond]} if beyond else {}
         table: pd.DataFrame = pd.read_csv(
             path,
+            sep=separator,
             dtype={name: str for name in (*names, *beyond) if not name.startswith("ll_")},
             keep_default_na=False,
             index_col=False,

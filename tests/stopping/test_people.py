@@ -96,34 +96,6 @@ def times_of(people):
     return {who: (trials.rt_ms.tolist(), trials.ssd_ms.tolist()) for who, trials in people.items()}
 
 
-@pytest.mark.parametrize("ending", [".csv", ".tsv"])
-def test_a_frame_and_its_file_are_the_same_people(ending, tmp_path):
-    table, path = both(stops(), tmp_path, ending)
-    found, again = times_of(read_people(table)), times_of(read_people(path))
-    assert str(found) == str(again)
-    assert [*found] == ["1", "2"]
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"participant_id": [*["01"] * 12, "", *["2"] * 11]}, "participant_id .*row 12"),
-        ({"participant_id": [*["p1"] * 12, *["p1 "] * 12]}, "participant_id .*blanks"),
-        ({"rt": 0.0}, "rt must be above 0 s, got .0.0. in row 0"),
-        ({"rt": [-0.08, *[0.4] * 23]}, "rt must be above 0 s, got .-0.08. in row 0"),
-        ({"rt": [*["0,41"] * 2, *["0,5"] * 22]}, "rt must be a finite number, got .0,41. in row 0"),
-        ({"rt": [*[0.4] * 23, "omission"]}, "rt must be a finite number, got .omission. in row 23"),
-        ({"rt": 410.0}, "rt must be in seconds"),
-        ({"ssd": [np.nan, -0.1] * 12}, "ssd must be 0 s or more"),
-    ],
-)
-def test_what_a_reader_of_choices_refuses_that_of_stop_signals_refuses_too(change, says, tmp_path):
-    field, _, words = says.partition(" ")
-    for table in both(stops(**change), tmp_path):
-        with refused(f"{field} {words}"):
-            read_people(table)
-
-
 def test_ids_are_text_as_written(tmp_path):
     names = [*["NA"] * 12, *["01"] * 12]
     for table in both(stops(participant_id=names), tmp_path):

@@ -17,7 +17,7 @@ from bgmodel.tables.cautions import ENOUGH
 from bgmodel.tables.columns import names_once, numbers, refuse, times
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
-from bgmodel.tables.text_files import read_rows
+from bgmodel.tables.text_files import SEPARATORS, read_rows
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
@@ -234,7 +234,7 @@ def _read_evidence(source: Source, step_ms: float | None, participant: str | Non
         path = path_of(source, "evidence")
         name = path.name
         # Numbers stay as written, so that ids match.
-        plain = path.suffix == ".csv" and path.is_file()
+        plain = path.suffix in SEPARATORS and path.is_file()
         table = read_csv_table(path) if plain else _table(path, "evidence")[1]
     if participant is not None and "participant_id" in table:
         table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)

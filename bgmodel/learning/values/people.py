@@ -4,15 +4,36 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import path_of
+from bgmodel.tables.cautions import (
+    check_one_unit,
+    warn_of_copies,
+    warn_of_mixed_units,
+    warn_of_twins,
+)
+from bgmodel.tables.columns import (
+    check_alike,
+    check_columns,
+    levels,
+    numbers,
+    participants,
+    refuse,
+    times,
+)
 from bgmodel.tables.shipped import SETS, shipped_table
-from circuits.errors import InputError, require
+from bgmodel.tables.text_files import read_rows
+from circuits.errors import InputError, require, within
 
+SET = "pedersen_frank_2020"
+
+"""The set that is read by default."""
 COLUMNS = ("participant_id", "pair", "response", "rt", "reward")
 """Columns of a table of trials, in the order of presentation."""
 
@@ -88,35 +109,70 @@ class PairTrials:
         return found
 
 
-def read_pairs(source: str | pd.DataFrame = "pedersen_frank_2020") -> dict[str, PairTrials]:
+def read_pairs(source: str | Path | pd.DataFrame = SET) -> dict[str, PairTrials]:
     """Read the trials of each person.
 
     Parameters
     ----------
-    source : str or DataFrame
-        Name of a built-in set, or a table with the columns participant_id, pair, response (1: the
-        item that is rewarded more often), rt (s) and reward (0 or 1), in the order of presentation.
+    source : str, path or DataFrame
+        Name of a built-in set, or a table, .csv, .tsv or .parquet, with the columns participant_id,
+        pair, response (1: the item that is rewarded more often), rt (s) and reward (0 or 1), in the
+        order of presentation.
 
     Raises
     ------
     ValueError
-        For an unknown set, missing columns, or trials that ``PairTrials`` refuses.
+        For an unknown set, missing columns, a cell that is missing or of another kind, or trials
+        that ``PairTrials`` refuses.
+
+    Warns
+    -----
+    UserWarning
+        As for tables of choices: names that differ in capitals, copies of trials, two people with
+        the same trials, times in several units.
     """
-    if isinstance(source, str):
-        require(source in SETS, "source", f"must be a table or one of {', '.join(SETS)}", source)
-        source = shipped_table(source)[0]
-    missing = [name for name in COLUMNS if name not in source]
-    must = f"must have the columns {', '.join(COLUMNS)}"
-    if missing:
-        raise InputError(f"source {must}; {', '.join(missing)} is missing", missing[0])
-    return {str(who): _trials(rows) for who, rows in source.groupby("participant_id", sort=True)}
+    name, table = _table(source)
+    try:
+        check_columns(table, COLUMNS)
+        who, pair = participants(table), levels(table["pair"])
+        check_alike("participant_id", who)
+        warn_of_copies(table, ["pair", "reward"])
+        rt_s = times(table["rt"])
+        refuse(np.isnan(rt_s), table["rt"], "given for every trial")
+        response, reward = (_code(table[column]) for column in ("response", "reward"))
+        check_one_unit(rt_s)
+        warn_of_mixed_units(rt_s, who)
+        warn_of_twins(who, rt_s, response)
+        return {
+            each: _trials(who == each, pair, response, rt_s, reward)
+            for each in np.unique(who).tolist()
+        }
+    except ValueError as error:
+        raise within(name, error, "source") from None
 
 
-def _trials(rows: pd.DataFrame) -> PairTrials:
-    names, pair = np.unique(rows["pair"].astype(str), return_inverse=True)
-    codes = {name: pd.to_numeric(rows[name]).to_numpy(float) for name in COLUMNS[2:]}
-    known: Truths = np.isfinite(codes["response"])
-    require(known.all(), "response", "must be given in every trial", codes["response"][~known][:3])
-    return PairTrials(
-        pair, codes["response"].astype(int), codes["rt"], codes["reward"], tuple(map(str, names))
-    )
+def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
+    """Return the name and the rows of a table, or of a set that ships."""
+    if isinstance(source, pd.DataFrame):
+        return "a table", source.reset_index(drop=True)
+    if source in SETS:
+        return str(source), shipped_table(str(source))[0]
+    path = path_of(source, "source")
+    must = f"must be a table, its file, or one of {', '.join(SETS)}"
+    require(path.suffix, "source", must, str(source))
+    return path.name, read_rows(path).reset_index(drop=True)
+
+
+def _code(column: pd.Series) -> npt.NDArray[np.int8]:
+    """Return a column of 0 and 1; ValueError for any other cell."""
+    values = numbers(column)
+    refuse(~np.isin(values, (0, 1)), column, "0 or 1 in every trial")
+    return values.astype(np.int8)
+
+
+def _trials(
+    own: Truths, pair: npt.NDArray[np.str_], response: Integers, rt_s: Array, reward: Integers
+) -> PairTrials:
+    names, place = np.unique(pair[own], return_inverse=True)
+    answers = response[own].astype(int), rt_s[own], reward[own].astype(float)
+    return PairTrials(place, *answers, tuple(map(str, names)))
