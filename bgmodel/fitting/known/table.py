@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,15 @@ import pandas as pd
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, path_of
-from bgmodel.tables.cautions import ENOUGH
-from bgmodel.tables.columns import names_once, numbers, refuse, times
+from bgmodel.tables.cautions import ENOUGH, check_one_unit
+from bgmodel.tables.columns import (
+    check_alike,
+    names_once,
+    numbers,
+    participants,
+    refuse,
+    times,
+)
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import SEPARATORS, read_rows
@@ -24,6 +32,8 @@ FORMS = (
     "trial, step and ll_<alternative>; trial, time (s) and ll_<alternative>; or one row per cue "
     "with trial, time (s) and side or value"
 )
+PLAIN_FLOAT = re.compile(r"-?(0|[1-9]\d*)\.0")
+"""A whole number as a column of floating-point numbers has it; ids such as 01 are none."""
 SIGNED = ("0", "1")
 """Alternatives of cues that have a sign and no side: a positive value favours response 1."""
 MOST_ERRORS = 4.0
@@ -110,6 +120,7 @@ def read_known(
     readings = _read_evidence(evidence, step_ms, participant)
     order = _matched(table, readings)
     rt_s = times(table["rt"], rt_unit)
+    check_one_unit(rt_s)
     choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
     _check_sides(readings.log_likelihood[order], readings.time_s[order], choice, rt_s)
     return KnownTrials(
@@ -253,6 +264,10 @@ def _checked(
         if wanted not in names:
             said = f"{name}: there is no column {wanted}; there are {', '.join(names)}"
             raise InputError(said, wanted)
+    try:
+        check_alike("participant_id", participants(table))
+    except InputError as error:
+        raise within(name, error, "participant_id") from None
     return table
 
 
@@ -316,9 +331,6 @@ def _choices(
 
 
 def _text(value: object) -> str:
-    """Return an id or a name as text; 1.0 is 1."""
-    try:
-        number = float(str(value))
-    except ValueError:
-        return str(value)
-    return str(int(number)) if np.isfinite(number) and number == int(number) else str(value)
+    """Return an id or a name as written; 1.0, from a column with empty cells, is 1."""
+    text = str(value)
+    return text[:-2] if PLAIN_FLOAT.fullmatch(text) else text

@@ -173,3 +173,25 @@ def test_responses_against_their_evidence_are_refused_and_those_by_chance_are_no
         read_known(*clicked(1))
     data, clicks = clicked(0)
     read_known(data.assign(response=np.resize(["left", "right"], 80)), clicks)
+
+
+def test_ids_are_text_as_written_and_blanks_are_refused(tmp_path):
+    data, clicks = clicked(0)
+    people = np.repeat(["01", "1"], 40)
+    data = data.assign(participant_id=people, trial=np.arange(80) % 40)
+    clicks = clicks.assign(participant_id=np.repeat(people, 5), trial=clicks["trial"] % 40)
+    for name, table in (("trials", data), ("clicks", clicks)):
+        table.to_csv(tmp_path / f"{name}.tsv", index=False, sep="\t")
+    files = tmp_path / "trials.tsv", tmp_path / "clicks.tsv"
+    with pytest.warns(DataWarning, match="in how a number is written"):
+        own = [read_known(*files, participant=who) for who in people_of(files[0])]
+    assert [len(one.choice) for one in own] == [40, 40]
+    with refused("participant_id trials.*got nothing in row 3"):
+        data.loc[3, "participant_id"] = ""
+        data.to_csv(files[0], index=False, sep="\t")
+        people_of(files[0])
+
+
+def test_whole_numbers_of_a_column_with_empty_cells_match_those_without():
+    data, clicks = clicked(0)
+    assert read_known(data.assign(trial=data["trial"].astype(float)), clicks).ids[1] == "1"
