@@ -85,7 +85,12 @@ def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
     """Return the number of alternatives that occur by name, or the number given if they agree."""
     answered = ~silent(table)
     given = set(names_of(table["response"])[answered])
-    every = given | set(names_of(table[stimulus]))
+    shown = set(names_of(table[stimulus]))
+    every = given | shown
+    if not given & shown:
+        said, other = (", ".join(sorted(names)[:3]) for names in (given, shown))
+        must = f"and {stimulus} must be in the same words"
+        raise InputError(f"response {must}, got {said} and {other}", "response")
     check_alike("response", np.array(sorted(every)))
     number = len(every) if number is None else number
     if len(every) > number:
@@ -101,6 +106,11 @@ def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
             "response",
         )
     check_number(number)
+    if unseen := sorted(given - shown):
+        DataWarning.warn(
+            f"response {', '.join(map(repr, unseen))} is never correct, and counts as one of "
+            f"{number} alternatives: leave the cell empty if it means no response"
+        )
     return number
 
 

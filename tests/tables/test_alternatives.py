@@ -66,7 +66,7 @@ def test_missing_responses_are_neither_correct_nor_a_name():
         (table(), {"stimulus": "shown", "alternatives": 2}, "response at most 2"),
         (table(), {"stimulus": "shown", "alternatives": 4}, "response only"),
         (table(), {"stimulus": "shown", "upper": "up"}, "upper"),
-        (table(shown="back"), {"stimulus": "shown"}, "response never back"),
+        (table(shown="back"), {"stimulus": "shown"}, "response and back"),
         (coded(), {"alternatives": 13}, "alternatives"),
         (coded(), {"alternatives": 1}, "alternatives"),
         (coded(), {"alternatives": 2.5}, "alternatives"),
@@ -92,3 +92,13 @@ def test_a_stimulus_of_another_accuracy_is_warned_of():
     some.loc[some.index[easy][:5], "response"] = "left"
     with pytest.warns(DataWarning, match="treat all of them alike"):
         read_choices(some, stimulus="shown")
+
+
+def test_a_response_that_is_never_correct_is_doubted():
+    some = table()
+    some.loc[some.index[::10], "response"] = "timeout"
+    with pytest.warns(DataWarning, match="'timeout' is never correct, and counts as one of 4"):
+        assert read_choices(some, stimulus="shown").alternatives == 4
+    words = {"response": some["response"].str.upper()}
+    with refused("response same words"):
+        read_choices(some.assign(**words), stimulus="shown")
