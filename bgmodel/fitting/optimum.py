@@ -75,14 +75,22 @@ def completed(likelihood: Likelihood, vector: Array) -> Likelihood:
     observed = likelihood.design.observed
     ends_s = (observed.window_s[1], getattr(likelihood.model, "seconds", np.inf), MOST_S)
     most, first = int(min(ends_s) / observed.grid.width_s), observed.grid
+    answered = _answered(likelihood, vector)
     while observed.deadline_s is None and observed.grid.bins < most:
-        answered = likelihood.density(vector).sum(axis=(1, 2)) * observed.grid.width_s
-        if answered.min() > 1 - BEYOND:
-            break
         bins = min(2 * observed.grid.bins, most)
         observed = replace(observed, grid=Grid(bins, first.width_s, first.bins))
-        likelihood = replace(likelihood, design=replace(likelihood.design, observed=observed))
+        wider = replace(likelihood, design=replace(likelihood.design, observed=observed))
+        more = _answered(wider, vector)
+        if (more - answered).max() < BEYOND:
+            break
+        likelihood, answered = wider, more
     return likelihood
+
+
+def _answered(likelihood: Likelihood, vector: Array) -> Array:
+    """Return the share of responses on the grid, (cells,)."""
+    density = likelihood.density(vector)
+    return np.asarray(density.sum(axis=(1, 2)) * likelihood.design.grid.width_s)
 
 
 def likelihood_of(
