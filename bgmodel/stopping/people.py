@@ -24,6 +24,7 @@ from bgmodel.tables.cautions import (
 from bgmodel.tables.columns import (
     check_alike,
     check_columns,
+    code,
     delays,
     names_of,
     participants,
@@ -55,10 +56,11 @@ def read_people(
     ----------
     table : DataFrame, path or str
         One row per trial: participant_id, rt and ssd, both in seconds from the go stimulus; rt is
-        empty without a response, ssd in go trials. If there are columns ``stimulus`` and
-        ``response``, a response is correct where both are equal. A folder, or a file that ends in
-        ``_events.tsv``, holds BIDS events: see ``bgmodel.stopping.events``. By default the set that
-        ships.
+        empty without a response, ssd in go trials; without participant_id all trials belong to one,
+        "all". A response is correct where a column ``correct`` is 1 rather than 0, or else where
+        ``stimulus`` and ``response`` are equal, if there are these columns. A folder, or a
+        file that ends in ``_events.tsv``, holds BIDS events: see ``bgmodel.stopping.events``. By
+        default the set that ships.
     columns : mapping, optional
         Other names of columns, such as ``{"rt": "RT", "ssd": "delay"}``; in BIDS events also of
         ``trial_type``.
@@ -79,7 +81,7 @@ def read_people(
     """
     name, table = _table(table, columns or {})
     try:
-        check_columns(table, ["participant_id", "rt", "ssd"])
+        check_columns(table, ["rt", "ssd"])
         who = participants(table)
         check_alike("participant_id", who)
         warn_of_copies(table, ["ssd"])
@@ -123,6 +125,8 @@ def _table(
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
     """Return which responses are correct; None if the table does not say which are right."""
+    if "correct" in table:
+        return np.asarray(code(table["correct"]) == 1)
     if not {"stimulus", "response"} <= set(table):
         return None
     stimulus, response = (names_of(table[name]) for name in ("stimulus", "response"))

@@ -103,12 +103,17 @@ class StopTrials(Facts):
         return np.asarray(np.take(OUTCOMES, 2 * self.stop.astype(int) + ~self.responded))
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return one row per trial: trial, rt_ms, ssd_ms, outcome; correct where it is known."""
+        """Return one row per trial, as ``people.read_people`` reads it.
+
+        Columns trial, rt and ssd (s), outcome, and correct (1 or 0) where it is known.
+        """
         import pandas as pd
 
-        columns = {"trial": np.arange(len(self.rt_ms)), "rt_ms": self.rt_ms, "ssd_ms": self.ssd_ms}
-        table = pd.DataFrame(columns | {"outcome": self.outcome})
-        return table if self.correct is None else table.assign(correct=self.correct)
+        times = {"rt": self.rt_ms / 1000, "ssd": self.ssd_ms / 1000}
+        table = pd.DataFrame(
+            {"trial": np.arange(len(self.rt_ms)), **times, "outcome": self.outcome}
+        )
+        return table if self.correct is None else table.assign(correct=self.correct.astype(int))
 
 
 def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:

@@ -323,6 +323,13 @@ def times(column: pd.Series, unit: str = "s") -> Array:
     return values * UNITS[unit]
 
 
+def code(column: pd.Series) -> npt.NDArray[np.int8]:
+    """Return a column of 0 and 1; ValueError for any other cell."""
+    values = numbers(column)
+    refuse(~np.isin(values, (0, 1)), column, "0 or 1 in every trial")
+    return values.astype(np.int8)
+
+
 def delays(column: pd.Series) -> Array:
     """Return stop-signal delays, (rows,), s; NaN in go trials, whose cell is empty or infinite.
 

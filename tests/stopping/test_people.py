@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import bgmodel as bg
 from bgmodel.stopping.people import estimates_of, read_people
 from circuits.errors import DataWarning
 from tests.helpers import refused
@@ -120,3 +121,14 @@ def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_pat
             np.testing.assert_array_equal(trials.correct, trials.responded)
     with pytest.warns(DataWarning, match="0% of responses are correct"):
         read_people(table.assign(stimulus=table["stimulus"].str.upper()))
+
+
+def test_trials_of_a_circuit_are_read_back_as_those_of_a_person(tmp_path):
+    evidence = bg.gaussian_evidence(120, d_prime=0.5, t_max=60, step_ms=10, seed=1)
+    model = bg.BasalGanglia("macaque", "rate")
+    trials = bg.StopTask(share=0.3).decide(model, evidence, posterior=0.7, seed=2)
+    for table in both(trials.to_dataframe(), tmp_path):
+        found = read_people(table)["all"]
+        np.testing.assert_allclose(found.rt_ms, trials.rt_ms)
+        np.testing.assert_allclose(found.ssd_ms, trials.ssd_ms)
+        np.testing.assert_array_equal(found.correct, trials.correct)

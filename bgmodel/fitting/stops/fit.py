@@ -29,6 +29,8 @@ FALL_NATS = 1.92
 """Fall of the log likelihood at the end of a 95 % interval (half of chi-squared, 1 d.f.)."""
 ALIKE_NATS = 0.01
 """Strengths whose log likelihoods differ by less are alike; the strongest of them is reported."""
+RESOLVED_NATS = 0.5
+"""Change of the log likelihood with fine nodes up to which the others are enough."""
 QUANTILES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 """Quantiles of participants' thresholds that are tried as the strength of a stop signal."""
 MULTIPLES = (1.0, 1.1, 1.25, 1.5, 2.0, 2.5, 3.0)
@@ -178,6 +180,16 @@ def fit_stops(
 
 def fit_likelihood(likelihood: StopLikelihood, *, spread: bool = True) -> StopFit:
     """Return the fit of a likelihood; see ``fit_stops``."""
+    spread = spread and len(likelihood.data.names) > 1  # one participant does not differ from any
+    found = _fitted(likelihood, spread)
+    finer = replace(likelihood, fine=True)
+    if spread and abs(finer.each(found.values).sum() - found.log_likelihood) > RESOLVED_NATS:
+        found = _fitted(finer, spread)
+    _warn_of_bounds(found.values, spread)
+    return found
+
+
+def _fitted(likelihood: StopLikelihood, spread: bool) -> StopFit:
     start = StopValues() if spread else StopValues(ssrt_people_sd_ms=0, failures_people_sd=0)
     tried = []
     for strength in _strengths(likelihood):
@@ -185,7 +197,6 @@ def fit_likelihood(likelihood: StopLikelihood, *, spread: bool = True) -> StopFi
         tried.append((start, log))
     best = max(log for _, log in tried)
     values = next(each for each, log in tried if log > best - ALIKE_NATS)
-    _warn_of_bounds(values, spread)
     rows = [(each.strength_nats, log) for each, log in tried]
     profile = pd.DataFrame(rows, columns=["strength_nats", "log_likelihood"])
     found = errors(likelihood, values, spread)

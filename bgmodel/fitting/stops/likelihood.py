@@ -31,6 +31,9 @@ from bgmodel.support.arrays import Array
 
 SSRT_NODES, FAILURE_NODES = 11, 7
 """Gauss-Hermite nodes for differences between participants."""
+FINE_MS, FINE_SD, MOST_NODES, FINE_FAILURES = 5.0, 4.0, 321, 25
+"""Fine nodes, for participants of many trials, whose likelihoods are narrow: distance of those of
+SSRT, standard deviations on either side, and their largest number; and those of failures."""
 TINY = 1e-9
 """Lower limit of probabilities before their logarithm is taken."""
 CHANGE = 1e-3
@@ -105,12 +108,15 @@ class StopLikelihood:
         Whether the times of failed stops are fitted too. At a time t, the density of a failed stop
         is that of a go response times f + (1 - f) P(SSD + SSRT > t); the density of the go response
         does not depend on the stop process. This holds for stop signals that block.
+    fine : bool
+        Whether nodes are ``FINE_MS`` apart.
     """
 
     data: StopData
     model: StopModel
     go: pd.DataFrame
     times: bool = False
+    fine: bool = False
 
     @cached_property
     def thresholds(self) -> Array:
@@ -161,7 +167,7 @@ class StopLikelihood:
         who = data.person[:, None]
         part = place - low
         stopped = (1 - part) * smooth[who, low] + part * smooth[who, low + 1]
-        failures = failures_of(values)
+        failures = self.failures(values)
         return np.asarray(
             failures * data.responded[data.person][:, None, None]
             + (1 - failures) * stopped[:, :, None]
@@ -169,37 +175,51 @@ class StopLikelihood:
 
     def effect_ms(self, values: StopValues) -> Array:
         """Return the mean time of the stop's effect in each trial, (trials, SSRT nodes), ms."""
-        nodes = values.ssrt_ms + values.ssrt_people_sd_ms * hermite(SSRT_NODES)[0]
+        nodes = values.ssrt_ms + values.ssrt_people_sd_ms * self.ssrt_nodes(values)[0]
         after = self.data.ssd_ms + self.latency_ms(values.strength_nats)[self.data.person]
         return np.asarray(after[:, None] + nodes)
 
-    def by_node(self, values: StopValues, responses: Array | None = None) -> Array:
-        """Return log likelihoods (people, SSRT nodes, failure nodes), weights included."""
+    def by_trial(self, values: StopValues, responses: Array | None = None) -> Array:
+        """Return log likelihoods (trials, SSRT nodes, failure nodes)."""
         p = np.clip(self.p_respond(values, responses), TINY, 1 - TINY)
         failed = np.log(np.clip(self._unstopped(values), TINY, 1) if self.times else p)
-        log = np.where(self.data.failed[:, None, None], failed, np.log1p(-p))
-        total = np.zeros((len(self.data.names), SSRT_NODES, FAILURE_NODES))
+        return np.where(self.data.failed[:, None, None], failed, np.log1p(-p))
+
+    def by_node(self, values: StopValues, responses: Array | None = None) -> Array:
+        """Return log likelihoods (people, SSRT nodes, failure nodes), weights included."""
+        log = self.by_trial(values, responses)
+        total = np.zeros((len(self.data.names), *log.shape[1:]))
         np.add.at(total, self.data.person, log)
-        weights = hermite(SSRT_NODES)[1][:, None] * hermite(FAILURE_NODES)[1]
+        weights = self.ssrt_nodes(values)[1][:, None] * hermite(self._failure_nodes)[1]
         return np.asarray(total + np.log(weights))
+
+    def ssrt_nodes(self, values: StopValues) -> tuple[Array, Array]:
+        """Return places, in standard deviations between participants, and weights of nodes."""
+        if not self.fine:
+            return hermite(SSRT_NODES)
+        count = 2 * FINE_SD * values.ssrt_people_sd_ms / FINE_MS
+        places = np.linspace(-FINE_SD, FINE_SD, int(np.clip(np.ceil(count) + 1, 9, MOST_NODES)))
+        weights = np.exp(-(places**2) / 2)
+        return places, weights / weights.sum()
+
+    @property
+    def _failure_nodes(self) -> int:
+        return FINE_FAILURES if self.fine else FAILURE_NODES
+
+    def failures(self, values: StopValues) -> Array:
+        """Return the probabilities of a trigger failure at the nodes, (failure nodes,)."""
+        spread = values.failures_people_sd * hermite(self._failure_nodes)[0]
+        return np.asarray(special.expit(special.logit(values.failures) + spread))
 
     def _unstopped(self, values: StopValues) -> Array:
         """Return the probability that nothing stops a response by its time, as ``p_respond``."""
         later = (self.effect_ms(values) - self.data.rt_ms[:, None]) / values.ssrt_trial_sd_ms
-        failures = failures_of(values)
+        failures = self.failures(values)
         return np.asarray(failures + (1 - failures) * special.ndtr(later)[:, :, None])
 
     def each(self, values: StopValues, responses: Array | None = None) -> Array:
         """Return the log likelihood of each participant's trials, (people,), nats."""
         return np.asarray(special.logsumexp(self.by_node(values, responses), axis=(1, 2)))
-
-
-def failures_of(values: StopValues) -> Array:
-    """Return the probabilities of a trigger failure at the nodes, (failure nodes,)."""
-    nodes = hermite(FAILURE_NODES)[0]
-    return np.asarray(
-        special.expit(special.logit(values.failures) + values.failures_people_sd * nodes)
-    )
 
 
 def hermite(nodes: int) -> tuple[Array, Array]:
@@ -230,23 +250,27 @@ def maximum(
 def errors(likelihood: StopLikelihood, values: StopValues, spread: bool) -> dict[str, float]:
     """Return standard errors of the parameters, from the scores of participants.
 
-    The information is the sum over participants of the outer products of their scores (Berndt et
-    al. 1974); NaN if it cannot be inverted.
+    The information is the sum over participants, or over the trials of a single one, of the outer
+    products of their scores (Berndt et al. 1974); NaN if it cannot be inverted.
     """
     x = values.coordinates(spread)
     responses = likelihood.responses(values.strength_nats)
     score, slope = [], []
+
+    def each(at: StopValues) -> Array:
+        if len(likelihood.data.names) > 1:
+            return likelihood.each(at, responses)
+        return likelihood.by_trial(at, responses)[:, 0, 0]  # of one participant all nodes are alike
+
     for k in range(len(x)):
         up, down = (x + sign * CHANGE * (np.arange(len(x)) == k) for sign in (1, -1))
         above, below = values.at(up), values.at(down)
-        difference = likelihood.each(above, responses) - likelihood.each(below, responses)
+        difference = each(above) - each(below)
         score.append(difference / (2 * CHANGE))
         slope.append((_vector(above) - _vector(below)) / (2 * CHANGE))
     information = np.array(score) @ np.array(score).T
-    try:
-        covariance = np.linalg.inv(information)
-    except np.linalg.LinAlgError:
-        covariance = np.full_like(information, np.nan)
+    known = np.linalg.matrix_rank(information) == len(x)  # not with fewer participants than numbers
+    covariance = np.linalg.inv(information) if known else np.full_like(information, np.nan)
     change = np.array(slope).T
     error = np.sqrt(np.diag(change @ covariance @ change.T))
     named = dict(zip(PARAMETERS, error.tolist(), strict=True))

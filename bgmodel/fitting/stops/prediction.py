@@ -11,7 +11,7 @@ from scipy import special, stats
 
 from bgmodel.fitting.stops.data import StopData, aligned, stop_data
 from bgmodel.fitting.stops.fit import StopFit, fit_likelihood
-from bgmodel.fitting.stops.likelihood import SSRT_NODES, StopLikelihood, failures_of
+from bgmodel.fitting.stops.likelihood import StopLikelihood
 from bgmodel.fitting.stops.model import TEST, StopModel
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
@@ -118,14 +118,14 @@ def _times(likelihood: StopLikelihood, fit: StopFit, weights: Array) -> pd.DataF
     data, sd_ms = likelihood.data, fit.values.ssrt_trial_sd_ms
     effect = likelihood.effect_ms(fit.values) - data.slower_ms[:, None]
     node = weights.sum(axis=2)
-    failures = (weights * failures_of(fit.values)).sum(axis=2) / np.maximum(node, 1e-300)
+    failures = (weights * likelihood.failures(fit.values)).sum(axis=2) / np.maximum(node, 1e-300)
     times, shares = [], []
     for number, go in enumerate(data.go_ms):
         trials = data.person == number
         if not trials.any():
             continue
         share = np.zeros((trials.sum(), len(go)))
-        for k in range(SSRT_NODES):
+        for k in range(node.shape[1]):
             late = special.ndtr((effect[trials, k][:, None] - go) / sd_ms)
             f = failures[number, k]
             share += node[number, k] * (f + (1 - f) * late)

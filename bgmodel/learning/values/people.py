@@ -21,8 +21,8 @@ from bgmodel.tables.cautions import (
 from bgmodel.tables.columns import (
     check_alike,
     check_columns,
+    code,
     levels,
-    numbers,
     participants,
     refuse,
     times,
@@ -139,7 +139,7 @@ def read_pairs(source: str | Path | pd.DataFrame = SET) -> dict[str, PairTrials]
         warn_of_copies(table, ["pair", "reward"])
         rt_s = times(table["rt"])
         refuse(np.isnan(rt_s), table["rt"], "given for every trial")
-        response, reward = (_code(table[column]) for column in ("response", "reward"))
+        response, reward = (code(table[column]) for column in ("response", "reward"))
         check_one_unit(rt_s)
         warn_of_mixed_units(rt_s, who)
         warn_of_twins(who, rt_s, response)
@@ -161,13 +161,6 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     must = f"must be a table, its file, or one of {', '.join(SETS)}"
     require(path.suffix, "source", must, str(source))
     return path.name, read_rows(path).reset_index(drop=True)
-
-
-def _code(column: pd.Series) -> npt.NDArray[np.int8]:
-    """Return a column of 0 and 1; ValueError for any other cell."""
-    values = numbers(column)
-    refuse(~np.isin(values, (0, 1)), column, "0 or 1 in every trial")
-    return values.astype(np.int8)
 
 
 def _trials(

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.special import expit, logit
+from scipy.special import expit, logit, logsumexp
 
 from bgmodel.fitting.stops.data import GO, go_processes, stop_data
 from bgmodel.fitting.stops.fit import StopFit, fit_stops
@@ -79,6 +79,40 @@ def test_intervals_stay_within_the_range_of_a_parameter(spread):
         else:
             expected = value * np.exp(-far / value), value * np.exp(far / value)
         assert (low, high) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_one_participant_has_one_ssrt_and_no_spread(seed):
+    """Nodes of a spread that nobody has would put the mean anywhere around the SSRT."""
+    alone = StopValues(180.0, 0.0, 25.0, 0.05, 0.0)
+    fit = fit_stops(raced(seed, people=1, trials=3000, true=alone), slowed=False)
+    table = fit.parameters().set_index("parameter")
+    assert not fit.spread
+    assert set(fit.errors) == {"ssrt_ms", "ssrt_trial_sd_ms", "failures"}
+    assert 2 < table.loc["ssrt_ms", "error"] < 12
+    for name in ("ssrt_ms", "failures"):
+        assert abs(table.loc[name, "value"] - getattr(alone, name)) < 3.5 * table.loc[name, "error"]
+
+
+def test_fine_nodes_integrate_over_participants_of_many_trials():
+    """Against a sum over SSRTs 2 ms apart; the usual nodes are too far apart by far."""
+    people = raced(7, people=3, trials=900, true=TRUE)
+    data, values = stop_data(people, slowed=False), replace(TRUE, ssrt_people_sd_ms=60.0)
+    usual = StopLikelihood(data, TEST, go_processes(people))
+    fine = replace(usual, fine=True)
+    places = np.arange(-300.0, 300.1, 2.0)
+    weights = np.exp(-((places / 60.0) ** 2) / 2)
+    alone = replace(values, ssrt_people_sd_ms=0.0)
+    each = [fine.each(replace(alone, ssrt_ms=values.ssrt_ms + place)) for place in places]
+    exact = logsumexp(each, axis=0, b=(weights / weights.sum())[:, None])
+    np.testing.assert_allclose(fine.each(values), exact, atol=0.02)
+    assert np.abs(usual.each(values) - exact).max() > 0.2
+
+
+def test_few_participants_of_many_trials_are_fitted_with_fine_nodes():
+    fit = fit_stops(raced(7, people=2, trials=600), slowed=False)
+    assert fit.likelihood.fine
+    assert np.isnan(fit.errors["ssrt_ms"])  # five numbers of two people
 
 
 def test_differences_between_people_are_seen_in_the_likelihood(people, unknown):
