@@ -10,6 +10,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble
 from tests.helpers import ROOT, run
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
@@ -24,7 +25,8 @@ def found():
 
 
 def test_its_spikes_are_those_of_the_compiled_engine(found):
-    model = BasalGanglia(load_circuit("macaque", 2), "ensemble", found.gain, 1)
+    engine = Ensemble(dt_ms=demos.STEP_MS, settle_ms=demos.SETTLE_MS)
+    model = BasalGanglia(load_circuit("macaque", 2), engine, found.gain, 1)
     out = model.run(found.evidence).out_nats
     assert np.allclose(out, found.traces["circuit"].out_nats)
 

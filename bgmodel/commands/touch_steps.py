@@ -145,7 +145,7 @@ def decode(
     Parameters
     ----------
     decoder
-        A decoder from `bgmodel touch train`, or an .onnx file with a network of your own.
+        A decoder from `bgmodel touch train`, or an .onnx file with another network.
     taps
         Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
     edge
@@ -155,7 +155,7 @@ def decode(
     pins
         Number of pins of the recorded sensor; printed with the number detected.
     own
-        What a network of your own takes and gives, name=value: stimulus (grating or edge), takes
+        What another network takes and gives, name=value: stimulus (grating or edge), takes
         (maps or displacements), gives (angle or vector).
     """
     path = _needed(output, (".parquet", ".csv"), decoder=decoder, taps=taps)

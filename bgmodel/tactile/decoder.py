@@ -91,7 +91,7 @@ class Decoder:
     network : torch.nn.Module or OnnxNetwork
         Made by ``NETWORKS[training.network]``, or read from an .onnx file.
     training : Training or OwnNetwork
-        Training options, or what a network of your own takes and gives.
+        Training options, or what another network takes and gives.
     rest_mm : array (pins, 2)
         Rest positions of the pins it was trained on, mm; none if they are not known.
     history : list of dict
@@ -312,7 +312,7 @@ def load_decoder(
     *,
     trained_on: Taps | str | Path | None = None,
 ) -> Decoder:
-    """Return a decoder from its file: one that ``save`` wrote, or a network of your own.
+    """Return a decoder from its file: one that ``save`` wrote, or another network.
 
     Parameters
     ----------
@@ -320,7 +320,7 @@ def load_decoder(
         A .safetensors or .onnx file, as from ``Decoder.save``, or an .onnx file with a network of
         your own, which has one input and one output; the number of taps comes first in both.
     own : OwnNetwork, optional
-        What a network of your own takes and gives.
+        What another network takes and gives.
     trained_on : Taps or path, optional
         Taps on which your network was trained, so that they are marked and other pins refused.
 
@@ -337,7 +337,7 @@ def load_decoder(
     path = path_of(path)
     if not path.is_file():
         raise InputError(f"there is no decoder {str(path)!r}", "path", path)
-    require(path.suffix == ".onnx", "path", "must be an .onnx file for a network of your own", path)
+    require(path.suffix == ".onnx", "path", "must be an .onnx file for another network", path)
     try:
         network = OnnxNetwork(path.read_bytes())
     except ValueError as error:
@@ -454,7 +454,7 @@ def _from_onnx(path: Path) -> tuple[Any, ...]:
     network = OnnxNetwork(path.read_bytes())
     header = network.header
     if not header:
-        raise ValueError("a network of your own needs what it takes and gives: own")
+        raise ValueError("another network needs what it takes and gives: own")
     training = Training(**header["training"])
     rest_mm = np.array(header["rest_mm"], dtype=np.float64)
     trained_on = np.array(header["trained_on"], dtype=np.int64)

@@ -194,7 +194,7 @@ NETWORKS: dict[str, Network] = {"grating": GratingNetwork, "edge": EdgeNetwork}
 
 @dataclass(frozen=True)
 class OwnNetwork:
-    """A network of your own: what was tapped, what it takes and what it gives."""
+    """Another network: what was tapped, what it takes and what it gives."""
 
     stimulus: Literal["grating", "edge"] = "grating"
     """What was tapped."""

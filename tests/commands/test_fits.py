@@ -246,7 +246,7 @@ def test_names_of_participants_and_levels_stay_as_they_are_written():
     """01 is not 1, and fits to one of them leave those to the other in the table."""
     named = changed(
         participant_id=GOOD["participant_id"].map({"a": "01", "b/c": "1"}),
-        drug=GOOD["drug"].map({"on": "NA", "off": "1.50"}),
+        drug=GOOD["drug"].map({"on": "None", "off": "1.50"}),
     )
     named.to_csv("named.csv", index=False)
     one = ["named.csv", *COHERENCE, *GAP, *QUICK, "--vary", "bound=drug"]

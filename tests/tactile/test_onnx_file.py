@@ -90,7 +90,7 @@ def test_bad_files_get_one_clear_sentence(decoder, stored, tmp_path):
         b"": "graph",
         b"not a decoder": "protobuf",
         foreign.read_bytes(): "it has no 'training'",
-        with_header({}): "a network of your own",
+        with_header({}): "another network needs",
         with_header(of_other): "shapes",
     }
     if decoder.training.network == "edge":
