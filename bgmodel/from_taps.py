@@ -48,7 +48,7 @@ POSTERIOR = 0.9
 """Posterior at which the test in the table and the example decision stop."""
 ACCURACIES = (0.8, 0.85, 0.9, 0.95)
 """Accuracies at which circuit and test are compared, as far as the taps allow."""
-XI, START_DELTA, RUNS = 50.0, 0.5, 5
+XI, START_SEPARATION, RUNS = 50.0, 0.5, 5
 """Cost of an error (readings), initial gap (nats) and number of runs of the learner."""
 T_MAX, FOLDS = 40, 10
 """Readings of the longest trial, and default number of folds of taps."""
@@ -374,7 +374,7 @@ def chain(
     gap, courses = {}, []
     if len(pooled.names) == 2:
         table, summary = learn_gap(
-            pooled, name=(0.0, 0), start_separation=START_DELTA, t_max=T_MAX, **given
+            pooled, name=(0.0, 0), start_separation=START_SEPARATION, t_max=T_MAX, **given
         )
         courses.append(table[["run", "episode", "mean_separation"]].assign(who=TEST))
         gap = {

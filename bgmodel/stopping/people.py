@@ -14,23 +14,8 @@ from bgmodel.stopping.events import is_events, read_events
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.tables.cautions import (
-    LEAST_RIGHT,
-    check_one_unit,
-    warn_of_copies,
-    warn_of_mixed_units,
-    warn_of_twins,
-)
-from bgmodel.tables.columns import (
-    check_alike,
-    check_columns,
-    code,
-    delays,
-    names_of,
-    participants,
-    silent,
-    times,
-)
+from bgmodel.tables.cautions import LEAST_RIGHT, people_and_times, warn_of_twins
+from bgmodel.tables.columns import code, delays, names_of, silent
 from bgmodel.tables.foreign import named
 from bgmodel.tables.shipped import STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
@@ -81,14 +66,8 @@ def read_people(
     """
     name, table = _table(table, columns or {})
     try:
-        check_columns(table, ["rt", "ssd"])
-        who = participants(table)
-        check_alike("participant_id", who)
-        warn_of_copies(table, ["ssd"])
-        rt_s, ssd_s = times(table["rt"]), delays(table["ssd"])
-        correct = _correct(table, rt_s)
-        check_one_unit(rt_s)
-        warn_of_mixed_units(rt_s, who)
+        who, rt_s = people_and_times(table, ["rt", "ssd"], ["ssd"])
+        ssd_s, correct = delays(table["ssd"]), _correct(table, rt_s)
         warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
         people = {}
         for each in np.unique(who).tolist():

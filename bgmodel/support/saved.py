@@ -1,6 +1,6 @@
 """Results in files: any record, saved whole and loaded again as the same record.
 
-A file is an .npz without pickled objects: arrays and tables as they are, the rest as JSON. Only
+A file is an .npz without pickled objects: arrays, tables in Parquet, and the rest as JSON. Only
 records of this package are made from one, so that a file from elsewhere runs no code.
 """
 

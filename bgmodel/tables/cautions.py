@@ -10,7 +10,15 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array
-from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
+from bgmodel.tables.columns import (
+    FEWEST,
+    NO_RESPONSE,
+    OURS,
+    check_alike,
+    check_columns,
+    participants,
+    times,
+)
 from circuits.errors import DataWarning, InputError
 
 LATE, TOO_LATE = 3.0, 10.0
@@ -63,6 +71,33 @@ def check_no_stops(table: pd.DataFrame) -> None:
                 f"choices: {FIT_STOPS}, or leave these trials out",
                 name,
             )
+
+
+def people_and_times(
+    table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str]
+) -> tuple[npt.NDArray[np.str_], Array]:
+    """Return the participant and the response time, s, of each row of a table of any trials.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table, its rows numbered from 0.
+    wanted, used : names
+        Required columns, and those besides ``OURS`` that tell copies of trials.
+
+    Raises
+    ------
+    ValueError
+        As for ``check_columns``, ``check_alike``, ``times`` and ``check_one_unit``.
+    """
+    check_columns(table, wanted)
+    who = participants(table)
+    check_alike("participant_id", who)
+    warn_of_copies(table, used)
+    rt_s = times(table["rt"])
+    check_one_unit(rt_s)
+    warn_of_mixed_units(rt_s, who)
+    return who, rt_s
 
 
 def check_times(rt_s: Array) -> None:

@@ -12,27 +12,13 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.tables.cautions import (
-    check_one_unit,
-    warn_of_copies,
-    warn_of_mixed_units,
-    warn_of_twins,
-)
-from bgmodel.tables.columns import (
-    check_alike,
-    check_columns,
-    code,
-    levels,
-    participants,
-    refuse,
-    times,
-)
+from bgmodel.tables.cautions import people_and_times, warn_of_twins
+from bgmodel.tables.columns import code, levels, refuse
 from bgmodel.tables.shipped import SETS, shipped_table
 from bgmodel.tables.text_files import read_rows
 from circuits.errors import InputError, require, within
 
 SET = "pedersen_frank_2020"
-
 """The set that is read by default."""
 COLUMNS = ("participant_id", "pair", "response", "rt", "reward")
 """Columns of a table of trials, in the order of presentation."""
@@ -133,15 +119,10 @@ def read_pairs(source: str | Path | pd.DataFrame = SET) -> dict[str, PairTrials]
     """
     name, table = _table(source)
     try:
-        check_columns(table, COLUMNS)
-        who, pair = participants(table), levels(table["pair"])
-        check_alike("participant_id", who)
-        warn_of_copies(table, ["pair", "reward"])
-        rt_s = times(table["rt"])
+        who, rt_s = people_and_times(table, COLUMNS, ["pair", "reward"])
+        pair = levels(table["pair"])
         refuse(np.isnan(rt_s), table["rt"], "given for every trial")
         response, reward = (code(table[column]) for column in ("response", "reward"))
-        check_one_unit(rt_s)
-        warn_of_mixed_units(rt_s, who)
         warn_of_twins(who, rt_s, response)
         return {
             each: _trials(who == each, pair, response, rt_s, reward)
