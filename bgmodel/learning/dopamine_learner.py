@@ -295,8 +295,8 @@ class CircuitLearned:
             )
         if doubt <= RESOLVED and most > -LEAST and regret > WORSE:
             return (
-                f"learning had no effect: the regret of {regret:.1f} % does not differ from that at "
-                f"the start, {start:.1f} %: give more episodes, or another start"
+                f"learning had no effect: the regret of {regret:.1f} % does not differ from that "
+                f"at the start, {start:.1f} %: give more episodes, or another start"
             )
         return few if doubt > RESOLVED else ""
 
