@@ -7,7 +7,7 @@ from benchmarks.methods.pyddm_gaps import ByPyddm
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL, WEIBULL
 from bgmodel.fitting.exact.responses import BIN_S
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
 from tests.test_start_point import RESPONSES, drawn

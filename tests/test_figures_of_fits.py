@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table, write_table

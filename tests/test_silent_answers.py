@@ -12,7 +12,7 @@ import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.sides import check_sides
 from bgmodel.support.files import write_table

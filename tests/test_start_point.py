@@ -8,7 +8,8 @@ import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.trials.design import FAVOURS, design_of
 from bgmodel.tables.choices import read_choices

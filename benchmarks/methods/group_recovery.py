@@ -29,7 +29,7 @@ from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.hierarchy.fit import SHARE, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD
 from bgmodel.fitting.hierarchy.scale import Scale
-from bgmodel.fitting.optimum import Likelihood, likelihood_of
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths

@@ -7,7 +7,8 @@ import pandas as pd
 
 from bgmodel.fitting.exact.algorithms import Model
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
-from bgmodel.fitting.optimum import Likelihood, Optimum, likelihood_of, optimum, starts_of
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
+from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.choices import Choices
@@ -68,4 +69,4 @@ def person(
 def fitted(choices: Choices, model: Model) -> tuple[Likelihood, Optimum]:
     """Return the likelihood of a person's trials under a model, and its maximum."""
     likelihood = likelihood_of(model, design_of(choices))
-    return likelihood, optimum(likelihood, starts=starts_of(likelihood)[:1])
+    return likelihood, optimum(likelihood, starts=likelihood.starts()[:1])

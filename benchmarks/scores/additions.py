@@ -18,7 +18,8 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.exact.gaps import GAPS, STEEPNESS
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
 from bgmodel.fitting.quantiles import residuals
 from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.tables.choices import read_choices

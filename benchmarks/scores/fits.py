@@ -18,7 +18,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.predicted import Better, better_by, predicted
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,

@@ -19,8 +19,8 @@ from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from benchmarks.scores.stimulation import SLOW_NATS
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
-from bgmodel.fitting.optimum import Likelihood
 from bgmodel.fitting.pieces import piece_path
 from bgmodel.fitting.settings import seconds_of, settings_of
 from circuits.anatomy import DEFAULT

@@ -26,7 +26,8 @@ from bgmodel import stream
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
-from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.tables.choices import read_choices
 

@@ -32,7 +32,8 @@ from bgmodel.fitting.exact.algorithms import GapModel, Model
 from bgmodel.fitting.exact.responses import BIN_S, Observed, responded
 from bgmodel.fitting.fit import fit_likelihood, widened
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.control import decided

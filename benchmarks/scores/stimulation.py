@@ -16,7 +16,8 @@ import pandas as pd
 from benchmarks.scores.fits import difference, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.predicted import Predicted, better_by, predicted
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,

@@ -19,7 +19,7 @@ from bgmodel.version import __version__
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
-    from bgmodel.fitting.exact.algorithms import Model
+    from bgmodel.fitting.likelihood import AnyModel
 
 EVIDENCE_ONLY = ("step_ms", "forced", "runs")
 """Options that need --evidence."""
@@ -269,9 +269,9 @@ class FitRun(FitSettings):
         """Return whether a single model is asked for."""
         return self.models is not None and len(self.models) == 1
 
-    def _versions(self, models: Mapping[str, Model]) -> dict[str, tuple[FitSettings, Model]]:
+    def _versions(self, models: Mapping[str, AnyModel]) -> dict[str, tuple[FitSettings, AnyModel]]:
         """Return the models with their settings, and a single one without each of its effects."""
-        found: dict[str, tuple[FitSettings, Model]] = {
+        found: dict[str, tuple[FitSettings, AnyModel]] = {
             name: (self, model) for name, model in models.items()
         }
         if self.compare and self._alone():
@@ -306,7 +306,9 @@ class FitRun(FitSettings):
         return {"data": self.data, "trials": trials, **simulated, **said, **version}
 
 
-def _circuits(models: Mapping[str, Model]) -> dict[str, str]:
+def _circuits(models: Mapping[str, AnyModel]) -> dict[str, str]:
     """Return the hash of the circuit of each model that has one."""
-    made = {name: model.identity().get("circuit") for name, model in models.items()}
+    from bgmodel.fitting.likelihood import identity_of
+
+    made = {name: identity_of(model).get("circuit") for name, model in models.items()}
     return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.likelihood import Likelihood
     from bgmodel.fitting.model_comparison import ModelComparison
-    from bgmodel.fitting.optimum import Likelihood
     from bgmodel.fitting.pieces import Piece
     from bgmodel.tables.choices import Choices
 
@@ -105,12 +105,13 @@ class Kept:
         import pandas as pd
 
         from bgmodel.fitting.fit import fit_likelihood
+        from bgmodel.fitting.likelihood import identity_of
         from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 
         key: dict[str, Any] = {
             "participant": who,
             "data": some.checksum,
-            "model": recorded(likelihood.model.identity()),
+            "model": recorded(identity_of(likelihood.model)),
             "free": likelihood.freedom.names,
             "values": [each.start for each in likelihood.freedom.parameters],
             "window_s": [f"{time:g}" for time in likelihood.design.observed.window_s],

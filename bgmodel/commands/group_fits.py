@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.hierarchy.fit import GroupFit
-    from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.likelihood import Likelihood
 
 GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
 """Tables of a hierarchical fit: parameters of the group and of each participant, and data and model
@@ -86,12 +86,13 @@ def _fit(
 ) -> GroupFit:
     """Return one model's fit, after writing its draws and its figures."""
     from bgmodel.fitting.hierarchy.fit import fit_group
+    from bgmodel.fitting.likelihood import identity_of
     from bgmodel.fitting.pieces import piece_path
 
     first = next(iter(likelihoods.values()))
     key = {
         **asked,
-        "model": recorded(first.model.identity()),
+        "model": recorded(identity_of(first.model)),
         "people": list(likelihoods),
         "values": [each.start for each in first.freedom.parameters],
         "free": first.freedom.names,

@@ -15,7 +15,8 @@ from bgmodel.fitting.checks.misfit import Misfit, misfit
 from bgmodel.fitting.checks.slow import warn_of_slow
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.quantiles import (
     SIDES,

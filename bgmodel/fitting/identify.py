@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import BIN_S
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.likelihood import STEP, Likelihood
 from bgmodel.support.arrays import Array
 
 ALIKE = 0.95
 """Cosine of two directions above which a fit that frees both gives a warning."""
-STEP = 0.02
-"""Step of the derivatives, as a share of a parameter's value or of its range."""
 SINGULAR = 1e-12
 """Below this least eigenvalue of the cosines, some parameters are not identifiable."""
-ROUNDING = 1e-12
-"""Changes of a probability below this count as 0."""
 
 
 @dataclass(frozen=True)
@@ -103,11 +98,7 @@ class Directions:
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
-    """Return the score directions at a point, from the model's densities.
-
-    This is the expected information: it depends on the design and its numbers of trials, not on the
-    data. A circuit's densities have the error of its stored trials, which a square would count as
-    information; each product is therefore of the derivatives of one half of them with the other.
+    """Return how parameters change the likelihood at a point, priors included.
 
     Parameters
     ----------
@@ -116,38 +107,6 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
     vector : array (parameters,)
         The point, in the numbers of the fit.
     """
-    halves = likelihood.model.halves()
-    whole = len({id(each) for each in halves}) == 1
-    first = _changes(replace(likelihood, model=halves[0]), vector)
-    second = first if whole else _changes(replace(likelihood, model=halves[1]), vector)
-    weight = likelihood.design.trials[:, None] / np.maximum(_masses(likelihood, vector), 1e-12)
-    information = np.einsum("icb,cb,jcb->ij", first, weight, second)
-    found = (information + information.T) / 2
-    # Negative information means an error as large as the quantity.
-    unknown = np.diag(found) <= 0
-    found[unknown], found[:, unknown] = 0.0, 0.0
-    names = likelihood.freedom.names
-    still = ~(first != 0).any(axis=(1, 2))
-    return Directions(names, vector, found, tuple(np.array(names)[still].tolist()))
-
-
-def _changes(likelihood: Likelihood, vector: Array) -> Array:
-    """Return the derivative of each outcome's probability by each parameter, (parameters, ...)."""
-    low, high = likelihood.freedom.low, likelihood.freedom.high
-    changes = []
-    for k in range(len(vector)):
-        step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
-        above, below = vector.copy(), vector.copy()
-        above[k], below[k] = min(vector[k] + step, high[k]), max(vector[k] - step, low[k])
-        apart = _masses(likelihood, above) - _masses(likelihood, below)
-        apart[np.abs(apart) < ROUNDING] = 0.0
-        changes.append(apart / (above[k] - below[k]))
-    return np.array(changes)
-
-
-def _masses(likelihood: Likelihood, vector: Array) -> Array:
-    """Return the probability of each outcome, (cells, outcomes): bins of both, and none."""
-    density = likelihood.density(vector)
-    mass = density.reshape(len(density), -1) * BIN_S
-    missing = np.maximum(1 - mass.sum(axis=1, keepdims=True), 1e-9)
-    return np.concatenate([mass, missing], axis=1)
+    found, still = likelihood.information(vector)
+    _, precision = likelihood.freedom.prior_slope(vector)
+    return Directions(likelihood.freedom.names, vector, found + np.diag(precision), still)

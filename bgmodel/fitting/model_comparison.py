@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.predicted import Predicted, better_by, by_person, predicted
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
@@ -287,11 +287,10 @@ def _left_out(fit: GroupFit) -> Score:
     trials, khat, *_ = array_stats.loo(np.moveaxis(log, 2, 0), chain_axis=1, draw_axis=2)
     medians = np.median(fit.individual, axis=(0, 1))
     vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
-    models = vectors[0][0].model.left_out()
     # The error of simulated trials is that of the log likelihood at everyone's medians.
-    without = np.empty((len(models), log.shape[2]))
-    for row, model in zip(without, models, strict=True):
-        row[:] = np.concatenate([replace(one, model=model).each(at) for one, at in vectors])
+    parts = [[part.each(at) for part in one.without_parts()] for one, at in vectors]
+    without = np.concatenate([np.reshape(rows, (len(rows), -1)) for rows in parts], axis=1)
+    without = without.reshape(len(parts[0]), -1)
     return Score(
         Predicted(np.asarray(trials), without),
         _person(fit.likelihoods.values()),

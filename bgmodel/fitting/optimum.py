@@ -1,4 +1,4 @@
-"""Maximum-likelihood parameters."""
+"""Parameters of maximum likelihood, or of maximum posterior density where they have priors."""
 
 from __future__ import annotations
 
@@ -8,135 +8,23 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
-from bgmodel.fitting.exact.responses import Grid, moments, responded
-from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
-from bgmodel.fitting.trials.design import Design
+from bgmodel.fitting.exact.responses import moments
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import FitWarning
 
 OPTIMUM_SEED = 24_101
 """Seed of the stochastic search."""
 TOLERANCE_NATS = 0.01
-"""Change of the log likelihood below which the search ends."""
+"""Change of the log likelihood below which the stochastic search ends."""
 POPULATION = 16
-"""Number of points in a generation of the search."""
-BEYOND, MOST_S = 1e-4, 60.0
-"""Share of the responses that predictions may leave out, and their latest time, s."""
-RESPONSES = tuple(each.name for each in RESPONSE)
-
-
-@dataclass(frozen=True)
-class Likelihood:
-    """The likelihood of a design's data under a model.
-
-    Parameters
-    ----------
-    model : Model
-        The model of decisions.
-    design : Design
-        Cells and trials.
-    freedom : ParameterSpace
-        The free parameters.
-    """
-
-    model: Model
-    design: Design
-    freedom: ParameterSpace
-
-    def density(self, vector: Array) -> Array:
-        """Return the density of responses (cells, 2, bins), 1/s, at a vector of the fit."""
-        values = self.freedom.values(vector)
-        # Trials whose strength favours response 0 are mirrored.
-        for name in set(SIDED) & set(values):
-            values[name] = values[name] * self.design.side
-        grid = self.design.grid
-        decided = self.model.decided(values, self.design.strength, grid)
-        response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
-        alternatives = self.design.observed.alternatives
-        return responded(decided, grid, **response, alternatives=alternatives)
-
-    def each(self, vector: Array) -> Array:
-        """Return the log likelihood of each trial, nats."""
-        return self.design.observed.each(self.density(vector))
-
-    def __call__(self, vector: Array) -> float:
-        """Return the log likelihood of the data, nats; -inf outside the bounds."""
-        return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
-
-
-def completed(likelihood: Likelihood, vector: Array) -> Likelihood:
-    """Return a likelihood whose grid holds nearly all responses that are predicted at a vector.
-
-    The grid of a fit ends soon after the slowest observed response. Predictions up to there would
-    depend on how late that happened to be, and would be too fast.
-    """
-    observed = likelihood.design.observed
-    ends_s = (observed.window_s[1], getattr(likelihood.model, "seconds", np.inf), MOST_S)
-    most, first = int(min(ends_s) / observed.grid.width_s), observed.grid
-    answered = _answered(likelihood, vector)
-    while observed.deadline_s is None and observed.grid.bins < most:
-        bins = min(2 * observed.grid.bins, most)
-        observed = replace(observed, grid=Grid(bins, first.width_s, first.bins))
-        wider = replace(likelihood, design=replace(likelihood.design, observed=observed))
-        more = _answered(wider, vector)
-        if (more - answered).max() < BEYOND:
-            break
-        likelihood, answered = wider, more
-    return likelihood
-
-
-def _answered(likelihood: Likelihood, vector: Array) -> Array:
-    """Return the share of responses on the grid, (cells,)."""
-    density = likelihood.density(vector)
-    return np.asarray(density.sum(axis=(1, 2)) * likelihood.design.grid.width_s)
-
-
-def likelihood_of(
-    model: Model,
-    design: Design,
-    *,
-    free: list[str] | None = None,
-    fixed: dict[str, float] | None = None,
-    vary: dict[str, str] | None = None,
-    formulas: Sequence[Formula] = (),
-    largest: float | None = None,
-) -> Likelihood:
-    """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
-
-    ``formulas`` gives parameters that are linear in conditions of the design. Bounds and start of
-    sensitivity are divided by the largest strength, by default that of the design, so that the
-    drift has the same range in every unit of strength. Warns of responses that are later than the
-    end of a model's simulated trials.
-    """
-    _warn_of_later(model, design)
-    unit = design.strength.max() if largest is None else largest
-    names = ("low", "high", "start")
-    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
-    known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
-    cells = design.cells
-    designs = {
-        each.parameter: each.matrix(design.conditions, design.observed.cell, cells)
-        for each in formulas
-    }
-    freed = freedom(
-        known, design.conditions, cells, free=free, fixed=fixed, vary=vary, designs=designs
-    )
-    return Likelihood(model, design, freed)
-
-
-def _warn_of_later(model: Model, design: Design) -> None:
-    """Warn of responses after the end of a model's trials: they can only be lapses."""
-    seconds = getattr(model, "seconds", np.inf)  # exact models have no end
-    rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
-    later = int((rt_s > seconds).sum())
-    if later:
-        FitWarning.warn(
-            f"{design.who}: {later} of {len(rt_s)} responses come after the {seconds:g} s "
-            f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it cannot decide "
-            "then, so they count as lapses. Simulate longer trials (seconds)"
-        )
+"""Number of points in a generation of that search."""
+STEP = 1e-4
+"""Step of derivatives, as a share of a parameter's scale."""
+SHORT, LONG = 8, 200
+"""Iterations along slopes from each start, and from the best of the points reached."""
+POLISHED, MOST_DAMPING, GAINED_NATS = 20, 1e3, 1e-3
+"""Most steps along the scores, their largest damping, and the gain below which they end."""
+SINGULAR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -147,10 +35,10 @@ class Optimum:
     ----------
     likelihood : Likelihood
         The likelihood.
-    vector : array
-        The numbers of the fit.
-    log_likelihood : float
-        Log likelihood at the maximum, nats.
+    vector : array (parameters,)
+        The free parameters.
+    log_likelihood : float, nats
+        Its logarithm there.
     evaluations : int
         Number of evaluations of the search.
     """
@@ -167,8 +55,8 @@ class Optimum:
 
     @cached_property
     def complete(self) -> Optimum:
-        """The same optimum on a grid for predictions; see ``completed``."""
-        return replace(self, likelihood=completed(self.likelihood, self.vector))
+        """The same optimum on a grid for predictions; see ``Likelihood.complete``."""
+        return replace(self, likelihood=self.likelihood.complete(self.vector))
 
     @property
     def values(self) -> dict[str, float]:
@@ -193,24 +81,42 @@ def optimum(
     seed: int = OPTIMUM_SEED,
     tell: Callable[[int, float], None] | None = None,
 ) -> Optimum:
-    """Return the optimum, by CMA-ES (Hansen 2016) from several starts.
+    """Return the optimum.
+
+    A smooth likelihood is climbed along its slope from each start (L-BFGS-B, Byrd et al. 1995), and
+    in the end by steps along the scores of all trials: ridges, such as that of threshold and
+    non-decision time, slow a quasi-Newton search down. One with steps, as from simulated trials, is
+    searched by CMA-ES (Hansen 2016).
 
     Parameters
     ----------
     likelihood : Likelihood
         The likelihood to maximise.
     starts : sequence of array, optional
-        Starting points; by default those of ``starts_of``.
+        Starting points; by default those of ``likelihood.starts``.
     seed : int
-        Seed of the search.
+        Seed of the stochastic search.
     tell : function, optional
-        Called with the number of evaluations and the best log likelihood so far.
+        Called with the number of evaluations and the best height so far, nats.
     """
+    begin = likelihood.starts() if starts is None else list(starts)
+    search = _stochastic if likelihood.rough else _along_slopes
+    vector, evaluations = search(likelihood, begin, seed, tell)
+    return Optimum(likelihood, vector, likelihood(vector), evaluations)
+
+
+Tell = Callable[[int, float], None] | None
+
+
+def _stochastic(
+    likelihood: Likelihood, starts: Sequence[Array], seed: int, tell: Tell
+) -> tuple[Array, int]:
+    """Return the best point of CMA-ES from several starts, and the number of evaluations."""
     import cma
 
     low, high = likelihood.freedom.low, likelihood.freedom.high
     evaluations, best, value = 0, likelihood.freedom.start, -np.inf
-    for number, first in enumerate(starts_of(likelihood) if starts is None else starts):
+    for number, first in enumerate(starts):
         first = np.clip(first, low, high)
         scale = _scales(likelihood, first)
         options = {
@@ -226,36 +132,94 @@ def optimum(
         search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
         while not search.stop():
             asked = search.ask()
-            search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
+            heights = [likelihood.height(np.clip(x * scale, low, high)) for x in asked]
+            search.tell(asked, [-each for each in heights])
             evaluations += len(asked)
             if tell is not None:
                 tell(evaluations, max(value, -float(search.result.fbest)))
         if -search.result.fbest > value:
             value = -float(search.result.fbest)
             best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
-    return Optimum(likelihood, best, value, evaluations)
-
-
-def starts_of(likelihood: Likelihood) -> list[Array]:
-    """Return the starting points of a search, with the non-decision time from the fastest times.
-
-    One start has parameters at their default values. The other has those that start at a bound in
-    the middle of their range: a likelihood may have a maximum on either side.
-    """
-    freed = likelihood.freedom
-    fastest = float(np.nanquantile(likelihood.design.observed.rt_s, 0.02))
-    first = freed.start
-    for k, each in enumerate(freed.moved):
-        if each.parameter.name == "t0_s" and not each.effect:
-            first[k] = np.clip(fastest - 0.05, freed.low[k], freed.high[k])
-    inner = np.array([each.parameter.name not in RESPONSES for each in freed.moved])
-    stuck = inner & ((first == freed.low) | (first == freed.high))
-    if not stuck.any():
-        return [first]
-    return [first, np.where(stuck, (freed.low + freed.high) / 2, first)]
+    return best, evaluations
 
 
 def _scales(likelihood: Likelihood, first: Array) -> Array:
     """Return the initial step of the search in each direction: about a sixth of the start."""
     width = likelihood.freedom.high - likelihood.freedom.low
     return np.asarray(np.clip(0.15 * np.abs(first), 0.02 * width, 0.2 * width))
+
+
+def _along_slopes(
+    likelihood: Likelihood, starts: Sequence[Array], seed: int, tell: Tell
+) -> tuple[Array, int]:
+    """Return the best point reached along slopes, and the number of evaluations."""
+    del seed  # nothing is drawn
+    tried = [_climbed(likelihood, _within(likelihood, start), SHORT) for start in starts]
+    vector, value, _ = max(tried, key=lambda each: each[1])
+    vector, value, last = _climbed(likelihood, vector, LONG)
+    vector, value, more = _polished(likelihood, vector, value)
+    count = last + more + sum(each[2] for each in tried)
+    if tell is not None:
+        tell(count, value)
+    return vector, count
+
+
+def _within(likelihood: Likelihood, start: Array) -> Array:
+    """Return a start that is a little inside its bounds, where derivatives exist."""
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    margin = np.minimum(0.001 * (high - low), 0.1 * np.abs(low) + 1e-6)
+    return np.asarray(np.clip(start, low + margin, high - margin))
+
+
+def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Array, float, int]:
+    """Return the best point, its height and the number of evaluations of a search."""
+    from scipy.optimize import minimize
+
+    freed = likelihood.freedom
+    width = freed.high - freed.low
+    unit = np.where(freed.rescaled, 1.0, np.clip(np.abs(start), 0.02 * width, width))
+    low, high = freed.to_scale(freed.low) / unit, freed.to_scale(freed.high) / unit
+    steps = np.diag(np.full(len(start), STEP))
+
+    def outer(x: Array) -> Array:
+        return np.asarray(np.clip(freed.from_scale(x * unit), freed.low, freed.high))
+
+    def falling(x: Array) -> tuple[float, Array]:
+        ahead = np.where(x + STEP <= high, x + steps, x - steps)
+        sets = np.array([outer(each) for each in [x, *ahead]])
+        prior = np.array([freed.log_prior(each) for each in sets])
+        heights = likelihood.many(sets).sum(axis=1) + prior
+        return -float(heights[0]), -(heights[1:] - heights[0]) / np.diag(ahead - x)
+
+    bounds = list(zip(low, high, strict=True))
+    options = {"maxiter": iterations, "ftol": 1e-9}
+    first = np.clip(freed.to_scale(start) / unit, low, high)
+    found = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
+
+
+def _polished(likelihood: Likelihood, vector: Array, value: float) -> tuple[Array, float, int]:
+    """Return the end of steps by the outer product of scores, damped until they lead uphill."""
+    freed = likelihood.freedom
+    low, high = freed.low, freed.high
+    evaluations, damping = 0, 1e-3
+    for _ in range(POLISHED):
+        inside = ~freed.at_bound(vector)
+        scores = likelihood.scores(vector)[:, inside]
+        pull, precision = (each[inside] for each in freed.prior_slope(vector))
+        information, slope = scores.T @ scores + np.diag(precision), scores.sum(axis=0) + pull
+        evaluations += 2 * len(slope)
+        gained = 0.0
+        while gained <= 0 and damping < MOST_DAMPING:
+            damped = information + damping * np.diag(np.diag(information) + SINGULAR)
+            step = np.zeros(len(vector))
+            step[inside] = np.linalg.solve(damped, slope)
+            there = np.clip(vector + step, low, high)
+            gained = likelihood.height(there) - value
+            evaluations += 1
+            damping *= 10 if gained <= 0 else 0.1
+        if gained > 0:
+            vector, value = there, value + gained
+        if gained < GAINED_NATS:
+            break
+    return vector, value, evaluations

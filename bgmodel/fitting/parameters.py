@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,29 @@ from circuits.errors import InputError, require
 
 AT_BOUND = 1e-3
 """A number of a fit counts as at a bound within this share of its range."""
+Map = Callable[[Array], Array]
+
+
+def _same(values: Array) -> Array:
+    return np.asarray(values, float)
+
+
+def _logit(values: Array) -> Array:
+    return np.asarray(np.log(values) - np.log1p(-values))
+
+
+def _expit(values: Array) -> Array:
+    return np.asarray(1 / (1 + np.exp(-values)))
+
+
+SCALES: dict[str, tuple[Map, Map]] = {
+    "identity": (_same, _same),
+    "log": (np.log, np.exp),
+    "logit": (_logit, _expit),
+    "atanh": (np.arctanh, np.tanh),
+}
+"""Functions to the scale of a parameter and back: positive numbers that differ by factors are
+searched by their logarithm, shares by their logit, numbers between -1 and 1 by their arctanh."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +56,11 @@ class Parameter:
         Description.
     free : bool
         Whether it is free by default.
+    scale : str
+        The scale on which it is searched, a name in ``SCALES``.
+    prior : (float, float), optional
+        Median and, on that scale, standard deviation of a Gaussian prior. A hierarchical fit puts
+        the distribution of the group in its place.
     """
 
     name: str
@@ -41,19 +69,37 @@ class Parameter:
     start: float
     about: str = ""
     free: bool = True
+    scale: str = "identity"
+    prior: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        require(self.scale in SCALES, "scale", f"must be one of {', '.join(SCALES)}", self.scale)
         given = (self.low, self.start, self.high)
         if not (all(map(math.isfinite, given)) and self.low <= self.start <= self.high):
             raise InputError(
                 f"{self.name}: low <= start <= high must hold and be finite: {given}", "start"
             )
+        ends = {"log": (0.0, math.inf), "logit": (0.0, 1.0), "atanh": (-1.0, 1.0)}
+        first, last = ends.get(self.scale, (-math.inf, math.inf))
+        must = f"must lie within {first:g} to {last:g}, ends excluded, on the scale {self.scale}"
+        require(first < self.low and self.high < last, self.name, must, (self.low, self.high))
+        median, sd = self.prior or (self.start, 1.0)
+        good = self.low <= median <= self.high and 0 < sd < math.inf
+        require(good, "prior", "must be a median in the range, and an sd above 0", self.prior)
+
+    def natural(self, scaled: Array | float) -> Array:
+        """Return values from those on the scale."""
+        return np.asarray(SCALES[self.scale][1](np.asarray(scaled, float)))
+
+    def scaled(self, natural: Array | float) -> Array:
+        """Return values on the scale."""
+        return np.asarray(SCALES[self.scale][0](np.asarray(natural, float)))
 
 
 RESPONSE = (
     Parameter("t0_s", 0.05, 1.5, 0.3, "mean non-decision time"),
     Parameter("t0_sd_s", 0.01, 0.3, 0.05, "its standard deviation from trial to trial"),
-    Parameter("lapse", 0.001, 0.2, 0.01, "share of trials that are lapses"),
+    Parameter("lapse", 0.001, 0.2, 0.01, "share of trials that are lapses", scale="log"),
 )
 """Parameters of responses, the same for every model."""
 
@@ -130,6 +176,66 @@ class ParameterSpace:
         """Names of the numbers of a fit."""
         return [each.name for each in self.moved]
 
+    @cached_property
+    def _scales(self) -> list[str]:
+        """The scale of each number; differences and slopes have none of their own."""
+        return ["identity" if each.effect else each.parameter.scale for each in self.moved]
+
+    @cached_property
+    def by_factors(self) -> Truths:
+        """Which numbers differ by factors, (numbers,): their scale is logarithmic."""
+        return np.array([scale in ("log", "logit") for scale in self._scales])
+
+    @cached_property
+    def rescaled(self) -> Truths:
+        """Which numbers have a scale other than their own, (numbers,)."""
+        return np.array([scale != "identity" for scale in self._scales])
+
+    def to_scale(self, vector: Array) -> Array:
+        """Return numbers (numbers,) on the scale of their parameters."""
+        return np.array([SCALES[s][0](x) for s, x in zip(self._scales, vector, strict=True)])
+
+    def from_scale(self, scaled: Array) -> Array:
+        """Return numbers (numbers,) from those on the scale of their parameters."""
+        return np.array([SCALES[s][1](x) for s, x in zip(self._scales, scaled, strict=True)])
+
+    @cached_property
+    def _priors(self) -> tuple[Integers, Array, Array]:
+        """Places, medians and standard deviations, on the scale, of the numbers with a prior."""
+        own = [(k, each.parameter) for k, each in enumerate(self.moved)
+               if each.parameter.prior is not None and not each.effect]  # fmt: skip
+        given = [(float(p.scaled(p.prior[0])), p.prior[1]) for _, p in own if p.prior is not None]
+        medians, spreads = np.reshape(given, (-1, 2)).T
+        return np.array([k for k, _ in own], dtype=np.int64), medians, spreads
+
+    def log_prior(self, vector: Array) -> float:
+        """Return the log prior density on the scale, up to a constant; 0 without priors."""
+        places, medians, spreads = self._priors
+        if not len(places):
+            return 0.0
+        return float(-0.5 * (((self.to_scale(vector)[places] - medians) / spreads) ** 2).sum())
+
+    def prior_slope(self, vector: Array) -> tuple[Array, Array]:
+        """Return the slope of the log prior by each number, and its precision, (numbers,)."""
+        places, medians, spreads = self._priors
+        slope, precision = np.zeros((2, len(vector)))
+        if len(places):
+            step = 1e-6 * np.maximum(np.abs(vector), 1e-3)
+            change = (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
+            away = self.to_scale(vector)[places] - medians
+            slope[places] = -away / spreads**2 * change[places]
+            precision[places] = (change[places] / spreads) ** 2
+        return slope, precision
+
+    def log_slope(self, vector: Array) -> float:
+        """Return the log density, in their own units, of priors that are flat on the scale."""
+        places, *_ = self._priors
+        if not len(places):
+            return 0.0
+        step = 1e-6 * np.maximum(np.abs(vector), 1e-3)
+        change = (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
+        return float(np.log(np.abs(change[places])).sum())
+
     @property
     def low(self) -> Array:
         """Lower bounds."""
@@ -149,9 +255,15 @@ class ParameterSpace:
         """Return which numbers of a fit are at a bound of their range, (numbers,).
 
         A coefficient of a formula is at a bound as well if the parameter is, in any of its cells.
+        Ranges of numbers that differ by factors are far wider than likely values: they are at a
+        bound within a share of the bound itself.
         """
-        near = AT_BOUND * (self.high - self.low)
-        found = np.asarray((vector - self.low < near) | (self.high - vector < near))
+        low, high, width = self.low, self.high, self.high - self.low
+        least = np.where(self.by_factors, AT_BOUND * np.abs(low) + AT_BOUND**2 * width,
+                         AT_BOUND * width)  # fmt: skip
+        most = np.where(self.by_factors, AT_BOUND * np.abs(high) + AT_BOUND**2 * width,
+                        AT_BOUND * width)  # fmt: skip
+        found = np.asarray((vector - low < least) | (high - vector < most))
         for each in self._sums:
             if each.bounded:
                 value, close = each.value(vector), AT_BOUND * (each.high - each.low)

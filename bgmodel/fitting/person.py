@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.known.fit import KnownFit
+    from bgmodel.fitting.likelihood import TrialModel
     from circuits.circuit import Circuit
 
 
 @overload
 def fit(
     data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit = ...,
+    model: str | Path | Circuit | TrialModel = ...,
     *,
     evidence: str | Path | pd.DataFrame,
     **options: Any,
@@ -36,14 +37,14 @@ def fit(
 @overload
 def fit(
     data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit = ...,
+    model: str | Path | Circuit | TrialModel = ...,
     *,
     evidence: None = None,
     **options: Any,
 ) -> Fit: ...
 def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
     data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit = "macaque",
+    model: str | Path | Circuit | TrialModel = "macaque",
     *,
     strength: str | None = None,
     participant: str | None = None,
@@ -80,10 +81,10 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     data : str, path or DataFrame
         Name of an included data set, a .csv, .tsv or .parquet file, or a table with the columns
         participant_id, rt (s), response, and those of conditions.
-    model : str, path or Circuit
+    model : str, path, Circuit or TrialModel
         constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt, race, lca
-        (two or more), or a circuit with a channel for each alternative: its name, .toml file or
-        Circuit.
+        (two or more), a circuit with a channel for each alternative: its name, .toml file or
+        Circuit; or your own model of trials (``fitting.likelihood.TrialModel``).
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
@@ -149,6 +150,10 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
 
     if evidence is not None:
         _check_alone(locals())
+        from bgmodel.fitting.likelihood import TrialModel
+
+        if isinstance(model, TrialModel):
+            raise InputError("a model of trials takes no evidence yet: leave it out", "evidence")
         from bgmodel.fitting.known.settings import fit_evidence
         from bgmodel.fitting.known.table import read_known
 

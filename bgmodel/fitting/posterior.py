@@ -1,4 +1,4 @@
-"""The posterior of the parameters under a flat prior within their bounds."""
+"""The posterior of the parameters under their priors, which are flat unless they state others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bgmodel.fitting.identify import Directions
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 
@@ -35,8 +35,8 @@ class Posterior:
         The parameters.
     draws : array (draws, parameters)
         Parameters of each sample.
-    log_likelihood : array (draws,), nats
-        Log likelihood of each sample.
+    log_density : array (draws,), nats
+        Log density of each sample, up to a constant; with flat priors its log likelihood.
     effective : float
         Effective sample size for the worst parameter: number of draws divided by the
         autocorrelation time.
@@ -47,7 +47,7 @@ class Posterior:
 
     names: list[str]
     draws: Array
-    log_likelihood: Array
+    log_density: Array
     effective: float
     lasts: float
 
@@ -72,7 +72,7 @@ class Posterior:
             name: xarray.DataArray(values[None], axes)
             for name, values in zip(self.names, self.draws.T, strict=True)
         }
-        stats = {"lp": xarray.DataArray(self.log_likelihood[None], axes)}
+        stats = {"lp": xarray.DataArray(self.log_density[None], axes)}
         groups = {"posterior": xarray.Dataset(draws), "sample_stats": xarray.Dataset(stats)}
         return xarray.DataTree.from_dict(groups)
 
@@ -120,7 +120,12 @@ def posterior(
     rng = stream(seed, "walkers")
     state = _first(likelihood, start, walkers, rng)
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
-    sampler = emcee.EnsembleSampler(walkers, state.shape[1], likelihood, moves=moves)
+
+    def height(vector: Array) -> float:
+        found = likelihood.height(vector)
+        return found + likelihood.freedom.log_slope(vector) if np.isfinite(found) else found
+
+    sampler = emcee.EnsembleSampler(walkers, state.shape[1], height, moves=moves)
     sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()
     lasts = 0.0
     for done, _ in enumerate(sampler.sample(state, iterations=most_steps), 1):

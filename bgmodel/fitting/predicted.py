@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import Likelihood, optimum
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
@@ -79,20 +80,19 @@ def predicted(
     tell : function, optional
         Called with the number of folds done.
     """
-    design = likelihood.design
-    part = _divided(design.observed.cell, folds, seed)
+    part = _divided(likelihood.groups, folds, seed)
     each = np.empty(len(part))
-    without = np.empty((len(likelihood.model.left_out()), len(part)))
+    without = np.empty((len(likelihood.without_parts()), len(part)))
     starts = None if start is None else [start]
     for fold in range(folds):
-        left = replace(likelihood, design=design.part(np.flatnonzero(part != fold)))
-        rest = replace(likelihood, design=design.part(np.flatnonzero(part == fold)))
+        left = likelihood.part(np.flatnonzero(part != fold))
+        rest = likelihood.part(np.flatnonzero(part == fold))
         vector = optimum(left, starts=starts).vector
         each[part == fold] = rest.each(vector)
         if len(without):
             moved = without_parts(left, directions(left, vector))
-            for row, (less, at) in zip(without, moved, strict=True):
-                row[part == fold] = replace(rest, model=less.model).each(at)
+            for row, less, (_, at) in zip(without, rest.without_parts(), moved, strict=True):
+                row[part == fold] = less.each(at)
         if tell is not None:
             tell(fold + 1)
     return Predicted(each, without)

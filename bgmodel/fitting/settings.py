@@ -13,9 +13,8 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.fitting.exact.algorithms import Model
     from bgmodel.fitting.formulas import Formula
-    from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
     from bgmodel.tables.choices import Choices
@@ -202,19 +201,20 @@ class FitSettings:
 
     def model(
         self,
-        model: str | Path | Circuit,
+        model: str | Path | Circuit | TrialModel,
         *,
         seconds: float = 3.0,
         folder: Path | None = None,
         alternatives: int | None = None,
-    ) -> Model:
+    ) -> AnyModel:
         """Return a model to fit.
 
         Parameters
         ----------
         model : str, path or Circuit
             A name in ``gaps.GAPS`` (two alternatives) or in ``alternatives.models.MODELS`` (any
-            number), or a circuit with a channel for each: by name, as a .toml file or a Circuit.
+            number), a circuit with a channel for each: by name, as a .toml file or a Circuit; or a
+            model of trials (``likelihood.TrialModel``).
         seconds : float
             Length of simulated trials, s; see ``seconds_of``. The model's parameters are the same
             for any length.
@@ -226,11 +226,14 @@ class FitSettings:
         from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
         from bgmodel.fitting.exact.algorithms import GapModel
         from bgmodel.fitting.exact.gaps import GAPS
+        from bgmodel.fitting.likelihood import TrialModel
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from bgmodel.integrators.given import checked_circuit
         from circuits.anatomy import CIRCUITS
         from circuits.declaration.table_files import is_path
 
+        if isinstance(model, TrialModel):
+            return model
         number = alternatives or self.alternatives or 2
         if number > 2:
             named = (*self.named, *self.fixed, *self.varied, *self.formulas)
@@ -257,7 +260,7 @@ class FitSettings:
             folder=folder,
         )
 
-    def check_parameters(self, models: Mapping[str, Model]) -> list[str]:
+    def check_parameters(self, models: Mapping[str, AnyModel]) -> list[str]:
         """Return a warning for each model that lacks a free parameter which another model has.
 
         Raises
@@ -287,23 +290,25 @@ class FitSettings:
                 )
         return found
 
-    def likelihood(self, design: Design, model: Model, largest: float | None = None) -> Likelihood:
+    def likelihood(
+        self, design: Design, model: AnyModel, largest: float | None = None
+    ) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
         Options are ignored for parameters that only other models have. ``largest`` is as for
-        ``optimum.likelihood_of``.
+        ``likelihood.likelihood_of``.
         """
-        from bgmodel.fitting.optimum import likelihood_of
+        from bgmodel.fitting.likelihood import likelihood_of
 
         known = {each.name: each for each in model.parameters}
 
         def own(name: str) -> str:
-            return model.threshold_name if name == "threshold" else name
+            return getattr(model, "threshold_name", name) if name == "threshold" else name
 
         fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
         if len(vary) < len(self.varied):
-            said = f"threshold is {model.threshold_name} here, which varies with two columns"
+            said = f"threshold is {own('threshold')} here, which varies with two columns"
             raise InputError(said, "vary", self.vary)
         return likelihood_of(
             model,
@@ -319,7 +324,7 @@ class FitSettings:
             largest=largest,
         )
 
-    def likelihoods(self, designs: Mapping[str, Design], model: Model) -> dict[str, Likelihood]:
+    def likelihoods(self, designs: Mapping[str, Design], model: AnyModel) -> dict[str, Likelihood]:
         """Return the likelihood of each person's trials, with the same ranges of parameters.
 
         For hierarchical fits; ValueError with ``pooled``.

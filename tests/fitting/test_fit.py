@@ -9,7 +9,7 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few

@@ -7,8 +7,8 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Observed
-from bgmodel.fitting.identify import Directions, _masses, directions
-from bgmodel.fitting.optimum import Likelihood, likelihood_of
+from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
@@ -127,7 +127,7 @@ def test_a_point_at_a_bound_is_looked_at_from_inside():
         for each in likelihood.freedom.parameters
     ]
     freed = freedom(tight, {}, likelihood.design.cells, free=FREE)
-    at_bound = directions(Likelihood(MODEL, likelihood.design, freed), TRUE)
+    at_bound = directions(BinnedLikelihood(MODEL, likelihood.design, freed), TRUE)
     inside = directions(likelihood, TRUE)
     assert at_bound.standard_errors == pytest.approx(inside.standard_errors, rel=0.1)
 
@@ -224,6 +224,6 @@ def test_outcomes_of_a_cell_are_all_there_are(deadline_s):
         GapModel(), [0.05, 0.4], 60, 71, seconds=3.0, sensitivity=8.0, bound=0.7, **seconds
     )
     likelihood = likelihood_of(GapModel(), design_of(some))
-    masses = _masses(likelihood, likelihood.freedom.start)
+    masses = likelihood._masses(likelihood.freedom.start)
     assert masses.sum(axis=1) == pytest.approx(1.0, abs=1e-6)
     assert (masses[:, -1] > 0.01).all() == (deadline_s is not None)

@@ -5,8 +5,8 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_fits
-from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.predicted import Predicted
 from bgmodel.fitting.trials.design import design_of
 from circuits.errors import InputError

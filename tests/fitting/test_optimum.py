@@ -11,16 +11,8 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import (
-    TOLERANCE_NATS,
-    Likelihood,
-    Optimum,
-    _scales,
-    completed,
-    likelihood_of,
-    optimum,
-    starts_of,
-)
+from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
+from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.tables.choices import read_choices
@@ -122,7 +114,7 @@ def test_an_optimum_at_a_bound_says_so(small):
             for each in model.freedom.parameters
         ]
         freed = freedom(parameters, {}, model.design.cells, free=model.freedom.names)
-        found = optimum(Likelihood(CONSTANT, model.design, freed))
+        found = optimum(BinnedLikelihood(CONSTANT, model.design, freed))
         return dict(zip(freed.names, found.at_bound.tolist(), strict=True))
 
     assert near("bound", 0.8, 2.0) == {"sensitivity": False, "bound": True, "t0_s": False}
@@ -140,7 +132,7 @@ def test_the_range_of_sensitivity_goes_by_the_largest_strength(small):
 
 def test_a_search_begins_about_the_fastest_times_and_inside_where_a_start_is_a_bound(small):
     likelihood = likelihood_of(CONSTANT, design_of(small))
-    (first,) = starts_of(likelihood)
+    (first,) = likelihood.starts()
     k = likelihood.freedom.names.index("t0_s")
     assert first[k] == pytest.approx(np.quantile(small.rt_s, 0.02) - 0.05)
     stuck = [
@@ -148,7 +140,7 @@ def test_a_search_begins_about_the_fastest_times_and_inside_where_a_start_is_a_b
         for each in likelihood.freedom.parameters
     ]
     freed = freedom(stuck, {}, likelihood.design.cells)
-    both = starts_of(Likelihood(CONSTANT, likelihood.design, freed))
+    both = BinnedLikelihood(CONSTANT, likelihood.design, freed).starts()
     assert [start[1] for start in both] == pytest.approx([0.5, 0.7])
     assert both[0][2:] == pytest.approx(both[1][2:])
 
@@ -157,6 +149,10 @@ class Hills:
     """A log likelihood with a higher hill at 3 and a lower one at -3."""
 
     freedom = freedom([Parameter(name, -8.0, 8.0, 1.0) for name in "ab"], {}, 1)
+    rough = True
+
+    def height(self, vector):
+        return self(vector)
 
     def __call__(self, vector):
         high, low = (-np.sum((vector - at) ** 2) for at in (3.0, -3.0))
@@ -238,7 +234,7 @@ def test_predictions_do_not_depend_on_how_late_the_slowest_response_was(longest)
     table = pd.DataFrame({"rt": times, "response": (np.arange(40) % 4 > 0).astype(int)})
     values = {"sensitivity": 0.8, "bound": 0.7, "t0_s": 0.3, "t0_sd_s": 0.03}
     likelihood = likelihood_of(CONSTANT, design_of(read_choices(table)), fixed=values)
-    wide = completed(likelihood, likelihood.freedom.low)
+    wide = likelihood.complete(likelihood.freedom.low)
     mean_s = moments(wide.density(likelihood.freedom.low), wide.design.grid)["mean_s"][0]
     lapse = likelihood.freedom.low[0]
     end_s = likelihood.design.grid.bins * likelihood.design.grid.width_s
@@ -251,4 +247,4 @@ def test_predictions_do_not_depend_on_how_late_the_slowest_response_was(longest)
 def test_with_a_deadline_predictions_end_there():
     design = design_of(drawn(CONSTANT, STRENGTHS, 60, 1, deadline_s=0.9, **CASES["constant"][1]))
     likelihood = likelihood_of(CONSTANT, design)
-    assert completed(likelihood, starts_of(likelihood)[0]) is likelihood
+    assert likelihood.complete(likelihood.starts()[0]) is likelihood

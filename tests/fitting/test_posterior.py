@@ -5,7 +5,8 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import ENOUGH, Posterior, _correlated, posterior
 from bgmodel.fitting.trials.design import design_of
@@ -23,6 +24,9 @@ class Known:
     def __call__(self, vector):
         inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
         return float(-vector @ self.information @ vector / 2) if inside.all() else -np.inf
+
+    def height(self, vector):
+        return self(vector)
 
     def draw(self, **given):
         return posterior(
@@ -44,7 +48,7 @@ def test_draws_from_a_gaussian_have_its_covariance():
     assert found.draws.std(axis=0) == pytest.approx([1, 2], rel=error)
     assert np.abs(found.mean / [1, 2]).max() < error
     assert found.interval(0.9)[1] == pytest.approx(1.645 * np.array([1, 2]), rel=2 * error)
-    assert found.log_likelihood[:5] == pytest.approx([GAUSSIAN(x) for x in found.draws[:5]])
+    assert found.log_density[:5] == pytest.approx([GAUSSIAN(x) for x in found.draws[:5]])
 
 
 def test_without_information_draws_fill_the_bounds_evenly():

@@ -7,7 +7,7 @@ import pytest
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.quantiles import (
     FEWEST,
     SIDES,

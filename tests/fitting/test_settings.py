@@ -13,7 +13,7 @@ from bgmodel.fitting.alternatives.models import MODELS
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS

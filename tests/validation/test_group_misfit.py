@@ -7,7 +7,8 @@ from scipy.stats import binom, kstest
 from benchmarks.methods.group_recovery import RANGES, group, model_of, scale_of, trials_of
 from bgmodel.fitting.checks.group_misfit import group_misfit
 from bgmodel.fitting.checks.misfit import BEYOND_CHANCE
-from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.seeds import stream
 
 pytestmark = pytest.mark.validate

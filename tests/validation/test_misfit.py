@@ -8,7 +8,8 @@ import pytest
 
 from bgmodel.fitting.checks.misfit import misfit
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from tests.drawn import drawn

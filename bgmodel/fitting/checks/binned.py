@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel.fitting.exact.responses import Grid
-from bgmodel.fitting.identify import STEP, Directions
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.identify import Directions
+from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
 from bgmodel.support.arrays import Array
 
 LARGE = 1 / 3
@@ -31,8 +31,8 @@ def moved_by_bins(likelihood: Likelihood, there: Directions) -> Array:
     of an error in proportion to their width; 0 if the model has bins of one width only, or
     parameters are not identifiable.
     """
-    known = np.isfinite(there.standard_errors).all()
-    if not (known and getattr(likelihood.model, "any_width", False)):
+    exact = isinstance(likelihood, BinnedLikelihood) and hasattr(likelihood.model, "any_width")
+    if not (exact and np.isfinite(there.standard_errors).all()):
         return np.zeros(len(there.vector))
     fine = finer(likelihood)
     low, high = likelihood.freedom.low, likelihood.freedom.high

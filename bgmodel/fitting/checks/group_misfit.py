@@ -11,7 +11,7 @@ people.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import add
 
@@ -100,11 +100,10 @@ def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
     people : dict of str to Optimum
         Each person's likelihood and parameters; all have one model.
     """
-    left = next(iter(people.values())).likelihood.model.left_out()
     found, cells = {}, {}
     for who, each in people.items():
         design = each.likelihood.design
         cells[who] = list(zip(design.strength.tolist(), *design.conditions.values(), strict=True))
-        parts = [(replace(each.likelihood, model=part), each.vector) for part in left]
+        parts = [(part, each.vector) for part in each.likelihood.without_parts()]
         found[who] = misfit(each, parts)
     return GroupMisfit(found, cells)

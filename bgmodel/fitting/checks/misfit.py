@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
-from bgmodel.fitting.optimum import Likelihood, Optimum
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths

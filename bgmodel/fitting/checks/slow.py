@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bgmodel.fitting.exact.responses import BIN_S
+from bgmodel.fitting.likelihood import BinnedLikelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.arrays import Array
 from circuits.errors import FitWarning
@@ -57,6 +58,8 @@ def warn_of_slow(found: Optimum) -> None:
     found : Optimum
         The fit.
     """
+    if not isinstance(found.likelihood, BinnedLikelihood):
+        return
     slow = slow_trials(found)
     if slow.gain_nats <= GAIN_NATS:
         return

@@ -9,8 +9,7 @@ import numpy as np
 
 from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
 from bgmodel.fitting.hierarchy.scale import Scale
-from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import Likelihood, starts_of
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.processes import SharedMap, shared_map
 
@@ -61,7 +60,7 @@ class Person:
     def expanded(self, scaled: Array) -> tuple[Array, Array]:
         """Return gradient and expected information of the log likelihood at a point."""
         slope = self.scale.slope(scaled)
-        information = directions(self.likelihood, self.scale.back(scaled)).information
+        information, _ = self.likelihood.information(self.scale.back(scaled))
         # That of a circuit, estimated from two halves of its trials, may have negative eigenvalues.
         values, vectors = np.linalg.eigh(information * np.outer(slope, slope))
         return self.gradient(scaled), (vectors * np.maximum(values, 0)) @ vectors.T
@@ -168,7 +167,7 @@ def proposal_of(precision: Array, pull: Array) -> Proposal:
 def estimates(likelihoods: Sequence[Likelihood], workers: int = 1) -> Array:
     """Return each person's parameters under a wide prior, (people, parameters), in their units."""
     scale = Scale.of(likelihoods[0].freedom)
-    start = scale.to(np.array([starts_of(each)[-1] for each in likelihoods]))
+    start = scale.to(np.array([each.starts()[-1] for each in likelihoods]))
     wide = Group(start.mean(axis=0), np.full(start.shape[1], (2 * SPREAD) ** 2))
     people = [Person(each, scale) for each in likelihoods]
     with shared_map(workers, people) as over_people:

@@ -26,7 +26,8 @@ from bgmodel.fitting.hierarchy.chains import (
 from bgmodel.fitting.hierarchy.pooled import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
-from bgmodel.fitting.optimum import Likelihood, Optimum
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.arrays import Array
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bgmodel.fitting.optimum import completed
 from bgmodel.support import files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
@@ -17,7 +16,7 @@ from bgmodel.version import __version__
 if TYPE_CHECKING:
     import xarray
 
-    from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.likelihood import Likelihood
 
 MOST_DRAWS = 100
 """Largest number of draws of each chain with log likelihoods of trials, and with new trials."""
@@ -123,10 +122,9 @@ def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[A
     ends = np.cumsum(trials)
     for k, (who, likelihood) in enumerate(likelihoods.items()):
         rng, own = stream(PREDICTIVE_SEED, who), slice(ends[k] - trials[k], ends[k])
-        likelihood = completed(likelihood, np.median(vectors[:, :, k], axis=(0, 1)))
+        likelihood = likelihood.complete(np.median(vectors[:, :, k], axis=(0, 1)))
         for at in np.ndindex(shape[:2]):
-            density = likelihood.density(vectors[(*at, k)])
-            rt_s[(*at, own)], response[(*at, own)] = likelihood.design.observed.drawn(density, rng)
+            rt_s[(*at, own)], response[(*at, own)] = likelihood.drawn(vectors[(*at, k)], rng)
     return rt_s, response
 
 

@@ -13,12 +13,13 @@ from bgmodel.support.checks import path_of, whole
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.fitting.likelihood import TrialModel
     from circuits.circuit import Circuit
 
 
 def fit_people(
     data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit = "macaque",
+    model: str | Path | Circuit | TrialModel = "macaque",
     *,
     most_draws: int = MOST,
     chains_seed: int = HIERARCHY_SEED,
@@ -32,7 +33,7 @@ def fit_people(
     ----------
     data : str, path or DataFrame
         As for ``bgmodel.fit``, with a column of participants.
-    model : str, path or Circuit
+    model : str, path, Circuit or TrialModel
         As for ``bgmodel.fit``.
     most_draws : int
         Largest number of draws of each of four chains.

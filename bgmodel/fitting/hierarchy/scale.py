@@ -13,9 +13,6 @@ LOWEST = -12.0
 """Lowest position on the scale: 6e-6 units above the lower end of the range."""
 PARTS = 4
 """Typical value of a parameter above the lower end of its range, in units of the scale."""
-SHARES = ("lapse",)
-"""Parameters in which people differ by factors: their unit is ``1 / PARTS`` of the range, so that
-their scale is nearly logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -53,17 +50,18 @@ class Scale:
         -----
         A coefficient of a formula has no typical value: its unit is that of the default value of
         the parameter, divided by the largest weight of the coefficient. Far above the lower end of
-        its range, where the scale is linear, people are Gaussian in it.
+        its range, where the scale is linear, people are Gaussian in it. The unit of a parameter in
+        which people differ by factors (scale "log" or "logit") is ``1 / PARTS`` of its range, so
+        that its scale is nearly logarithmic.
         """
         width = space.high - space.low
         above = (space.start if typical is None else typical) - space.low
         above = np.where(above > 1e-3 * width, above, width / 5)
-        shares = [each.parameter.name in SHARES for each in space.moved]
         heights = {each.name: each.start - each.low for each in space.parameters}
         for k, each in enumerate(space.moved):
             if each.effect:
                 above[k] = heights[each.parameter.name] / np.abs(each.weights).max()
-        return cls(space.low, space.high, np.where(shares, width, above) / PARTS)
+        return cls(space.low, space.high, np.where(space.by_factors, width, above) / PARTS)
 
     @property
     def heights(self) -> Array:

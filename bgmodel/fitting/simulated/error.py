@@ -9,13 +9,13 @@ Models that are computed exactly have no such error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.identify import STEP, Directions
-from bgmodel.fitting.optimum import Likelihood
+from bgmodel.fitting.identify import Directions
+from bgmodel.fitting.likelihood import STEP, Likelihood
 from bgmodel.support.arrays import Array, Truths
 
 HALVED = 8
@@ -91,7 +91,7 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
     list of (Likelihood, array (parameters,))
         One for each part; empty if the model is computed exactly.
     """
-    left = [replace(likelihood, model=model) for model in likelihood.model.left_out()]
+    left = likelihood.without_parts()
     if not left:
         return []
     inside = ~likelihood.freedom.at_bound(there.vector)

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import AFTER, slowing_of

@@ -39,6 +39,8 @@ class Design:
         Number of trials excluded because their response time is outside the window.
     who : str
         Name of the participant, for messages.
+    choices : Choices, optional
+        The trials as they were read, within the window.
     """
 
     strength: Array
@@ -46,6 +48,7 @@ class Design:
     observed: Observed
     left_out: int = 0
     who: str = EVERYONE
+    choices: Choices | None = None
 
     @property
     def cells(self) -> int:
@@ -142,7 +145,7 @@ def _laid(
     choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
 ) -> Design:
     """Return the cells of choices, with the trials within the window binned on a grid."""
-    response, keys = _mirrored(choices), _keys(choices, by, sides)
+    response, keys = mirrored(choices), _keys(choices, by, sides)
     cells = sorted(set(keys))
     place = {key: number for number, key in enumerate(cells)}
     cell = np.array([place[key] for key in keys])
@@ -158,10 +161,11 @@ def _laid(
     )
     columns = [*by, *([FAVOURS] if sides else [])]
     conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(columns)}
-    return Design(np.array([cell[0] for cell in cells]), conditions, observed, who=name_of(choices))
+    strength = np.array([cell[0] for cell in cells])
+    return Design(strength, conditions, observed, who=name_of(choices), choices=choices)
 
 
-def _mirrored(choices: Choices) -> Integers:
+def mirrored(choices: Choices) -> Integers:
     """Return the responses, 1 on the side that the strength favours."""
     response = choices.response.astype(np.int64)
     if choices.strength is None:

@@ -6,8 +6,8 @@ import pytest
 
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.hierarchy.people import fit_people
+from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import compare_fits
-from bgmodel.fitting.optimum import Likelihood, likelihood_of
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of

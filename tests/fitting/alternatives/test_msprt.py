@@ -7,7 +7,7 @@ from bgmodel.fitting.alternatives.msprt import MsprtModel, ends, odds_of, passag
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from tests.fitting.alternatives.drawn import design
 
 TRIALS, SEED = 2000, 11

@@ -9,7 +9,8 @@ from scipy.stats import binom
 from bgmodel.fitting.checks.group_misfit import TOGETHER, group_misfit
 from bgmodel.fitting.checks.misfit import Excess
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn

@@ -13,7 +13,8 @@ from scipy.stats import chi2
 from bgmodel.fitting.checks.misfit import FIXED, Excess, misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import without_parts
 from bgmodel.fitting.trials.design import design_of

@@ -8,7 +8,7 @@ import pytest
 from bgmodel.fitting.checks.slow import slow_trials
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from tests.drawn import drawn, slowed
 

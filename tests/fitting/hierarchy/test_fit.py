@@ -7,7 +7,6 @@ from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.people import fit_people
-from bgmodel.fitting.optimum import completed
 from circuits.errors import FitWarning, InputError
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
 
@@ -63,7 +62,7 @@ def test_cells_are_those_at_the_medians_of_each_person(group):
     found = group.cells().set_index("participant")
     for who, likelihood in group.likelihoods.items():
         vector = medians.loc[who, group.parameters].to_numpy()
-        likelihood = completed(likelihood, vector)
+        likelihood = likelihood.complete(vector)
         expected = cells_of(likelihood.design, likelihood.density(vector))
         assert found.loc[who, "model_mean_s"] == pytest.approx(expected["model_mean_s"][0])
         assert found.loc[who, "accuracy"] == expected["accuracy"][0]

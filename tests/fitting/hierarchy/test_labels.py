@@ -7,7 +7,6 @@ import xarray
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, new_trials
 from bgmodel.fitting.hierarchy.people import fit_people
-from bgmodel.fitting.optimum import completed
 from circuits.errors import FitWarning
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
 
@@ -77,7 +76,7 @@ def test_new_trials_of_each_person_are_those_of_their_densities(group):
     rt_s, response = new_trials(group.likelihoods, vectors)
     who = np.repeat(np.arange(len(PEOPLE)), 60)
     for k, likelihood in enumerate(group.likelihoods.values()):
-        likelihood = completed(likelihood, np.median(vectors[:, :, k], axis=(0, 1)))
+        likelihood = likelihood.complete(np.median(vectors[:, :, k], axis=(0, 1)))
         said = [
             moments(likelihood.density(vector), likelihood.design.grid)
             for vector in vectors[:, :, k].reshape(-1, vectors.shape[-1])

@@ -9,7 +9,8 @@ import pytest
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.pooled import pooled
-from bgmodel.fitting.optimum import Optimum, likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.trials.design import design_of
 from tests.drawn import drawn
 

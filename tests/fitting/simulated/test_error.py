@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import simulated
@@ -162,6 +163,9 @@ class Hill:
 
     model: Part
     freedom: Range
+
+    def without_parts(self):
+        return [replace(self, model=part) for part in self.model.left_out()]
 
     def __call__(self, vector):
         x = float(vector[0])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
-from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.window import fence_s
 from bgmodel.tables.choices import read_choices

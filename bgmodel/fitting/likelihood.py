@@ -1,0 +1,378 @@
+"""The likelihood of one person's trials under a model: what every search and sampler works on.
+
+Models come in two kinds. A model of decisions gives the distribution of decision times in each cell
+of a design (``exact.algorithms.Model``): its responses follow with a non-decision time and lapses,
+and trials are counted in bins. A model of trials (``TrialModel``) gives the density of each trial,
+which may depend on all trials before it, and simulates trials. Optimum, posterior, hierarchy,
+comparison and misfit are the same for both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
+from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.formulas import Formula
+from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
+from bgmodel.fitting.trials.design import Design, mirrored
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.seeds import stream
+from bgmodel.tables.choices import Choices
+from circuits.errors import FitWarning, InputError
+
+BEYOND, MOST_S = 1e-4, 60.0
+"""Share of the responses that predictions may leave out, and their latest time, s."""
+RESPONSES = tuple(each.name for each in RESPONSE)
+STEP, ROUNDING = 0.02, 1e-12
+"""Step of the derivatives of densities, as a share of a parameter's value or of its range; changes
+of a probability below ``ROUNDING`` count as 0."""
+SCORE_STEP = 1e-3
+"""Step of the derivatives of single trials' log densities, likewise."""
+REPLICAS, REPLICAS_SEED = 200, 71_001
+"""Simulated copies of the trials from which predictions of a model of trials are made."""
+
+
+@runtime_checkable
+class TrialModel(Protocol):
+    """A model that gives the density of each trial, and simulates trials.
+
+    Every name that ``values`` holds is a parameter; a value is given for each trial, so that
+    conditions may change it.
+    """
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters, with their ranges."""
+
+    def log_density(self, trials: Choices, values: Mapping[str, Array]) -> Array:
+        """Return the log density of each trial given those before it, (trials,), nats.
+
+        Of the response and its time, in 1/s; of the response alone if there are no times.
+        """
+
+    def simulate(
+        self, trials: Choices, values: Mapping[str, Array], rng: np.random.Generator
+    ) -> Choices:
+        """Return as many new trials, with the same strengths and conditions."""
+
+
+AnyModel = Model | TrialModel
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """The likelihood of one person's trials under a model.
+
+    Parameters
+    ----------
+    model : Model or TrialModel
+        The model.
+    design : Design
+        Cells and trials.
+    freedom : ParameterSpace
+        The free parameters.
+    """
+
+    model: Any
+    design: Design
+    freedom: ParameterSpace
+    rough: ClassVar[bool] = False
+    """Whether it has steps, as with simulated trials, so that no search may follow its slope."""
+
+    def each(self, vector: Array) -> Array:
+        """Return the log likelihood of each trial, nats, at a vector of the fit."""
+        raise NotImplementedError
+
+    def many(self, vectors: Array) -> Array:
+        """Return ``each`` at several vectors, (vectors, trials)."""
+        return np.array([self.each(vector) for vector in vectors])
+
+    def density(self, vector: Array) -> Array:
+        """Return the predicted density of responses (cells, 2, bins), 1/s."""
+        raise NotImplementedError
+
+    def __call__(self, vector: Array) -> float:
+        """Return the log likelihood of the data, nats; -inf outside the bounds."""
+        return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
+
+    def height(self, vector: Array) -> float:
+        """Return what a fit maximises: log likelihood plus log prior."""
+        found = self(vector)
+        return found + self.freedom.log_prior(vector) if np.isfinite(found) else found
+
+    @property
+    def groups(self) -> Integers:
+        """Group of each trial: those left out of a fit are taken evenly from all groups."""
+        return self.design.observed.cell
+
+    def part(self, trials: Array | Integers) -> Self:
+        """Return the likelihood of a subset of the trials."""
+        return replace(self, design=self.design.part(trials))
+
+    def without_parts(self) -> list[Self]:
+        """Return it without each part of the model's simulated trials; empty if it is exact."""
+        return []
+
+    def drawn(self, vector: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
+        """Return times, s, and responses of new trials in place of the observed ones."""
+        return self.design.observed.drawn(self.density(vector), rng)
+
+    def complete(self, vector: Array) -> Self:
+        """Return it on a grid that holds nearly all responses that are predicted at a vector.
+
+        The grid of a fit ends soon after the slowest observed response. Predictions up to there
+        would depend on how late that happened to be, and would be too fast.
+        """
+        seen = self.design.observed
+        ends_s = (seen.window_s[1], getattr(self.model, "seconds", np.inf), MOST_S)
+        most, first = int(min(ends_s) / seen.grid.width_s), seen.grid
+        found, answered = self, self._answered(vector)
+        while seen.deadline_s is None and seen.grid.bins < most:
+            bins = min(2 * seen.grid.bins, most)
+            seen = replace(seen, grid=Grid(bins, first.width_s, first.bins))
+            wider = replace(found, design=replace(found.design, observed=seen))
+            more = wider._answered(vector)
+            if (more - answered).max() < BEYOND:
+                break
+            found, answered = wider, more
+        return found
+
+    def _answered(self, vector: Array) -> Array:
+        """Return the share of responses on the grid, (cells,)."""
+        return np.asarray(self.density(vector).sum(axis=(1, 2)) * self.design.grid.width_s)
+
+    def starts(self) -> list[Array]:
+        """Return the starting points of a search, with the non-decision time from fast responses.
+
+        One start has parameters at their default values. The other has those that start at a bound
+        in the middle of their range: a likelihood may have a maximum on either side.
+        """
+        freed, times_s = self.freedom, self.design.observed.rt_s
+        first = freed.start
+        for k, each in enumerate(freed.moved):
+            if each.parameter.name == "t0_s" and not each.effect and np.isfinite(times_s).any():
+                fastest = float(np.nanquantile(times_s, 0.02))
+                first[k] = np.clip(fastest - 0.05, freed.low[k], freed.high[k])
+        inner = np.array([each.parameter.name not in RESPONSES for each in freed.moved])
+        stuck = inner & ((first == freed.low) | (first == freed.high))
+        if not stuck.any():
+            return [first]
+        return [first, np.where(stuck, (freed.low + freed.high) / 2, first)]
+
+    def scores(self, vector: Array) -> Array:
+        """Return the derivative of each trial's log likelihood, (trials, parameters)."""
+        low, high = self.freedom.low, self.freedom.high
+        least = np.where(self.freedom.by_factors, 0.0, (high - low) / 100)
+        steps = np.diag(SCORE_STEP * np.maximum(np.abs(vector), least))
+        above, below = np.minimum(vector + steps, high), np.maximum(vector - steps, low)
+        apart = self.many(above) - self.many(below)
+        width = np.diag(above) - np.diag(below)
+        return np.asarray((apart / np.where(width > 0, width, 1.0)[:, None]).T)
+
+    def information(self, vector: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the information on the numbers of a fit, and the names of those without effect.
+
+        From the scores of all trials (Berndt et al. 1974).
+        """
+        scores = self.scores(vector)
+        still = ~(scores != 0).any(axis=0)
+        return scores.T @ scores, tuple(np.array(self.freedom.names)[still].tolist())
+
+
+@dataclass(frozen=True)
+class BinnedLikelihood(Likelihood):
+    """The likelihood under a model of decisions, from the densities of responses in bins of time.
+
+    Parameters
+    ----------
+    model : Model
+        The model of decisions.
+    design, freedom :
+        As in ``Likelihood``.
+    """
+
+    model: Model
+    rough: ClassVar[bool] = True
+
+    def density(self, vector: Array) -> Array:
+        """Return the density of responses (cells, 2, bins), 1/s, at a vector of the fit."""
+        values = self.freedom.values(vector)
+        # Trials whose strength favours response 0 are mirrored.
+        for name in set(SIDED) & set(values):
+            values[name] = values[name] * self.design.side
+        grid = self.design.grid
+        decided = self.model.decided(values, self.design.strength, grid)
+        response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
+        alternatives = self.design.observed.alternatives
+        return responded(decided, grid, **response, alternatives=alternatives)
+
+    def each(self, vector: Array) -> Array:
+        """Return the log likelihood of each trial, nats."""
+        return self.design.observed.each(self.density(vector))
+
+    def without_parts(self) -> list[Self]:
+        """Return it without each part of the model's simulated trials; empty if it is exact."""
+        return [replace(self, model=model) for model in self.model.left_out()]
+
+    def information(self, vector: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the expected information, which depends on the design and not on the data.
+
+        A circuit's densities have the error of its stored trials, which a square would count as
+        information; each product is therefore of the derivatives of one half of them with the
+        other. It is 0 if there are too few stored trials to tell.
+        """
+        halves = self.model.halves()
+        whole = len({id(each) for each in halves}) == 1
+        first = replace(self, model=halves[0])._changes(vector)
+        second = first if whole else replace(self, model=halves[1])._changes(vector)
+        weight = self.design.trials[:, None] / np.maximum(self._masses(vector), 1e-12)
+        information = np.einsum("icb,cb,jcb->ij", first, weight, second)
+        found = (information + information.T) / 2
+        # Negative information means an error as large as the quantity.
+        unknown = np.diag(found) <= 0
+        found[unknown], found[:, unknown] = 0.0, 0.0
+        still = ~(first != 0).any(axis=(1, 2))
+        return found, tuple(np.array(self.freedom.names)[still].tolist())
+
+    def _changes(self, vector: Array) -> Array:
+        """Return the derivative of each outcome's probability by each parameter."""
+        low, high = self.freedom.low, self.freedom.high
+        changes = []
+        for k in range(len(vector)):
+            step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
+            above, below = vector.copy(), vector.copy()
+            above[k], below[k] = min(vector[k] + step, high[k]), max(vector[k] - step, low[k])
+            apart = self._masses(above) - self._masses(below)
+            apart[np.abs(apart) < ROUNDING] = 0.0
+            changes.append(apart / (above[k] - below[k]))
+        return np.array(changes)
+
+    def _masses(self, vector: Array) -> Array:
+        """Return the probability of each outcome, (cells, outcomes): bins of both, and none."""
+        density = self.density(vector)
+        mass = density.reshape(len(density), -1) * BIN_S
+        missing = np.maximum(1 - mass.sum(axis=1, keepdims=True), 1e-9)
+        return np.concatenate([mass, missing], axis=1)
+
+
+@dataclass(frozen=True)
+class TrialLikelihood(Likelihood):
+    """The likelihood under a model of trials.
+
+    Parameters
+    ----------
+    model : TrialModel
+        The model.
+    design, freedom :
+        As in ``Likelihood``.
+    cell : int array (all trials,)
+        Cell of each trial of the table.
+    kept : int array (trials,), optional
+        Which trials count; densities follow from all of them. By default all count.
+    """
+
+    model: TrialModel
+    cell: Integers
+    kept: Integers | None = None
+
+    def part(self, trials: Array | Integers) -> Self:
+        """Return the likelihood of a subset of the trials, given all of them."""
+        kept = np.arange(len(self.cell)) if self.kept is None else self.kept
+        return replace(self, design=self.design.part(trials), kept=kept[trials])
+
+    @property
+    def trials(self) -> Choices:
+        """All trials of the person."""
+        if self.design.choices is None:
+            raise InputError("a model of trials needs a design with its choices", "design")
+        return self.design.choices
+
+    def values(self, vector: Array) -> dict[str, Array]:
+        """Return each parameter in every trial, (all trials,)."""
+        return {name: each[self.cell] for name, each in self.freedom.values(vector).items()}
+
+    def each(self, vector: Array) -> Array:
+        """Return the log likelihood of each trial, nats."""
+        made = self.model.log_density(self.trials, self.values(vector))
+        found = np.asarray(made, dtype=np.float64)
+        if found.shape != (len(self.cell),) or np.isnan(found).any():
+            must = f"must return {len(self.cell)} numbers, one per trial"
+            raise InputError.of("log_density", must, found[:3])
+        return found if self.kept is None else found[self.kept]
+
+    def drawn(self, vector: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
+        """Return times, s, and responses of new trials in place of the observed ones."""
+        made = self.model.simulate(self.trials, self.values(vector), rng)
+        response, rt_s = mirrored(made), made.rt_s
+        return (rt_s, response) if self.kept is None else (rt_s[self.kept], response[self.kept])
+
+    def density(self, vector: Array) -> Array:
+        """Return the predicted density of responses, from ``REPLICAS`` copies of the trials."""
+        seen, grid = self.design.observed, self.design.grid
+        count = np.zeros((self.design.cells, 2, grid.bins))
+        for replica in range(REPLICAS):
+            rt_s, response = self.drawn(vector, stream(REPLICAS_SEED, "replica", replica))
+            bins = np.where(np.isfinite(rt_s), rt_s / grid.width_s, grid.bins).astype(np.int64)
+            made = (response >= 0) & (bins < grid.bins)
+            np.add.at(count, (seen.cell[made], response[made], bins[made]), 1)
+        return np.asarray(count / (REPLICAS * self.design.trials[:, None, None] * grid.width_s))
+
+
+def identity_of(model: AnyModel) -> dict[str, Any]:
+    """Return all that the predictions of a model depend on, for provenance."""
+    if hasattr(model, "identity"):
+        return dict(model.identity())
+    return {"model": getattr(model, "name", type(model).__name__)}
+
+
+def likelihood_of(
+    model: AnyModel,
+    design: Design,
+    *,
+    free: list[str] | None = None,
+    fixed: dict[str, float] | None = None,
+    vary: dict[str, str] | None = None,
+    formulas: Sequence[Formula] = (),
+    largest: float | None = None,
+) -> Likelihood:
+    """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
+
+    ``formulas`` gives parameters that are linear in conditions of the design. Bounds and start of
+    sensitivity are divided by the largest strength, by default that of the design, so that the
+    drift has the same range in every unit of strength. Warns of responses that are later than the
+    end of a model's simulated trials.
+    """
+    _warn_of_later(model, design)
+    unit = design.strength.max() if largest is None else largest
+    names = ("low", "high", "start")
+    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
+    known = [own if each is SENSITIVITY else each for each in model.parameters]
+    cells = design.cells
+    designs = {
+        each.parameter: each.matrix(design.conditions, design.observed.cell, cells)
+        for each in formulas
+    }
+    freed = freedom(
+        known, design.conditions, cells, free=free, fixed=fixed, vary=vary, designs=designs
+    )
+    if isinstance(model, TrialModel):
+        return TrialLikelihood(model, design, freed, design.observed.cell)
+    return BinnedLikelihood(model, design, freed)
+
+
+def _warn_of_later(model: AnyModel, design: Design) -> None:
+    """Warn of responses after the end of a model's trials: they can only be lapses."""
+    seconds = getattr(model, "seconds", np.inf)  # exact models have no end
+    rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
+    later = int((rt_s > seconds).sum())
+    if later:
+        FitWarning.warn(
+            f"{design.who}: {later} of {len(rt_s)} responses come after the {seconds:g} s "
+            f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it cannot decide "
+            "then, so they count as lapses. Simulate longer trials (seconds)"
+        )

@@ -1,0 +1,175 @@
+"""A model of trials from a user's script: fitted, compared, in a hierarchy and checked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.special import expit
+from scipy.stats import norm
+
+import bgmodel as bg
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.trials.design import design_of
+from bgmodel.tables.choices import Choices
+from circuits.errors import FitWarning, InputError
+
+
+class LogNormal:
+    """Choices are logistic in strength; times are log-normal, faster for stronger evidence."""
+
+    name = "log-normal"
+    parameters = (
+        Parameter("slope", 0.0, 20.0, 2.0, "log odds per unit of strength"),
+        Parameter("level", -3.0, 2.0, -1.0, "mean of log times at strength 0, log s"),
+        Parameter("gain", -3.0, 3.0, 0.0, "by which it falls per unit of strength"),
+        Parameter("spread", 0.02, 2.0, 0.3, "standard deviation of log times", scale="log"),
+    )
+
+    @staticmethod
+    def middle(trials, values):
+        return values["level"] - values["gain"] * np.abs(trials.strength)
+
+    def log_density(self, trials, values):
+        sign = 2 * trials.response - 1
+        choice = np.log(expit(sign * values["slope"] * trials.strength))
+        log = np.log(trials.rt_s)
+        return choice + norm.logpdf(log, self.middle(trials, values), values["spread"]) - log
+
+    def simulate(self, trials, values, rng):
+        response = rng.random(trials.trials) < expit(values["slope"] * trials.strength)
+        log = self.middle(trials, values) + values["spread"] * rng.standard_normal(trials.trials)
+        return replace(trials, response=response.astype(np.int8), rt_s=np.exp(log))
+
+
+MODEL = LogNormal()
+TRUTH = {"slope": 3.0, "level": -0.5, "gain": 0.6, "spread": 0.25}
+
+
+def people(count=1, trials=400, seed=3, spread=0.0):
+    """Return a table of people who differ in level."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for k in range(count):
+        strength = rng.choice([-0.8, -0.4, -0.1, 0.1, 0.4, 0.8], trials)
+        blank = Choices(
+            np.full(trials, f"p{k}"), np.ones(trials), np.ones(trials, np.int8), strength,
+            pd.DataFrame(index=range(trials)),
+        )  # fmt: skip
+        values = {**TRUTH, "level": TRUTH["level"] + spread * rng.standard_normal()}
+        made = MODEL.simulate(blank, {n: np.full(trials, v) for n, v in values.items()}, rng)
+        columns = {"participant_id": made.participant, "rt": made.rt_s, "response": made.response}
+        parts.append(pd.DataFrame({**columns, "strength": strength}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_estimates_are_those_in_closed_form():
+    """Times are a regression of logarithms, which least squares solves."""
+    table = people()
+    found = bg.fit(table, MODEL, strength="strength").optimum
+    log, x = np.log(table["rt"]), np.column_stack([np.ones(400), -table["strength"].abs()])
+    (level, gain), residual, *_ = np.linalg.lstsq(x, log, rcond=None)
+    values = found.values
+    assert values["level"] == pytest.approx(level, abs=1e-4)
+    assert values["gain"] == pytest.approx(gain, abs=1e-4)
+    assert values["spread"] == pytest.approx(np.sqrt(residual[0] / 400), rel=1e-3)
+    assert found.likelihood.each(found.vector).sum() == pytest.approx(found.log_likelihood)
+
+
+def test_errors_are_those_of_the_regression_and_the_model_fits():
+    table = people(trials=2_000)
+    found = bg.fit(table, MODEL, strength="strength", draws=True)
+    x = np.column_stack([np.ones(2_000), -table["strength"].abs()])
+    level, gain = np.sqrt(np.diag(np.linalg.inv(x.T @ x))) * found.optimum.values["spread"]
+    errors = found.parameters().set_index("parameter")["standard_error"]
+    assert errors["level"] == pytest.approx(level, rel=0.1)
+    assert errors["gain"] == pytest.approx(gain, rel=0.1)
+    assert found.posterior.draws.std(axis=0) == pytest.approx(errors.to_numpy(), rel=0.15)
+    assert min(found.misfit.p.values()) > 0.001
+    cells = found.cells()
+    assert cells["model_accuracy"].to_numpy() == pytest.approx(
+        expit(TRUTH["slope"] * cells["strength"]), abs=0.03
+    )
+    assert found.plot().axes
+
+
+def test_a_wrong_model_is_said_not_to_fit():
+    table = people(trials=2_000)
+    table["rt"] = np.where(table["strength"].abs() > 0.5, 2 * table["rt"], table["rt"] / 2)
+
+    class Level(LogNormal):
+        parameters = tuple(each for each in MODEL.parameters if each.name != "gain")
+
+        @staticmethod
+        def middle(trials, values):
+            return values["level"]
+
+    with pytest.warns(FitWarning):
+        found = bg.fit(table, Level(), strength="strength")
+    assert min(found.misfit.p.values()) < 1e-6
+
+
+def test_models_of_both_kinds_are_compared_on_the_same_trials():
+    table = people()
+    with np.errstate(all="ignore"):
+        fits = {
+            "own": bg.fit(table, MODEL, strength="strength"),
+            "gap": bg.fit(table, "constant_gap", strength="strength"),
+        }
+    found = bg.compare_fits(fits)
+    assert found.best == "own"
+    assert found.table.loc["gap", "difference"] < 0
+    # Left-out trials are predicted a little worse than fitted ones.
+    score = found.table.loc["own"]
+    assert score["log_likelihood"] - 15 < score["score"] < score["log_likelihood"]
+
+
+def test_conditions_change_a_parameter():
+    table = people(trials=800)
+    table["block"] = np.where(np.arange(800) % 2, "b", "a")
+    table.loc[table["block"] == "b", "rt"] *= np.exp(0.3)
+    found = bg.fit(table, MODEL, strength="strength", vary={"level": "block"}).optimum.values
+    assert found["level[block=b]"] - found["level[block=a]"] == pytest.approx(0.3, abs=0.05)
+    linear = bg.fit(table, MODEL, strength="strength", formula="level ~ block").optimum.values
+    assert linear["level[block[T.b]]"] == pytest.approx(0.3, abs=0.05)
+
+
+def test_people_are_fitted_in_a_hierarchy():
+    found = bg.fit_people(people(8, 60, seed=5, spread=0.2), MODEL, strength="strength")
+    table = found.summary()
+    assert found.agreement.reached
+    assert table.loc["level", "low"] < TRUTH["level"] < table.loc["level", "high"]
+    assert 0.05 < table.loc["level", "between_people"] < 0.5
+    tree = found.to_datatree()
+    assert tree["posterior_predictive"]["rt"].shape == tree["log_likelihood"]["rt"].shape
+
+
+def test_a_prior_pulls_an_estimate_as_its_precision_says():
+    """Gaussian times 1 / spread^2 in the data, 1 / sd^2 in the prior: the mean is weighted."""
+    table = people(trials=60)
+    design = design_of(bg.read_choices(table, strength="strength"))
+    fixed = {"slope": 3.0, "gain": 0.6, "spread": 0.25}
+    free = optimum(likelihood_of(MODEL, design, fixed=fixed)).values["level"]
+
+    class Prior(LogNormal):
+        parameters = tuple(
+            replace(each, prior=(0.5, 0.05)) if each.name == "level" else each
+            for each in MODEL.parameters
+        )
+
+    pulled = optimum(likelihood_of(Prior(), design, fixed=fixed)).values["level"]
+    data, prior = 60 / 0.25**2, 1 / 0.05**2
+    assert pulled == pytest.approx((data * free + prior * 0.5) / (data + prior), abs=1e-4)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), np.full(400, np.nan)])
+def test_densities_of_another_shape_or_without_a_value_are_refused(wrong):
+    class Wrong(LogNormal):
+        def log_density(self, trials, values):
+            return wrong
+
+    with pytest.raises(InputError) as error:
+        bg.fit(people(), Wrong(), strength="strength")
+    assert error.value.field == "log_density"
