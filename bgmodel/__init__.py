@@ -63,12 +63,12 @@ if TYPE_CHECKING:
     from bgmodel.stopping.task import StopTask
     from bgmodel.support.saved import load
     from bgmodel.sweeps.sweep import Sweep
-    from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
     from bgmodel.tactile.decoder import load_decoder, train_decoder
     from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
+    from bgmodel.trials.reading import read_trials
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
 
@@ -96,7 +96,7 @@ LAZY = {
     "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",
     "load_decoder": "bgmodel.tactile.decoder",
-    "read_choices": "bgmodel.tables.choices",
+    "read_trials": "bgmodel.trials.reading",
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",
     "train_decoder": "bgmodel.tactile.decoder",
@@ -138,8 +138,8 @@ __all__ = [
     "load_circuit",
     "load_decoder",
     "load_taps",
-    "read_choices",
     "read_evidence",
+    "read_trials",
     "simulate_taps",
     "stream",
     "take_exam",

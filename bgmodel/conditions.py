@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from bgmodel.deciding.measures import Behaviour
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from bgmodel.tables.trials import Trials
+    from bgmodel.tables.named import NamedEvidence
     from circuits.circuit import Circuit
 
 CIRCUIT = CircuitName(DEFAULT)
@@ -181,7 +181,7 @@ class Condition(Setup):
         """Number of trials, read from the evidence table if there is one."""
         return self.task.trials
 
-    def drawn(self, name: str) -> Trials:
+    def drawn(self, name: str) -> NamedEvidence:
         """Return the trials of the task, drawn from the random-number stream of that name."""
         return trials_of(self.task, self.seed, name)
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from bgmodel import stream
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from figures.common import Settings, key, letter, run, say_if_older, where
 from figures.fitted import (
     CIRCUIT,
@@ -35,7 +35,7 @@ RESAMPLES = 400
 
 def spread(settings: Settings, *, output: Path) -> None:
     """Bootstrap standard errors of the quantiles and SDs of monkeys' response times."""
-    choices = read_choices(MONKEYS, strength="coherence")
+    choices = read_trials(MONKEYS, strength="coherence")
     rows = []
     for who in choices.people():
         design = design_of(choices.where(choices.participant == who))

@@ -8,7 +8,7 @@ from bgmodel import Msprt, first_crossing
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
 from tests.cpu_times import LONG, SLOW, listed, named
 from tests.helpers import GOOD, run
 from tests.levels import LEVELS, MODEL, SEED
@@ -93,7 +93,7 @@ def decided_trials():
     """Return a table of decided trials, some of them undecided."""
     evidence = separated_evidence(20, 5, 1.0, rng=stream(1, "tables"), hypotheses=3)
     decision = first_crossing(Msprt().run(evidence), 0.05, forced=False)
-    return trial_table(decision, Trials(evidence, list("abc")), model="msprt", seed=1)
+    return trial_table(decision, NamedEvidence(evidence, list("abc")), model="msprt", seed=1)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.support.seeds import stream
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 
 GAIN = 2.0
 """Nats of log odds per unit of evidence of the ideal integrator."""
@@ -36,7 +36,7 @@ def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **val
         rt, response = np.where(none, np.nan, rt), np.where(sign < 0, 1 - response, response)
         rows.append(np.stack([rt, np.where(none, -1, response), sign * strength]))
     rt, response, signed = np.concatenate(rows, axis=1)
-    return Choices(
+    return Trials(
         np.full(len(rt), "all"),
         rt,
         response.astype(np.int8),
@@ -50,7 +50,7 @@ def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
     """Return choices of one participant; response -1 is a miss."""
     response = np.asarray(response, np.int8)
     rt = np.where(response < 0, np.nan, 0.5 if rt_s is None else rt_s)
-    return Choices(
+    return Trials(
         np.full(len(response), "a"),
         rt,
         response,

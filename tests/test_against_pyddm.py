@@ -9,7 +9,7 @@ from bgmodel.fitting.exact.gaps import EXPONENTIAL, WEIBULL
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from tests.test_start_point import RESPONSES, drawn
 
 VALUES = {"sensitivity": 10.0, "bound": 0.9, "start": 0.25, "drift_sd": 1.0, "fall_per_s": 1.0}
@@ -20,7 +20,7 @@ def compared(gap, seed, trials, step, **more):
     """Return log likelihoods per trial of one data set: ours, PyDDM's, and PyDDM's limit."""
     values = {**VALUES, **more}
     table = drawn(seed, trials, GapModel(gap), **values)
-    design = design_of(read_choices(table, strength="coherence"), rt_window=(0, SECONDS),
+    design = design_of(read_trials(table, strength="coherence"), rt_window=(0, SECONDS),
                        sides=True)  # fmt: skip
     held = {name: value for name, value in {**values, **RESPONSES}.items() if name != "bound"}
     likelihood = likelihood_of(GapModel(gap), design, free=["bound"], fixed=held)
@@ -49,7 +49,7 @@ def test_the_log_likelihood_is_that_of_pyddm(gap, more):
 def test_another_value_of_a_parameter_is_told_by_its_likelihood(name):
     """A negative control: each parameter matters to these trials."""
     table = drawn(92_001, 400, GapModel(EXPONENTIAL), **VALUES)
-    design = design_of(read_choices(table, strength="coherence"), rt_window=(0, SECONDS),
+    design = design_of(read_trials(table, strength="coherence"), rt_window=(0, SECONDS),
                        sides=True)  # fmt: skip
 
     def at(**values):

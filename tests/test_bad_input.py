@@ -32,7 +32,7 @@ CALLS = {
     bg.gaussian_evidence: {"trials": 4, "t_max": 3, "seed": 1},
     bg.Evidence: {"log_likelihood": np.ones((2, 3, 2))},
     bg.read_evidence: {"path": "e.csv", "step_ms": 50.0},
-    bg.read_choices: {"source": TRIALS},
+    bg.read_trials: {"source": TRIALS},
     bg.stream: {"seed": 1},
     bg.Sprt: {},
     bg.Msprt: {},

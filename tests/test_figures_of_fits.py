@@ -11,7 +11,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from figures import figF1, figF2, figF3, figF4, figF5, fitted, windows
@@ -42,7 +42,7 @@ def tables(tmp_path_factory):
     parameters, cells, better = [], [], []
     for data, people in WHO.items():
         for who in people:
-            design = design_of(read_choices(data, strength="coherence", participant=who))
+            design = design_of(read_trials(data, strength="coherence", participant=who))
             likelihood = likelihood_of(GapModel(), design)
             found = cells_of(design, likelihood.density(likelihood.freedom.start))
             for k, (model, own) in enumerate(OF.items()):
@@ -87,7 +87,7 @@ def test_resampled_quantiles_scatter_as_those_of_so_many_trials(spreads):
     """The median of n Gaussian times has an error of 1.25 sd / sqrt(n)."""
     table = read_table(spreads)
     assert sorted(table["participant"].unique()) == WHO[fitted.MONKEYS]
-    some = read_choices(fitted.MONKEYS, strength="coherence", participant="b")
+    some = read_trials(fitted.MONKEYS, strength="coherence", participant="b")
     design = design_of(some)
     rt = design.observed.rt_s[design.observed.cell == 0]
     error = table[(table["participant"] == "b") & (table["strength"] == 0)]["q50_s"].item()

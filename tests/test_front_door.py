@@ -127,7 +127,7 @@ def decided(*thresholds, **options):
         (lambda: bg.BasalGanglia("monkey", "algebra"), "circuit macaque"),
         (lambda: bg.Msprt().decide(SHORT, posterior=2.0), "posterior"),
         (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "path nothing.csv"),
-        (lambda: bg.read_choices("nothing.csv"), "path nothing.csv"),
+        (lambda: bg.read_trials("nothing.csv"), "path nothing.csv"),
         (lambda: bg.Experiment.from_toml("nothing"), "file nothing"),
         (lambda: bg.fit("nothing.csv", strength="coherence"), "path nothing.csv"),
         (lambda: bg.BasalGanglia("macaque", "algebra").run("ev.csv"), "evidence"),

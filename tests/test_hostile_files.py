@@ -16,10 +16,10 @@ from bgmodel.support import memory
 from bgmodel.support.files import KEY, read_arrays, read_provenance, read_table, write_table
 from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.sweep import Sweep
-from bgmodel.tables.choices import read_choices
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.source import decoder_of
 from bgmodel.tactile.taps import Taps
+from bgmodel.trials.reading import read_trials
 from circuits.errors import InputError
 from circuits.table_reader import read as read_circuit
 from tests.helpers import run
@@ -145,7 +145,7 @@ def test_a_parquet_file_of_something_else_is_refused(tmp_path):
     path = tmp_path / "mine.parquet"
     for content in (b"", b"PAR1", b"PAR1" + bytes(40) + b"PAR1", b"PAR1\xff\xff\xff\x7fPAR1"):
         path.write_bytes(content)
-        for read in (read_table, read_choices):
+        for read in (read_table, read_trials):
             with pytest.raises(InputError) as error:
                 read(path)
             one_sentence(error)

@@ -18,7 +18,7 @@ from bgmodel.cli import main
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import trials_from_table
-from bgmodel.tables.trials import trial_table
+from bgmodel.tables.named import trial_table
 from tests.helpers import GOOD, ROOT
 from tests.strategies import experiments, filled, numbers, tables
 from tests.strategies.commands import COMMANDS, check_result, options

@@ -17,11 +17,12 @@ from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.sides import check_sides
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan
-from bgmodel.tables.choices import read_choices, shipped
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
+from bgmodel.tables.shipped import shipped
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
+from bgmodel.trials.reading import read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, told, unwarned
@@ -91,10 +92,10 @@ def test_units_of_times_are_those_of_all_participants():
     for some in (table, few):
         some.loc[some["participant_id"] == "b", "rt"] *= 1000
     with refused("rt must be in seconds in every trial"):
-        read_choices(table, strength="coh")
+        read_trials(table, strength="coh")
     # Too few for that, but all of one participant.
     with pytest.warns(DataWarning, match="are all of them in seconds"):
-        read_choices(few.iloc[:205], strength="coh")
+        read_trials(few.iloc[:205], strength="coh")
 
 
 def test_a_step_in_seconds_is_doubted(tmp_path):
@@ -200,7 +201,7 @@ def test_one_participant_under_two_names_is_doubted():
     copy = table[table["participant_id"] == "a"].assign(participant_id="c")
     both = pd.concat([table, copy.sample(frac=1, random_state=1)])
     with pytest.warns(DataWarning, match="'a' and 'c' have exactly the same times"):
-        read_choices(both, strength="coh")
+        read_trials(both, strength="coh")
 
 
 @pytest.mark.parametrize("name", ["a ", " a", "a\u00a0"])
@@ -208,13 +209,13 @@ def test_names_differ_in_more_than_blanks(name):
     table = choices(("a", name))
     for participant in (None, "a"):
         with refused("participant_id only in blanks"):
-            read_choices(table, strength="coh", participant=participant)
+            read_trials(table, strength="coh", participant=participant)
     cue = table.rename(columns={"participant_id": "cue"})
     with refused("cue only in blanks"):
-        read_choices(cue, strength="coh", conditions="cue")
+        read_trials(cue, strength="coh", conditions="cue")
     sides = table.assign(response=table["response"].map({1: "a", 0: name}))
     with refused("response only in blanks"):
-        read_choices(sides.drop(columns="participant_id"), strength="coh", upper="a")
+        read_trials(sides.drop(columns="participant_id"), strength="coh", upper="a")
     long = pd.DataFrame(
         {"participant_id": ["a", name], "trial": 1, "step": 1, "ll_a": 0, "ll_b": 1}
     )
@@ -226,16 +227,16 @@ def test_names_differ_in_more_than_blanks(name):
 def test_names_that_differ_in_capitals_or_digits_are_doubted(names):
     table = choices(names)
     with pytest.warns(DataWarning, match="participant_id holds names that differ only in"):
-        read_choices(table, strength="coh")
+        read_trials(table, strength="coh")
     with unwarned():
-        read_choices(choices(("s1", "s10")), strength="coh")
+        read_trials(choices(("s1", "s10")), strength="coh")
 
 
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_published_tables_raise_no_doubt(name):
     of = shipped()[name]
     with unwarned():
-        read_choices(name, strength=of.strength, conditions=list(of.conditions))
+        read_trials(name, strength=of.strength, conditions=list(of.conditions))
 
 
 def test_two_levels_of_dopamine_are_doubted():
@@ -298,11 +299,11 @@ def test_times_in_two_units_are_refused(share, factor):
     wrong = 1000 * table["rt"] if factor == 1000 else 999.0
     table["rt"] = np.where(some, wrong, table["rt"])
     with refused("rt must be in seconds"):
-        read_choices(table, strength="coh")
+        read_trials(table, strength="coh")
     few = choices(trials=200)
     few.loc[:5, "rt"] = np.linspace(60, 70, 6)  # left to the window of the fit
     with unwarned():
-        read_choices(few, strength="coh")
+        read_trials(few, strength="coh")
 
 
 @given(st.floats(0.05, 0.6), st.floats(0, 0.3), st.floats(0.5, 5), st.integers(0, 2**16))
@@ -312,34 +313,34 @@ def test_slow_trials_are_in_one_unit(t0_s, share, tail_s, seed):
     table = choices()
     slow = rng.exponential(tail_s, 200) * (rng.random(200) < share)
     table["rt"] = t0_s + 0.1 + rng.gamma(2, 0.15, 200) + slow
-    read_choices(table, strength="coh")
+    read_trials(table, strength="coh")
 
 
 def test_responses_faster_than_sensing_are_doubted():
     table = choices()
     table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)
     with pytest.warns(DataWarning, match="10 of 200 times are below 0.1 s"):
-        read_choices(table, strength="coh")
+        read_trials(table, strength="coh")
 
 
 def test_a_code_of_missing_strengths_is_doubted():
     table = choices()
     table.loc[::10, "coh"] = -999.0
     with pytest.warns(DataWarning, match="20 of 200 trials have a strength of 999"):
-        read_choices(table, strength="coh")
+        read_trials(table, strength="coh")
 
 
 def test_trials_repeated_by_a_merge_are_doubted():
     merged = choices().merge(pd.DataFrame({"block": [1, 2]}), how="cross")
     for table in (merged, merged.assign(trial=np.arange(400))):
         with pytest.warns(DataWarning, match="200 of 400 rows are duplicates"):
-            read_choices(table, strength="coh")
+            read_trials(table, strength="coh")
 
 
 @pytest.mark.parametrize("name", ["name", "Initials"])
 def test_participants_under_another_name_are_not_pooled(name):
     with refused("participant may hold participants"):
-        read_choices(choices().rename(columns={"participant_id": name}), strength="coh")
+        read_trials(choices().rename(columns={"participant_id": name}), strength="coh")
 
 
 def test_responses_that_do_not_follow_the_strength_are_doubted():
@@ -347,9 +348,9 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
     shuffled = table.assign(coh=table["coh"].sample(frac=1, random_state=1).to_numpy())
     for wrong in (shuffled, table.assign(coh=table["coh"] + 0.5)):  # without a sign
         with pytest.warns(DataWarning, match="no more often than by chance"):
-            check_sides(read_choices(wrong.assign(coh=wrong["coh"]), strength="coh"))
+            check_sides(read_trials(wrong.assign(coh=wrong["coh"]), strength="coh"))
     for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
-        right = read_choices(name, strength="coherence")
+        right = read_trials(name, strength="coherence")
         for who in right.people():
             said = told(check_sides, right.where(right.participant == who))
             assert not any("by chance" in text for text in said)
@@ -358,12 +359,12 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
 def test_strengths_with_the_sign_of_the_responses_are_doubted():
     table = choices(("a",), trials=200)
     signed = table.assign(coh=np.abs(table["coh"]) * (2 * table["response"] - 1))
-    [said] = told(check_sides, read_choices(signed, strength="coh"))
+    [said] = told(check_sides, read_trials(signed, strength="coh"))
     assert "each of 200 responses agrees" in said
     once = signed.assign(response=[1 - signed["response"][0], *signed["response"][1:]])
     for right in (table, once):
         assert not any(
-            "agrees" in each for each in told(check_sides, read_choices(right, strength="coh"))
+            "agrees" in each for each in told(check_sides, read_trials(right, strength="coh"))
         )
 
 
@@ -372,11 +373,11 @@ def test_no_participant_is_pooled_with_the_other_side():
     other = table["participant_id"] == "c"
     table["response"] = np.where(other, 1 - table["response"], table["response"])
     with refused("response c: responses must agree with the sign"):
-        design_of(read_choices(table, strength="coh"), pooled=True)
+        design_of(read_trials(table, strength="coh"), pooled=True)
 
 
 def test_a_non_decision_time_above_a_second_is_doubted():
-    monkey = read_choices("roitman_shadlen_2002", strength="coherence", participant="b")
+    monkey = read_trials("roitman_shadlen_2002", strength="coherence", participant="b")
     late = monkey.where(np.arange(monkey.trials) % 8 == 0)
     late = replace(late, rt_s=late.rt_s + 0.9)
     likelihood = likelihood_of(GapModel(), design_of(late))

@@ -12,7 +12,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.trials.design import FAVOURS, design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 
@@ -104,7 +104,7 @@ def test_exchanged_responses_exchange_the_bias():
 
 
 def test_splitting_sides_alone_changes_no_likelihood():
-    choices = read_choices(drawn(91_004, start=0.0), strength="coherence")
+    choices = read_trials(drawn(91_004, start=0.0), strength="coherence")
     whole, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))
     assert sides.design.cells == 5
     assert whole.design.cells == 3
@@ -115,10 +115,10 @@ def test_splitting_sides_alone_changes_no_likelihood():
 def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
     table = drawn(91_005)
     with pytest.warns(DataWarning, match=r"\+start"):
-        FitSettings(strength="coherence").design(read_choices(table, strength="coherence"))
+        FitSettings(strength="coherence").design(read_trials(table, strength="coherence"))
     with unwarned():
         FitSettings(strength="coherence", free=("+start",)).design(
-            read_choices(table, strength="coherence")
+            read_trials(table, strength="coherence")
         )
 
 

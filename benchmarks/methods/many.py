@@ -11,7 +11,7 @@ from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 
 RESPONSE = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 """Non-decision time and lapses of all simulated people."""
@@ -26,7 +26,7 @@ def person(
     *,
     seconds: float = 3.0,
     **values: float,
-) -> Choices:
+) -> Trials:
     """Return trials drawn from a model, the same number at each strength.
 
     Parameters
@@ -55,7 +55,7 @@ def person(
     place = np.concatenate([np.searchsorted(each, rng.random(trials)) for each in below])
     missed, count = place >= 2 * grid.bins, len(place)
     response, bins = np.divmod(place, grid.bins)
-    return Choices(
+    return Trials(
         np.full(count, "all"),
         np.where(missed, np.nan, (bins + rng.random(count)) * BIN_S),
         np.where(missed, -1, response).astype(np.int8),
@@ -66,7 +66,7 @@ def person(
     )
 
 
-def fitted(choices: Choices, model: Model) -> tuple[Likelihood, Optimum]:
+def fitted(choices: Trials, model: Model) -> tuple[Likelihood, Optimum]:
     """Return the likelihood of a person's trials under a model, and its maximum."""
     likelihood = likelihood_of(model, design_of(choices))
     return likelihood, optimum(likelihood, starts=likelihood.starts()[:1])

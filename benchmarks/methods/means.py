@@ -30,7 +30,7 @@ class MeansFit(NamedTuple):
 def fit_means(design: Design) -> MeansFit:
     """Return the closed form under which choices and mean times are most likely.
 
-    Choices are binomial, and the mean time of each strength is Gaussian with its observed standard
+    Trials are binomial, and the mean time of each strength is Gaussian with its observed standard
     error (Palmer, Huk & Shadlen 2005). Times of both responses are pooled, because the closed form
     predicts that they are identically distributed.
 

@@ -22,7 +22,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
 from bgmodel.fitting.quantiles import residuals
 from bgmodel.fitting.trials.design import Design, design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 
 CONSTANT, EXPONENTIAL = "constant gap", "exponential gap"
 FULL = "exponential gap, all variability"
@@ -79,7 +79,7 @@ def missed(cells: pd.DataFrame) -> dict[str, float]:
 
 def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
     """Return the fits to one person: what each addition is worth, and cells."""
-    choices = read_choices(data, strength="coherence", participant=who)
+    choices = read_trials(data, strength="coherence", participant=who)
     made: dict[str, Optimum] = {}
     found = []
     with warnings.catch_warnings():
@@ -107,7 +107,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through what the score is made of; threads are not used."""
     names = FAST if fast else tuple(MODELS)
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
-        choices = read_choices(data, strength="coherence")
+        choices = read_trials(data, strength="coherence")
         for who in choices.people():
             count = int((choices.participant == who).sum())
             yield Piece("people", who, count, 90, partial(person, data, who, names))

@@ -25,8 +25,8 @@ from bgmodel.experiments.record import Changes
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
 from bgmodel.task import Gaussian
+from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT
 from circuits.declaration.edits import Edits
 
@@ -44,7 +44,7 @@ EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
 
 def patients(trials: int) -> pd.DataFrame:
     """Return the fitted parameters of each patient, a column for each."""
-    whole = read_choices("cavanagh_2011", conditions=STIMULATED)
+    whole = read_trials("cavanagh_2011", conditions=STIMULATED)
     mechanism, vary = MOVES["stn_loss"]
     model = fitted_circuit(mechanism, trials, LONGEST_S, SLOW_NATS)
     rows = {}
@@ -75,7 +75,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
 
 def of_the_data() -> pd.DataFrame:
     """Return the mean changes by stimulation over patients, with 95 % intervals of t."""
-    choices = read_choices("cavanagh_2011", conditions=STIMULATED)
+    choices = read_trials("cavanagh_2011", conditions=STIMULATED)
     table = pd.DataFrame(
         {"who": choices.participant, **choices.conditions, "accuracy": choices.response,
          "mean_ms": 1000 * choices.rt_s}

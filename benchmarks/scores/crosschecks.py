@@ -35,8 +35,8 @@ from bgmodel.evidence import Evidence
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
-from bgmodel.tables.choices import Choices
 from bgmodel.theory.sprt import OVERSHOOT
+from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 73_001
@@ -217,7 +217,7 @@ def _answered(drive: Array, bound: float, rng: np.random.Generator) -> tuple[Arr
 def _own_width(levels: Array, chosen: Array, readings: Array) -> float:
     """Return the width that Palmer's fit to choices and mean times implies."""
     trials = len(levels)
-    choices = Choices(
+    choices = Trials(
         np.full(trials, "one"),
         T0_S + STEP_S * readings,
         chosen.astype(np.int8),

@@ -28,7 +28,7 @@ from bgmodel.fitting.simulated.circuit import (
     Mechanism,
 )
 from bgmodel.fitting.trials.design import Design, design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS = 128_000, 400
@@ -65,7 +65,7 @@ def models(trials: int, seconds: float) -> dict[str, Model]:
 
 def person(data: str, who: str, trials: int) -> pd.DataFrame:
     """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
-    choices = read_choices(data, strength="coherence", participant=who)
+    choices = read_trials(data, strength="coherence", participant=who)
     design = design_of(choices)
     found = [_means(design).assign(model="closed form", kind="cells")]
     left_out = {}
@@ -109,7 +109,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through what the score is made of."""
     trials = COARSE_TRIALS if fast else TRIALS
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
-        choices = read_choices(data, strength="coherence")
+        choices = read_trials(data, strength="coherence")
         for who in choices.people():
             count = int((choices.participant == who).sum())
             yield Piece("people", who, count, 600, partial(person, data, who, trials))

@@ -29,7 +29,7 @@ from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import Design, design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 
 SCORING_SEED = 74_101
 """Of the trials."""
@@ -76,7 +76,7 @@ def compared(case: str, trials: int) -> pd.DataFrame:
     names = [n for n in VALUES if n in {each.name for each in model.parameters}]
     values = {n: VALUES[n] for n in names} | {"drift_sd": drift_sd}
     table = trials_of(model, values, trials, case)
-    choices = read_choices(table, strength="coherence")
+    choices = read_trials(table, strength="coherence")
     design: Design = design_of(choices, rt_window=(0, SECONDS), sides=True)
     free = [n for n in names if n not in KNOWN and values[n]]
     fixed = {n: values[n] for n in values if n not in free}

@@ -27,7 +27,8 @@ from bgmodel.fitting.simulated.circuit import (
     Mechanism,
 )
 from bgmodel.fitting.trials.design import Design, design_of
-from bgmodel.tables.choices import Choices, read_choices
+from bgmodel.trials.reading import read_trials
+from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT
 
 SLOW_NATS = 1.5
@@ -49,7 +50,7 @@ MOVES: dict[str, tuple[Mechanism, dict[str, str]]] = {
 """What stimulation of STN may move: edits of the circuit, and what differs with stimulation."""
 
 
-def patient(whole: Choices, who: str, trials: int) -> pd.DataFrame:
+def patient(whole: Trials, who: str, trials: int) -> pd.DataFrame:
     """Return what stimulation moves: predictions of left-out trials, and the four means."""
     design = design_of(whole.where(whole.participant == who), STIMULATED)
     left_out: dict[str, Predicted] = {}
@@ -80,7 +81,7 @@ def stimulated(model: CircuitModel, design: Design, vary: Mapping[str, str]) -> 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through the patients."""
-    whole = read_choices("cavanagh_2011", conditions=STIMULATED)
+    whole = read_trials("cavanagh_2011", conditions=STIMULATED)
     for who in whole.people():
         count = int((whole.participant == who).sum())
         make = partial(patient, whole, who, COARSE_PATIENT_TRIALS if fast else PATIENT_TRIALS)

@@ -27,7 +27,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
-from bgmodel.tables import trials as tables
+from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
 from circuits.activity import Activity
 from circuits.anatomy import load_circuit

@@ -11,7 +11,7 @@ from bgmodel.commands.output import Output, options_of
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
-from bgmodel.tables import trials as tables
+from bgmodel.tables import named as tables
 from bgmodel.tables.given import trials_of
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import Tactile

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.likelihood import Likelihood
     from bgmodel.fitting.model_comparison import ModelComparison
     from bgmodel.fitting.pieces import Piece
-    from bgmodel.tables.choices import Choices
+    from bgmodel.trials.record import Trials
 
 TABLES = ("parameters.csv", "cells.csv")
 WORST = 5
@@ -91,7 +91,7 @@ class Kept:
             found.add("circuit")
         return sorted(found)
 
-    def person(self, who: str, some: Choices, asked: Mapping[str, Likelihood]) -> list[Piece]:
+    def person(self, who: str, some: Trials, asked: Mapping[str, Likelihood]) -> list[Piece]:
         """Return the fits of one participant, by name of the model, and draw them."""
         from bgmodel.fitting.pieces import safe
 
@@ -100,7 +100,7 @@ class Kept:
         _draw(cells, f"{some.source}, {who}", self.folder / f"{safe(who)}.png")
         return list(found.values())
 
-    def _one(self, who: str, some: Choices, name: str, likelihood: Likelihood) -> Piece:
+    def _one(self, who: str, some: Trials, name: str, likelihood: Likelihood) -> Piece:
         """Return the tables of one fit, read from its files or computed."""
         import pandas as pd
 

@@ -64,7 +64,7 @@ class Tradeoff(Facts):
     settings : array (K,)
         In falling order: thresholds in the unit of OUT, or levels of dopamine at one threshold.
     choice : int array (K, trials)
-        Choices, forced at the end of the trace.
+        Trials, forced at the end of the trace.
     time_ms : array (K, trials)
         Decision times, ms from the onset of evidence.
     forced, premature : bool arrays (K, trials)

@@ -12,7 +12,7 @@ import numpy as np
 from bgmodel.support.arrays import Array, Integers
 
 CORRECT, COMPETITOR, OTHER, MISSED = range(4)
-"""Choices; without conflict every error is ``OTHER``."""
+"""Trials; without conflict every error is ``OTHER``."""
 BINS = 6
 """Most bins of response times for each choice."""
 COUNTS = 4

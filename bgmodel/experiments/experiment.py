@@ -42,7 +42,7 @@ from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits.declaration.table_files import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
@@ -115,7 +115,7 @@ class Experiment(ExperimentRecord):
         self,
         *,
         workers: int = 1,
-        given: Trials | None = None,
+        given: NamedEvidence | None = None,
         kept: Kept | None = None,
     ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -124,7 +124,7 @@ class Experiment(ExperimentRecord):
         ----------
         workers : int
             Number of threads, for engines that can use several; it does not affect results.
-        given : Trials, optional
+        given : NamedEvidence, optional
             The result of ``given()``, to avoid computing it twice.
         kept : Kept, optional
             What earlier runs have computed already; results of this run are added. For programs
@@ -216,7 +216,7 @@ class Outcome(Facts):
     ----------
     experiment : Experiment
         The experiment.
-    given : Trials
+    given : NamedEvidence
         Trials of both conditions.
     models : tuple of BasalGanglia
         Control and manipulation.
@@ -236,7 +236,7 @@ class Outcome(Facts):
     """
 
     experiment: Experiment
-    given: Trials
+    given: NamedEvidence
     models: tuple[BasalGanglia, ...]
     measures: pd.DataFrame
     trials: pd.DataFrame

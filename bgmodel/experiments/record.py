@@ -18,7 +18,7 @@ from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Integers
 from bgmodel.tables.given import EvidenceTable
-from bgmodel.tables.trials import Trials
+from bgmodel.tables.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require
 
@@ -121,7 +121,7 @@ class ExperimentRecord(Observed):
             raise InputError(said, "manipulation")
         manipulation.check(control)
 
-    def given(self) -> Trials:
+    def given(self) -> NamedEvidence:
         """Return the evidence with the names of its hypotheses and further columns of a table."""
         found = self._drawn()
         drawn = found.evidence
@@ -129,13 +129,13 @@ class ExperimentRecord(Observed):
         self._check_truth(drawn.hypotheses)
         return found if self.truth is None else found.where(truth == self.truth)
 
-    def _drawn(self) -> Trials:
+    def _drawn(self) -> NamedEvidence:
         """Return the trials of the task with their exact likelihoods."""
         learning = next((one for one in self.learnings if one is not None), None)
         if learning is None:
             return self.drawn("experiment")
         features = learning.features(self.task, self.seed)
-        return Trials(features.exact, list(features.names))
+        return NamedEvidence(features.exact, list(features.names))
 
     def groups(self, trials: int) -> Integers | None:
         """Return the run of learning that each trial shares with others, for intervals (trials,).
@@ -157,14 +157,14 @@ class ExperimentRecord(Observed):
             return None
         return np.arange(trials) % shared
 
-    def heard(self, models: Sequence[BasalGanglia], given: Trials) -> list[Evidence]:
+    def heard(self, models: Sequence[BasalGanglia], given: NamedEvidence) -> list[Evidence]:
         """Return the evidence on which each condition decides: exact, or as it has been learned.
 
         Parameters
         ----------
         models : sequence of BasalGanglia
             The circuits of the control and of the manipulation.
-        given : Trials
+        given : NamedEvidence
             The trials, as from ``given()``.
         """
         found = []

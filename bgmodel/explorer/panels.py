@@ -33,7 +33,7 @@ from bgmodel.explorer.html import (
 from bgmodel.explorer.state import State
 from bgmodel.explorer.trial import Shown, one_trial
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.tables.trials import Trials
+from bgmodel.tables.named import NamedEvidence
 from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.plots import ROWS
@@ -54,14 +54,14 @@ class Memory:
     """What is computed once and used again while the edited circuit changes."""
 
     conditions: Kept = field(default_factory=Kept)
-    evidence: dict[Hashable, Trials] = field(default_factory=dict)
+    evidence: dict[Hashable, NamedEvidence] = field(default_factory=dict)
     tests: dict[Hashable, pd.DataFrame] = field(default_factory=dict)
     trials: dict[Hashable, Shown] = field(default_factory=dict)
     """Trials of controls."""
     outcome: tuple[str, Outcome] | None = None
     """The last outcome, and the key of its state."""
 
-    def given(self, state: State) -> Trials:
+    def given(self, state: State) -> NamedEvidence:
         """Return the evidence of a state."""
         experiment = state.experiment
         key = experiment.task, experiment.seed, experiment.truth

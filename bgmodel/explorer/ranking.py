@@ -12,7 +12,7 @@ from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.html import RANKING, Panel, table_of, two_lines
 from bgmodel.explorer.state import State
-from bgmodel.tables.trials import Trials
+from bgmodel.tables.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import quiet
 
@@ -66,7 +66,7 @@ def _few(state: State) -> State:
 
 
 def _change(
-    control: Experiment, line: str, given: Trials, kept: Kept, workers: int
+    control: Experiment, line: str, given: NamedEvidence, kept: Kept, workers: int
 ) -> tuple[float, str, list[str]]:
     """Return the change of the mean time by a loss, its edit, and the changes as HTML."""
     edits = Edits([*control.manipulation.edits, line])

@@ -22,7 +22,7 @@ DATA: dict[str, Any] = {"color": "k", "ls": "", "ms": 4}
 LOOKS = (("o", "-"), ("s", "--"), ("^", ":"), ("D", "-."))
 """Marker of the data and line of the models for each condition, reused cyclically."""
 TITLES = (
-    "a  Choices",
+    "a  Trials",
     "b  Mean response time",
     "c  Spread of response times",
     "d  Quantiles 0.1, 0.3, 0.5, 0.7, 0.9",

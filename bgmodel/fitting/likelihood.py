@@ -22,7 +22,7 @@ from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, free
 from bgmodel.fitting.trials.design import Design, mirrored
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning, InputError
 
 BEYOND, MOST_S = 1e-4, 60.0
@@ -49,15 +49,15 @@ class TrialModel(Protocol):
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters, with their ranges."""
 
-    def log_density(self, trials: Choices, values: Mapping[str, Array]) -> Array:
+    def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the log density of each trial given those before it, (trials,), nats.
 
         Of the response and its time, in 1/s; of the response alone if there are no times.
         """
 
     def simulate(
-        self, trials: Choices, values: Mapping[str, Array], rng: np.random.Generator
-    ) -> Choices:
+        self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
+    ) -> Trials:
         """Return as many new trials, with the same strengths and conditions."""
 
 
@@ -286,7 +286,7 @@ class TrialLikelihood(Likelihood):
         return replace(self, design=self.design.part(trials), kept=kept[trials])
 
     @property
-    def trials(self) -> Choices:
+    def trials(self) -> Trials:
         """All trials of the person."""
         if self.design.choices is None:
             raise InputError("a model of trials needs a design with its choices", "design")

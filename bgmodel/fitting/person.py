@@ -100,7 +100,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     rt_unit : str
         Unit of response times in the table: s or ms.
     alternatives, stimulus :
-        Number of alternatives, and column of the correct one; as for ``read_choices``.
+        Number of alternatives, and column of the correct one; as for ``read_trials``.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str

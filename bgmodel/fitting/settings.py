@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
-    from bgmodel.tables.choices import Choices
+    from bgmodel.trials.record import Trials
     from circuits.circuit import Circuit
 
 ADDED = "+"
@@ -160,11 +160,11 @@ class FitSettings:
         default = default if any(added) else []
         return list(dict.fromkeys([*default, *named])) or None
 
-    def read(self, data: str | Path | pd.DataFrame) -> Choices:
-        """Return the trials of a table; arguments as for ``tables.choices.read_choices``."""
-        from bgmodel.tables.choices import read_choices
+    def read(self, data: str | Path | pd.DataFrame) -> Trials:
+        """Return the trials of a table; arguments as for ``tables.choices.read_trials``."""
+        from bgmodel.trials.reading import read_trials
 
-        choices = read_choices(
+        choices = read_trials(
             data,
             strength=self.strength,
             conditions=self.columns,
@@ -182,13 +182,13 @@ class FitSettings:
             _check_within(choices)
         return choices
 
-    def people(self, choices: Choices) -> list[tuple[str, Choices]]:
+    def people(self, choices: Trials) -> list[tuple[str, Trials]]:
         """Return the trials of each person to fit, or of all pooled."""
         if self.pooled:
             return [(self.participant or "all", choices)]
         return [(who, choices.where(choices.participant == who)) for who in choices.people()]
 
-    def design(self, choices: Choices) -> Design:
+    def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
         from bgmodel.fitting.exact.algorithms import SIDED
         from bgmodel.fitting.trials.design import design_of
@@ -343,7 +343,7 @@ EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Examples of mappings of parameters for ``fit``."""
 
 
-def _check_within(choices: Choices) -> None:
+def _check_within(choices: Trials) -> None:
     """Raise ValueError for a condition that differs between people, and within none of them."""
     for name, levels in choices.conditions.items():
         kinds = levels.groupby(choices.participant).nunique()

@@ -23,7 +23,7 @@ from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.given import EvidenceTable, read_once, trials_of
-from bgmodel.tables.trials import Trials
+from bgmodel.tables.named import NamedEvidence
 from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
 from bgmodel.version import __version__
@@ -65,7 +65,7 @@ class Point(Observed):
         """Number of readings of the longest trial."""
         return self.task.t_max
 
-    def block(self, first: int, trials: int) -> Trials:
+    def block(self, first: int, trials: int) -> NamedEvidence:
         """Return the trials of a block."""
         if isinstance(self.task, EvidenceTable):
             whole = read_once(self.task)

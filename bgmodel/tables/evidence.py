@@ -20,8 +20,8 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
+from bgmodel.tables.named import RESULT, NamedEvidence
 from bgmodel.tables.text_files import SEPARATORS, separated
-from bgmodel.tables.trials import RESULT, Trials
 from circuits.errors import DataWarning, InputError, within
 
 KEYS = ("participant_id", "trial")
@@ -38,7 +38,7 @@ def read_evidence_table(
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
-) -> Trials:
+) -> NamedEvidence:
     """Read a user's evidence from a file; see ``trials_from_table`` for its columns.
 
     Cells of a ``.csv`` are kept as written: a column becomes numeric only if each cell would be
@@ -107,7 +107,7 @@ def trials_from_table(
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
-) -> Trials:
+) -> NamedEvidence:
     """Return the trials of a user's table of evidence.
 
     Parameters
@@ -167,7 +167,7 @@ def trials_from_table(
         if name == "row" or (name in RESULT and f"given_{name}" in kept):
             raise InputError(f"the column {name} is reserved for results: rename it", "columns")
     kept = kept.reset_index(drop=True).assign(row=first_row)
-    return Trials(evidence, names, kept, [str(name) for name in varying])
+    return NamedEvidence(evidence, names, kept, [str(name) for name in varying])
 
 
 def read_csv_table(path: Path) -> pd.DataFrame:

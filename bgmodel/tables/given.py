@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from bgmodel.support.seeds import stream
-from bgmodel.tables.trials import Trials
+from bgmodel.tables.named import NamedEvidence
 from bgmodel.task import Drawn, Task
 from circuits.errors import require
 
@@ -58,7 +58,7 @@ class EvidenceTable(Task):
 
 
 @cache
-def read_once(task: EvidenceTable) -> Trials:
+def read_once(task: EvidenceTable) -> NamedEvidence:
     """Return the trials of an evidence table, which is read only once (cached)."""
     from bgmodel.tables.evidence import read_evidence_table
 
@@ -67,7 +67,7 @@ def read_once(task: EvidenceTable) -> Trials:
 
 def trials_of(
     task: Task, seed: int, name: str, *, prior: Sequence[float] | None = None, **more: Any
-) -> Trials:
+) -> NamedEvidence:
     """Return the trials of a task: evidence, names of hypotheses, and other columns of a table.
 
     Parameters
@@ -88,4 +88,4 @@ def trials_of(
     assert isinstance(task, Drawn)
     ahead = stream(seed, name, "expectancy")
     found = task.drawn_with(stream(seed, name), ahead, prior, **more)
-    return Trials(found, list(task.names))
+    return NamedEvidence(found, list(task.names))

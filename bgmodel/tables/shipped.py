@@ -15,7 +15,7 @@ STOP_SET = "stop_signal_cnp"
 """The set of stop-signal trials, which are no choices; ``bgmodel.stopping.people`` reads it."""
 SIMON_SET = "parkinson_simon_2018"
 """A Simon task of patients on and off medication; its trials without a response have different
-deadlines, so that ``read_choices`` does not read it."""
+deadlines, so that ``read_trials`` does not read it."""
 OTHERS = (STOP_SET, SIMON_SET)
 """Sets that are no choices with one deadline."""
 
@@ -27,7 +27,7 @@ class Shipped:
     Parameters
     ----------
     name : str
-        Its name, as for ``read_choices``.
+        Its name, as for ``read_trials``.
     table : DataFrame
         One row per trial: participant_id, trial, rt (s), response (1 or 0 in sets of choices), and
         its conditions.

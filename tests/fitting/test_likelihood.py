@@ -13,12 +13,12 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning, InputError
 
 
 class LogNormal:
-    """Choices are logistic in strength; times are log-normal, faster for stronger evidence."""
+    """Trials are logistic in strength; times are log-normal, faster for stronger evidence."""
 
     name = "log-normal"
     parameters = (
@@ -54,7 +54,7 @@ def people(count=1, trials=400, seed=3, spread=0.0):
     parts = []
     for k in range(count):
         strength = rng.choice([-0.8, -0.4, -0.1, 0.1, 0.4, 0.8], trials)
-        blank = Choices(
+        blank = Trials(
             np.full(trials, f"p{k}"), np.ones(trials), np.ones(trials, np.int8), strength,
             pd.DataFrame(index=range(trials)),
         )  # fmt: skip
@@ -149,7 +149,7 @@ def test_people_are_fitted_in_a_hierarchy():
 def test_a_prior_pulls_an_estimate_as_its_precision_says():
     """Gaussian times 1 / spread^2 in the data, 1 / sd^2 in the prior: the mean is weighted."""
     table = people(trials=60)
-    design = design_of(bg.read_choices(table, strength="strength"))
+    design = design_of(bg.read_trials(table, strength="strength"))
     fixed = {"slope": 3.0, "gain": 0.6, "spread": 0.25}
     free = optimum(likelihood_of(MODEL, design, fixed=fixed)).values["level"]
 

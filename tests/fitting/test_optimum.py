@@ -15,7 +15,7 @@ from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned
@@ -233,7 +233,7 @@ def test_predictions_do_not_depend_on_how_late_the_slowest_response_was(longest)
     times = np.append(np.random.default_rng(1).uniform(0.4, 0.8, 39), longest)
     table = pd.DataFrame({"rt": times, "response": (np.arange(40) % 4 > 0).astype(int)})
     values = {"sensitivity": 0.8, "bound": 0.7, "t0_s": 0.3, "t0_sd_s": 0.03}
-    likelihood = likelihood_of(CONSTANT, design_of(read_choices(table)), fixed=values)
+    likelihood = likelihood_of(CONSTANT, design_of(read_trials(table)), fixed=values)
     wide = likelihood.complete(likelihood.freedom.low)
     mean_s = moments(wide.density(likelihood.freedom.low), wide.design.grid)["mean_s"][0]
     lapse = likelihood.freedom.low[0]

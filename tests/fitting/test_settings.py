@@ -18,7 +18,7 @@ from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits import anatomy
 from tests.helpers import refused
 
@@ -31,7 +31,7 @@ def made():
 
 
 def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
-    choices = read_choices(DATA, **WHOSE)
+    choices = read_trials(DATA, **WHOSE)
     whole = likelihood_of(GapModel(), design_of(choices), fixed={"lapse": 0.01})
     expected = fit_likelihood(whole)
     assert np.array_equal(made.optimum.vector, expected.optimum.vector)
@@ -127,7 +127,7 @@ def test_a_parameter_without_its_effect_stays_free(asked, free, effect):
 def test_a_parameter_that_varies_with_two_columns_is_refused(name):
     asked = FitSettings(vary=(f"{name}=side", "bound=block"))
     with refused("vary"):
-        asked.likelihood(design_of(read_choices(DATA, **WHOSE)), GapModel())
+        asked.likelihood(design_of(read_trials(DATA, **WHOSE)), GapModel())
 
 
 def test_a_parameter_with_a_fixed_level_is_no_effect_to_remove():

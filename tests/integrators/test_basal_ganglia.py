@@ -16,7 +16,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.simulated_evidence import expecting, gaussian_evidence, separated_evidence
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
@@ -136,7 +136,7 @@ def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
             assert alone.forced[0] == together.forced[n]
             assert alone.time_ms[0] == together.time_ms[n]
             assert alone.deadline_ms[0] == together.deadline_ms[n]
-            found = trial_table(alone, Trials(own, ["a", "b"]), model="m")
+            found = trial_table(alone, NamedEvidence(own, ["a", "b"]), model="m")
             assert found["steps"][0] <= length
     assert together.forced.any()
 

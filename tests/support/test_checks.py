@@ -20,7 +20,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import read_evidence_table
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.errors import InputError
@@ -155,8 +155,8 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: tradeoff(trace, evidence, [[0.3, 0.2]]),
         lambda: reward(decision, evidence.truth[:3], 5.0),
         lambda: first_crossing(trace, [0.3, 0.2]).plot(truth=evidence.truth[:3]),
-        lambda: Trials(evidence, ["a"]),
-        lambda: trial_table(decision, Trials(evidence[:5], ["a", "b"]), model="m"),
+        lambda: NamedEvidence(evidence, ["a"]),
+        lambda: trial_table(decision, NamedEvidence(evidence[:5], ["a", "b"]), model="m"),
         lambda: trial_table(decision, evidence, model="m"),
         lambda: decide_at_thresholds(BasalGanglia(TABLE, "algebra"), evidence, [low]),
         lambda: compare(BasalGanglia(TABLE, "algebra"), evidence, intact="macaque"),

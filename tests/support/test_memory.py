@@ -14,8 +14,8 @@ from bgmodel.support.memory import (
     check_learning_memory,
     check_memory,
 )
-from bgmodel.tables.choices import read_choices
 from bgmodel.tables.evidence import read_evidence_table
+from bgmodel.trials.reading import read_trials
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, said):
         check_memory(1e18, "trials")
 
 
-@pytest.mark.parametrize("read", [read_table, read_evidence_table, read_choices])
+@pytest.mark.parametrize("read", [read_table, read_evidence_table, read_trials])
 @pytest.mark.parametrize("ending", [".parquet", ".csv"])
 def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
     free, tmp_path, monkeypatch, read, ending

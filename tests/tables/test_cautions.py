@@ -16,7 +16,8 @@ from bgmodel.tables.cautions import (
     check_times,
     without_rounding,
 )
-from bgmodel.tables.choices import read_choices, shipped
+from bgmodel.tables.shipped import shipped
+from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 
@@ -44,7 +45,7 @@ def said(source, **options):
     """Return the warnings of reading a table."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        read_choices(source, **options)
+        read_trials(source, **options)
     assert all(issubclass(each.category, UserWarning) for each in caught)
     return [str(each.message) for each in caught]
 
@@ -66,7 +67,7 @@ def missed(deadline_s, rows=(3, 40)):
 def test_a_deadline_in_another_unit_is_refused(deadline_s):
     bad, options = missed(deadline_s)
     with refused("deadline_s") as raised:
-        read_choices(bad, **options)
+        read_trials(bad, **options)
     assert f"got {deadline_s:g}," in str(raised.value)
 
 
@@ -98,7 +99,7 @@ def test_hundredths_of_a_second_are_no_seconds():
     hundredths = 100 * (GOOD["rt"] - 0.25)
     assert 5 < hundredths.median() < 50
     with refused("rt"):
-        read_choices(table(rt=np.ceil(hundredths)), **NAMED)
+        read_trials(table(rt=np.ceil(hundredths)), **NAMED)
     (text,) = said(table(rt=hundredths), **NAMED)
     assert f"{hundredths.median():.3g} s" in text
 
@@ -217,16 +218,16 @@ def test_few_times_say_nothing_of_their_steps():
 def test_columns_that_may_hold_participants_are_not_pooled(name):
     who = np.where(np.arange(TRIALS) < 150, "b", "n")
     with refused("participant"):
-        read_choices(table(**{name: who}), **NAMED)
-    read_choices(table(**{name: who, "participant_id": who}), **NAMED)
-    read_choices(table(**{name: who}), **NAMED, conditions=[name])
-    read_choices(table(**{name: "b"}), **NAMED)
+        read_trials(table(**{name: who}), **NAMED)
+    read_trials(table(**{name: who, "participant_id": who}), **NAMED)
+    read_trials(table(**{name: who}), **NAMED, conditions=[name])
+    read_trials(table(**{name: "b"}), **NAMED)
 
 
 def test_ids_of_trials_and_other_columns_are_no_participants():
-    read_choices(table(id=np.arange(TRIALS)), **NAMED)
+    read_trials(table(id=np.arange(TRIALS)), **NAMED)
     for name in ("valid", "rate", "subject_age", "session", "idle"):
-        read_choices(table(**{name: np.arange(TRIALS) % 2}), **NAMED)
+        read_trials(table(**{name: np.arange(TRIALS) % 2}), **NAMED)
 
 
 def test_a_strength_that_is_not_named_is_said_by_its_name_or_by_what_it_does():
@@ -256,7 +257,7 @@ def test_strengths_that_differ_by_rounding_only_are_one():
     at = GOOD.index % 7 == 0
     rounded = GOOD["coherence"] * np.where(at, 1 + 1e-7, 1.0)
     with pytest.warns(DataWarning, match="4 strengths are merged to 2"):
-        found = read_choices(table(coherence=rounded), **NAMED)
+        found = read_trials(table(coherence=rounded), **NAMED)
     assert found.strength.tolist() == GOOD["coherence"].tolist()
 
 

@@ -6,13 +6,13 @@ import pytest
 
 from bgmodel.learning.values.people import read_pairs
 from bgmodel.stopping.people import read_people
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused
 
 ROWS = 48
 READERS = {
-    "choices": lambda data: read_choices(data, strength="coherence"),
+    "choices": lambda data: read_trials(data, strength="coherence"),
     "stop signals": read_people,
     "pairs": read_pairs,
 }

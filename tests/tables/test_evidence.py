@@ -13,7 +13,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
-from bgmodel.tables.trials import trial_table
+from bgmodel.tables.named import trial_table
 from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.tables.choices import read_choices
-from bgmodel.tables.exports import to_hssm, to_pyddm
+from bgmodel.trials.exports import to_hssm, to_pyddm
+from bgmodel.trials.reading import read_trials
 from tests.helpers import refused, run, unwarned
-from tests.tables.test_choices import READ, people, silent
+from tests.trials.test_reading import READ, people, silent
 
 OTHER = {"rt": "latency", "response": "key", "participant_id": "who"}
 NAMED = {"rt": "latency", "response": "key", "participant_column": "who"}
@@ -22,31 +22,31 @@ def same(found, expected):
 def test_columns_of_other_names_are_the_same_trials():
     table = people()
     with unwarned():
-        found = read_choices(table.rename(columns=OTHER), **READ, **NAMED)
-    assert same(found, read_choices(table, **READ))
+        found = read_trials(table.rename(columns=OTHER), **READ, **NAMED)
+    assert same(found, read_trials(table, **READ))
     other = table.assign(rt=table["rt"] + 0.01).rename(columns=OTHER)
-    assert not same(read_choices(other, **READ, **NAMED), found)
+    assert not same(read_trials(other, **READ, **NAMED), found)
 
 
 def test_milliseconds_are_the_same_times():
     table = people()
-    found = read_choices(table.assign(rt=1000 * table["rt"]), **READ, rt_unit="ms")
+    found = read_trials(table.assign(rt=1000 * table["rt"]), **READ, rt_unit="ms")
     assert found.rt_s == pytest.approx(table["rt"].to_numpy(), rel=1e-12)
     with refused(r"rt must be in seconds, .*rt_unit='ms'"):
-        read_choices(table.assign(rt=1000 * table["rt"]), **READ)
+        read_trials(table.assign(rt=1000 * table["rt"]), **READ)
     with refused("rt must be in ms, got a median of"):
-        read_choices(table, **READ, rt_unit="ms")
+        read_trials(table, **READ, rt_unit="ms")
     with refused("rt_unit must be one of s, ms, got 'min'"):
-        read_choices(table, **READ, rt_unit="min")
+        read_trials(table, **READ, rt_unit="min")
     with refused("rt must be above 0 ms, got '-5.0' in row 3"):
         wrong = (1000 * table["rt"]).where(table.index != 3, -5.0)
-        read_choices(table.assign(rt=wrong), **READ, rt_unit="ms")
+        read_trials(table.assign(rt=wrong), **READ, rt_unit="ms")
 
 
 def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
     table = silent(people(), [4, 9])
     coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
-    found = read_choices(coded, **READ, rt_unit="ms", deadline_s=4.0)
+    found = read_trials(coded, **READ, rt_unit="ms", deadline_s=4.0)
     assert np.flatnonzero(found.response == -1).tolist() == [4, 9]
 
 
@@ -54,9 +54,9 @@ def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
 @pytest.mark.parametrize("missing", [[], [4, 9]])
 def test_frames_of_other_tools_come_back_as_they_were(to, missing):
     options = {**READ, "deadline_s": 4.0} if missing else READ
-    expected = read_choices(silent(people(), missing), **options)
+    expected = read_trials(silent(people(), missing), **options)
     frame = to(expected).rename(columns={"strength": "coherence"})
-    assert same(read_choices(frame, **options), expected)
+    assert same(read_trials(frame, **options), expected)
 
 
 def test_a_sample_of_pyddm_has_its_own_names():
@@ -67,7 +67,7 @@ def test_a_sample_of_pyddm_has_its_own_names():
     )
     frame = sample.to_pandas_dataframe(drop_undecided=True)
     assert {"RT", "choice"} <= set(frame)
-    found = read_choices(frame, strength="coherence")
+    found = read_trials(frame, strength="coherence")
     order = np.lexsort((found.response, found.rt_s))
     mine = np.lexsort((table["response"], table["rt"]))
     assert found.rt_s[order] == pytest.approx(table["rt"].to_numpy()[mine])
@@ -78,11 +78,11 @@ def test_minus_one_without_a_time_or_beside_0_is_no_response_of_hssm():
     table = people()
     late = table.assign(response=table["response"].where(table.index != 3, -1))
     with refused("response must be 1 or 0, got '-1' in row 3"):
-        read_choices(late, **READ)
+        read_trials(late, **READ)
     coded = table.assign(response=np.where(table["response"] == 1, 1, -1))
     absent = coded.assign(rt=coded["rt"].where(coded.index != 3))
     with refused("response must be 1 or 0"):
-        read_choices(absent, **READ)
+        read_trials(absent, **READ)
 
 
 @pytest.mark.parametrize(
@@ -96,13 +96,13 @@ def test_minus_one_without_a_time_or_beside_0_is_no_response_of_hssm():
 )
 def test_a_column_that_there_is_not_is_refused(options, says):
     with refused(says):
-        read_choices(people().rename(columns=OTHER), **READ, **{**NAMED, **options})
+        read_trials(people().rename(columns=OTHER), **READ, **{**NAMED, **options})
 
 
 def test_a_column_that_has_our_name_already_is_not_overwritten():
     table = people().assign(latency=1.0)
     with refused("rt is 'latency', but there is also a column rt"):
-        read_choices(table, **READ, rt="latency")
+        read_trials(table, **READ, rt="latency")
 
 
 def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, capsys):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bgmodel.support.files import read_provenance
-from bgmodel.tables.choices import read_choices, shipped
-from bgmodel.tables.shipped import SIMON_SET, every_set
-from bgmodel.tables.statistics import statistics
+from bgmodel.tables.shipped import SIMON_SET, every_set, shipped
+from bgmodel.trials.reading import read_trials
+from bgmodel.trials.statistics import statistics
 from tests.helpers import ROOT
 
 SHIPPED = shipped()
@@ -29,7 +29,7 @@ def test_a_set_has_the_trials_and_participants_that_were_published(name, trials,
     assert (one.trials, one.people) == (trials, people)
     assert list(one.columns) == list(one.table.columns)
     assert one.table.columns[:4].tolist() == ["participant_id", "trial", "rt", "response"]
-    choices = read_choices(name)
+    choices = read_trials(name)
     assert (choices.trials, len(choices.people()), choices.source) == (trials, people, name)
     for _, own in one.table.groupby("participant_id"):
         assert own["trial"].tolist() == list(range(len(own)))
@@ -57,7 +57,7 @@ def test_accuracy_rises_with_the_strength_of_motion_and_times_fall(name):
     known = table[table["correct"].notna()]
     assert ((known["response"] == 1) == (known["coherence"] > 0)).eq(known["correct"] == 1).all()
     assert (table["correct"].isna() == (table["coherence"] == 0)).all()
-    choices = read_choices(name, strength="coherence")
+    choices = read_trials(name, strength="coherence")
     found = statistics(choices).groupby("strength")[["accuracy", "mean_s"]].mean()
     assert found.index.tolist() == [0, 0.032, 0.064, 0.128, 0.256, 0.512]
     assert (found["accuracy"].dropna().diff().dropna() > 0).all()
@@ -66,7 +66,7 @@ def test_accuracy_rises_with_the_strength_of_motion_and_times_fall(name):
 
 
 def test_without_coherence_the_monkeys_times_scatter_as_published():
-    found = statistics(read_choices("roitman_shadlen_2002", strength="coherence"))
+    found = statistics(read_trials("roitman_shadlen_2002", strength="coherence"))
     found = found.set_index(["participant_id", "strength"])
     assert found.loc["b", 0.0]["sd_s"] == pytest.approx(0.197, abs=5e-4)
     assert found.loc["n", 0.0]["sd_s"] == pytest.approx(0.242, abs=5e-4)
@@ -85,7 +85,7 @@ PUBLISHED = {
 
 
 def test_patients_are_as_fast_and_as_right_as_published_in_each_condition():
-    choices = read_choices("cavanagh_2011", conditions=("stimulation", "conflict"))
+    choices = read_trials("cavanagh_2011", conditions=("stimulation", "conflict"))
     found = statistics(choices).groupby(["stimulation", "conflict"])[["mean_s", "accuracy"]].mean()
     for cell, (seconds, share) in PUBLISHED.items():
         assert found.loc[cell, "mean_s"] == pytest.approx(seconds, abs=6e-4)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bgmodel.tables.choices import read_choices
 from bgmodel.tables.text_files import read_rows
+from bgmodel.trials.reading import read_trials
 from tests.helpers import refused
 
 
@@ -33,7 +33,7 @@ def test_a_bad_file_gets_one_sentence_with_its_name(tmp_path, name, text, says):
     path = tmp_path / name
     path.write_text(text)
     with refused(says) as raised:
-        read_choices(path)
+        read_trials(path)
     assert name in str(raised.value)
     assert "\n" not in str(raised.value)
 
@@ -42,11 +42,11 @@ def test_what_is_no_text_no_table_or_no_file_is_said(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes("rt,response\nübung,1\n".encode("latin-1"))
     with refused("path it is not text in UTF-8"):
-        read_choices(path)
+        read_trials(path)
     path.rename(tmp_path / "a.parquet")
     with refused(r"path can't be read as \.parquet"):
-        read_choices(tmp_path / "a.parquet")
+        read_trials(tmp_path / "a.parquet")
     with refused("path there is no table .*absent.csv"):
-        read_choices(tmp_path / "absent.csv")
+        read_trials(tmp_path / "absent.csv")
     with refused("source"):
-        read_choices("roitman")
+        read_trials("roitman")

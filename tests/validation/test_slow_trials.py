@@ -13,7 +13,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from tests.drawn import drawn, slowed
 
 pytestmark = pytest.mark.validate
@@ -87,7 +87,7 @@ def test_slow_trials_bias_no_fit_without_a_warning_and_clean_sets_are_not_warned
 
 @pytest.mark.parametrize("who", ["b", "n"])
 def test_the_falling_gap_makes_no_monkey_less_likely_than_the_constant_gap(who):
-    choices = read_choices("roitman_shadlen_2002", strength="coherence", participant=who)
+    choices = read_trials("roitman_shadlen_2002", strength="coherence", participant=who)
     design = design_of(choices)
     constant, falling = (
         optimum(likelihood_of(GapModel(each), design)).log_likelihood for each in (False, True)

@@ -16,7 +16,7 @@ from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import AFTER, slowing_of
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 
 STEP_MS, EARLIEST_MS = 5.0, -300.0
@@ -172,7 +172,7 @@ def _go_process(trials: StopTrials, who: str) -> dict[str, float]:
     if trials.correct is None or go.sum() < FEWEST_GO:
         return unknown
     right = trials.correct[go].astype(np.int8)
-    choices = Choices(
+    choices = Trials(
         np.full(len(right), who), trials.rt_ms[go] / 1000, right, None,
         pd.DataFrame(index=range(len(right))),
     )  # fmt: skip

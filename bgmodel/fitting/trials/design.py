@@ -12,8 +12,8 @@ from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.trials.sides import check_sides, name_of
 from bgmodel.fitting.trials.window import in_window
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError
 
 FAVOURS = "favours"
@@ -39,7 +39,7 @@ class Design:
         Number of trials excluded because their response time is outside the window.
     who : str
         Name of the participant, for messages.
-    choices : Choices, optional
+    choices : Trials, optional
         The trials as they were read, within the window.
     """
 
@@ -48,7 +48,7 @@ class Design:
     observed: Observed
     left_out: int = 0
     who: str = EVERYONE
-    choices: Choices | None = None
+    choices: Trials | None = None
 
     @property
     def cells(self) -> int:
@@ -86,7 +86,7 @@ class Design:
 
 
 def design_of(
-    choices: Choices,
+    choices: Trials,
     by: Sequence[str] = (),
     *,
     rt_window: tuple[float, float] | None = None,
@@ -97,8 +97,8 @@ def design_of(
 
     Parameters
     ----------
-    choices : Choices
-        Choices of one person, or of several pooled.
+    choices : Trials
+        Trials of one person, or of several pooled.
     by : sequence of str
         Columns of conditions.
     rt_window : tuple of float, s, optional
@@ -129,7 +129,7 @@ def design_of(
     return _laid(choices, by, rt_window, sides)
 
 
-def _warn_of_several(choices: Choices) -> None:
+def _warn_of_several(choices: Trials) -> None:
     """Warn if choices are of several participants."""
     people = choices.people()
     if len(people) > 1:
@@ -142,7 +142,7 @@ def _warn_of_several(choices: Choices) -> None:
 
 
 def _laid(
-    choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
+    choices: Trials, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
 ) -> Design:
     """Return the cells of choices, with the trials within the window binned on a grid."""
     response, keys = mirrored(choices), _keys(choices, by, sides)
@@ -165,7 +165,7 @@ def _laid(
     return Design(strength, conditions, observed, who=name_of(choices), choices=choices)
 
 
-def mirrored(choices: Choices) -> Integers:
+def mirrored(choices: Trials) -> Integers:
     """Return the responses, 1 on the side that the strength favours."""
     response = choices.response.astype(np.int64)
     if choices.strength is None:
@@ -173,7 +173,7 @@ def mirrored(choices: Choices) -> Integers:
     return np.where((choices.strength < 0) & (response >= 0), 1 - response, response)
 
 
-def _keys(choices: Choices, by: Sequence[str], sides: bool) -> list[tuple[Any, ...]]:
+def _keys(choices: Trials, by: Sequence[str], sides: bool) -> list[tuple[Any, ...]]:
     """Return the size of the strength, the level of each column, and the side, of each trial."""
     signed = choices.strength
     strength = np.full(choices.trials, ALONE) if signed is None else np.abs(signed)

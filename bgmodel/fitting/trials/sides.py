@@ -8,8 +8,8 @@ import numpy as np
 
 from bgmodel.deciding.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
-from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError
 
 CHANCE, ENOUGH = 2.0, 50
@@ -19,19 +19,19 @@ SAME = 0.6
 """If one response exceeds this share for both signs, it may be coded as correct or wrong."""
 
 
-def name_of(choices: Choices) -> str:
+def name_of(choices: Trials) -> str:
     """Return the participant's name for messages, "all" if there are several."""
     people = choices.people()
     return people[0] if len(people) == 1 else EVERYONE
 
 
-def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = False) -> None:
+def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False) -> None:
     """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
     Parameters
     ----------
-    choices : Choices
-        Choices of one person, or of several pooled.
+    choices : Trials
+        Trials of one person, or of several pooled.
     by : sequence of str
         Columns of conditions: each level may have another bias.
     biased : bool
@@ -83,7 +83,7 @@ def check_sides(choices: Choices, by: Sequence[str] = (), *, biased: bool = Fals
         )
 
 
-def _warn_of_no_error(choices: Choices, who: str) -> None:
+def _warn_of_no_error(choices: Trials, who: str) -> None:
     """Warn if all responses agree with strengths of both signs."""
     strength, right = choices.strength, choices.correct[np.isfinite(choices.correct)]
     if strength is None or not ((strength < 0).any() and (strength > 0).any()):
@@ -97,7 +97,7 @@ def _warn_of_no_error(choices: Choices, who: str) -> None:
         )
 
 
-def _coded(choices: Choices, share: float) -> str:
+def _coded(choices: Trials, share: float) -> str:
     """Return a hint if the more frequent response is the usual one on both sides."""
     strength = np.zeros(choices.trials) if choices.strength is None else choices.strength
     against = choices.response[(choices.response >= 0) & (strength * share < 0)]
@@ -110,7 +110,7 @@ def _coded(choices: Choices, share: float) -> str:
     )
 
 
-def _check_right(choices: Choices, who: str) -> float:
+def _check_right(choices: Trials, who: str) -> float:
     """Return by how many standard errors more responses are correct than by chance.
 
     Raises
@@ -140,7 +140,7 @@ def _check_right(choices: Choices, who: str) -> float:
     return float(z)
 
 
-def lean(choices: Choices) -> tuple[float, float]:
+def lean(choices: Trials) -> tuple[float, float]:
     """Return the bias to response 1, as a share of all responses, and its z score.
 
     Models are the same for both sides: a strength and its mirror image have the same probability of
@@ -150,8 +150,8 @@ def lean(choices: Choices) -> tuple[float, float]:
 
     Parameters
     ----------
-    choices : Choices
-        Choices of one person in one condition. Trials without a response do not count. Without
+    choices : Trials
+        Trials of one person in one condition. Trials without a response do not count. Without
         strengths, or if a strength has no mirror image, the bias is unknown: 0 and 0.
     """
     if choices.strength is None:

@@ -169,7 +169,7 @@ def fit_person(
     model : ValueModel or str
         A record, or a name in ``MODELS``.
     person : PairTrials
-        Choices, times and rewards.
+        Trials, times and rewards.
     kept : bool array (trials,), optional
         Trials whose likelihood is fitted; by default all. Values follow from all trials.
     fixed : dict, optional

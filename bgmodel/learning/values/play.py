@@ -18,7 +18,7 @@ Chooser = Callable[[Array, int], tuple[Integers, Array]]
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """Choices of several runs of one learner.
+    """Trials of several runs of one learner.
 
     Parameters
     ----------

@@ -17,8 +17,8 @@ TIE = 1e-9
 
 
 @dataclass(frozen=True)
-class Choices:
-    """Choices of every run in one trial.
+class Trials:
+    """Trials of every run in one trial.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Decider(Protocol):
 
     def choose(
         self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Choices:
+    ) -> Trials:
         """Choose in one trial of every run.
 
         Parameters
@@ -98,7 +98,7 @@ class FixedPoint:
 
     def choose(
         self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Choices:
+    ) -> Trials:
         """Choose at the first reading at which a posterior reaches the criterion."""
         runs = np.arange(len(weights))
         drive = self.gain * np.cumsum(part.values @ weights.swapaxes(1, 2), axis=1)
@@ -112,7 +112,7 @@ class FixedPoint:
         heard, read = drive[runs, last], out[runs, last]
         choice = (heard + self._disturbance(noise[:, :-1])).argmax(axis=1)
         nats = read[runs, choice] + self.read_out_sd_nats * noise[:, -1]
-        return Choices(last, choice, heard, np.exp(-nats))
+        return Trials(last, choice, heard, np.exp(-nats))
 
     def _disturbance(self, noise: Array) -> Array:
         """Return noise on the drives (runs, hypotheses) whose leader is the choice, nats."""

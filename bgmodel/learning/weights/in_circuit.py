@@ -16,7 +16,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.learning.weights.critics import Critic, ReadOutConfidence
-from bgmodel.learning.weights.deciders import Choices
+from bgmodel.learning.weights.deciders import Trials
 from bgmodel.learning.weights.features import Features, FeatureSource
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights
@@ -72,7 +72,7 @@ class InCircuit:
 
     def choose(
         self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Choices:
+    ) -> Trials:
         """Choose in one trial of every run; see ``Decider``."""
         # What the channels' weights have in common is no evidence, and can exceed their range.
         weights = weights - weights.mean(axis=1, keepdims=True)
@@ -88,7 +88,7 @@ class InCircuit:
         total = self.gain * np.cumsum(nats, axis=1)
         heard = np.where(last[:, None] < 0, 0.0, total[np.arange(len(last)), last])
         choice = np.asarray(decision.choice, dtype=np.intp)
-        return Choices(last, choice, heard, self._confidence(trace, decision))
+        return Trials(last, choice, heard, self._confidence(trace, decision))
 
     def _evidence(self, part: Features, nats: Array) -> Evidence:
         """Return learned log-likelihoods as evidence, without the warnings for users' tables."""

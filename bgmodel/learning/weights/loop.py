@@ -8,7 +8,7 @@ import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.critics import Critic, Trial
-from bgmodel.learning.weights.deciders import Choices, Decider
+from bgmodel.learning.weights.deciders import Decider, Trials
 from bgmodel.learning.weights.drift import source_at
 from bgmodel.learning.weights.features import Features, FeatureSource, check_learnable
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
@@ -114,7 +114,7 @@ class Loop:
         self._noise = np.stack([r.standard_normal((BLOCK, hypotheses + 1)) for r in self._rngs])
         self._chance = np.stack([r.random((BLOCK, 2)) for r in self._rngs])
 
-    def _seen(self, part: Features, chosen: Choices, criterion: Array, reward: Array) -> Trial:
+    def _seen(self, part: Features, chosen: Trials, criterion: Array, reward: Array) -> Trial:
         """Return the trial as critic and rule see it."""
         since = chosen.last[:, None] - np.arange(part.steps)
         kept = np.where(since >= 0, self.learner.trace_decay ** np.maximum(since, 0), 0.0)

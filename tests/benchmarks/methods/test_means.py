@@ -7,7 +7,7 @@ from benchmarks.methods.means import fit_means
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from tests.drawn import drawn
 
 # Bound, sensitivity and t0 of Palmer's closed form, and the sd at 0 % coherence that it says.
@@ -16,7 +16,7 @@ MONKEYS = {"b": (0.638, 14.1, 0.379, 0.33), "n": (0.768, 12.5, 0.280, 0.48)}
 
 @pytest.mark.parametrize("who", MONKEYS)
 def test_the_monkeys_have_their_published_parameters(who):
-    some = read_choices("roitman_shadlen_2002", strength="coherence", participant=who)
+    some = read_trials("roitman_shadlen_2002", strength="coherence", participant=who)
     design = design_of(some)
     found = fit_means(design)
     per_share = found.sensitivity * design.strength.max() / 0.512
@@ -42,7 +42,7 @@ def test_parameters_that_made_the_data_are_found():
 
 
 def test_conditions_and_trials_without_a_response_have_no_place_in_means():
-    some = read_choices("cavanagh_2011", conditions=["stimulation"])
+    some = read_trials("cavanagh_2011", conditions=["stimulation"])
     with pytest.raises(ValueError, match="knows strengths alone: leave conditions out"):
         fit_means(design_of(some, ["stimulation"]))
     late = drawn(GapModel(), [0.1, 0.3], 50, 42, deadline_s=0.5, sensitivity=8.0, bound=0.8)

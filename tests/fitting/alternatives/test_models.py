@@ -11,7 +11,7 @@ from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
 from tests.helpers import refused
@@ -112,7 +112,7 @@ def test_a_hierarchy_is_of_two_alternatives(trials):
 def test_responses_below_chance_are_refused(trials):
     shifted = trials.assign(shown=trials["shown"].map({"a": "b", "b": "c", "c": "a"}))
     with refused("response"):
-        design_of(read_choices(shifted, stimulus="shown"))
+        design_of(read_trials(shifted, stimulus="shown"))
 
 
 def test_a_simulated_model_has_as_many_parts_as_simulations(fits):

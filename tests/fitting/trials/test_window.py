@@ -13,7 +13,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.window import fence_s
-from bgmodel.tables.choices import read_choices
+from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.drawn import choices, drawn
 from tests.helpers import refused, unwarned
@@ -48,7 +48,7 @@ def test_one_late_time_sets_neither_the_grid_nor_the_lapses_nor_the_fit(late_s, 
 def test_nothing_is_left_out_of_the_published_sets():
     for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011"):
         strength = None if name.startswith("cav") else "coherence"
-        every = read_choices(name, strength=strength, conditions=["conflict"][: strength is None])
+        every = read_trials(name, strength=strength, conditions=["conflict"][: strength is None])
         for who in every.people():
             some = every.where(every.participant == who)
             with unwarned():

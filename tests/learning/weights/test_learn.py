@@ -98,7 +98,7 @@ def test_unequal_gains_shift_the_log_odds_by_the_logarithm_of_their_ratio(ratio)
 
 
 def test_overconfidence_is_the_shift_of_the_log_odds():
-    """Choices are right with log odds 0.7 nats below those of their confidence."""
+    """Trials are right with log odds 0.7 nats below those of their confidence."""
     rng = np.random.default_rng(5)
     confidence = rng.uniform(0.6, 0.99, (2, 20_000))
     right = rng.random(confidence.shape) < expit(logit(confidence) - 0.7)

@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.support.checks import Problems
-from bgmodel.tables.choices import Choices, read_choices
-from bgmodel.tables.exports import MISSING_RT, to_hssm
-from bgmodel.tables.statistics import statistics
+from bgmodel.trials.exports import MISSING_RT, to_hssm
+from bgmodel.trials.reading import read_trials
+from bgmodel.trials.record import Trials
+from bgmodel.trials.statistics import statistics
 from circuits.errors import InputError
 from tests.helpers import refused
 
@@ -46,7 +47,7 @@ READ = {"strength": "coherence", "conditions": ("cue",)}
 
 def test_a_table_comes_back_row_by_row():
     table = people()
-    found = read_choices(table, **READ)
+    found = read_trials(table, **READ)
     assert found.participant.tolist() == table["participant_id"].tolist()
     assert found.rt_s.tolist() == table["rt"].tolist()
     assert found.response.dtype == np.int8
@@ -64,10 +65,10 @@ def test_a_table_comes_back_row_by_row():
 
 
 def test_one_participant_is_read_with_the_trials_of_no_other():
-    found = read_choices(people(), **READ, participant="8")
+    found = read_trials(people(), **READ, participant="8")
     assert found.people() == ["8"]
     assert found.rt_s.tolist() == people()["rt"][30:].tolist()
-    alone = read_choices(people().drop(columns="participant_id"))
+    alone = read_trials(people().drop(columns="participant_id"))
     assert alone.people() == ["all"]
     assert alone.trials == 60
     assert alone.strength is None
@@ -75,7 +76,7 @@ def test_one_participant_is_read_with_the_trials_of_no_other():
 
 
 def test_some_of_the_trials_keep_what_belongs_to_them():
-    found, mask = read_choices(people(), **READ), np.arange(TRIALS) % 3 == 1
+    found, mask = read_trials(people(), **READ), np.arange(TRIALS) % 3 == 1
     some = found.where(mask)
     assert some.trials == 20
     assert some.rt_s.tolist() == found.rt_s[mask].tolist()
@@ -83,11 +84,11 @@ def test_some_of_the_trials_keep_what_belongs_to_them():
     assert some.conditions["cue"].tolist() == people()["cue"][mask].tolist()
     assert some.checksum != found.checksum
     assert found.where(np.ones(TRIALS, bool)).checksum == found.checksum
-    assert read_choices(people()).where(mask).conditions.shape == (20, 0)
+    assert read_trials(people()).where(mask).conditions.shape == (20, 0)
 
 
 def test_trials_without_a_response_are_values():
-    found = read_choices(silent(people(), [3, 40]), deadline_s=9.0)
+    found = read_trials(silent(people(), [3, 40]), deadline_s=9.0)
     assert np.flatnonzero(np.isnan(found.rt_s)).tolist() == [3, 40]
     assert np.flatnonzero(found.response == -1).tolist() == [3, 40]
     assert np.isnan(found.correct[[3, 40]]).all()
@@ -97,29 +98,29 @@ def test_trials_without_a_response_are_values():
 def test_a_response_at_the_deadline_is_one():
     table = people()
     latest = float(table["rt"].max())
-    assert read_choices(table, deadline_s=latest).trials == TRIALS
+    assert read_trials(table, deadline_s=latest).trials == TRIALS
 
 
 @pytest.mark.parametrize(("median", "seconds"), [(50.0, True), (50.5, False)])
 def test_times_are_taken_for_seconds_up_to_a_median_of_50(median, seconds):
     table = people().assign(rt=median + np.arange(TRIALS) - (TRIALS - 1) / 2)
     if seconds:
-        assert read_choices(table).rt_s.tolist() == table["rt"].tolist()
+        assert read_trials(table).rt_s.tolist() == table["rt"].tolist()
         return
     with refused("rt"):
-        read_choices(table)
+        read_trials(table)
 
 
 def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
-    table, known = people(), read_choices(silent(people(), [3, 40]), deadline_s=9.0)
+    table, known = people(), read_trials(silent(people(), [3, 40]), deadline_s=9.0)
     table.loc[[3, 40], "rt"] = MISSING_RT
-    assert read_choices(table, deadline_s=9.0).checksum == known.checksum
+    assert read_trials(table, deadline_s=9.0).checksum == known.checksum
     decided = silent(people(), [3, 40], undecided=people().index.isin([3, 40]))
     exported = to_hssm(
         decided.assign(forced=False, correct=decided["response"]), conditions=("cue",)
     )
     assert (exported["rt"] == MISSING_RT).sum() == 2
-    assert read_choices(exported, upper="1", deadline_s=9.0).checksum == known.checksum
+    assert read_trials(exported, upper="1", deadline_s=9.0).checksum == known.checksum
 
 
 @pytest.mark.parametrize(
@@ -128,16 +129,16 @@ def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
 def test_two_names_of_responses_are_as_good_as_0_and_1(names, upper):
     table = people()
     named = table.assign(response=np.array(names)[table["response"]])
-    assert read_choices(named, **READ, upper=upper).checksum == read_choices(table, **READ).checksum
+    assert read_trials(named, **READ, upper=upper).checksum == read_trials(table, **READ).checksum
 
 
 def test_right_is_the_side_of_the_strength():
     table = people()
     table.loc[:3, "coherence"] = [0.5, -0.5, 0.0, -0.0]
     table.loc[:3, "response"] = [1, 1, 1, 0]
-    correct = read_choices(table, strength="coherence").correct
+    correct = read_trials(table, strength="coherence").correct
     assert np.array_equal(correct[:4], [1, 0, np.nan, np.nan], equal_nan=True)
-    assert np.array_equal(read_choices(table).correct, table["response"])
+    assert np.array_equal(read_trials(table).correct, table["response"])
 
 
 @pytest.mark.parametrize(
@@ -152,14 +153,14 @@ def test_right_is_the_side_of_the_strength():
 )
 def test_the_checksum_tells_other_data_by_any_column(change):
     first, again, other = (
-        read_choices(table, **READ).checksum
+        read_trials(table, **READ).checksum
         for table in (people(), people(), people().assign(**change))
     )
     assert first == again != other
 
 
 def test_choices_that_contradict_themselves_are_refused():
-    found = read_choices(people())
+    found = read_trials(people())
     with refused("response one value per trial"):
         replace(found, rt_s=found.rt_s[1:])
     with refused("rt_s"):
@@ -230,23 +231,23 @@ BAD = {
 
 @pytest.mark.parametrize("says", BAD)
 def test_bad_tables_get_one_sentence(says):
-    read_choices(people(), **READ)
+    read_trials(people(), **READ)
     with refused(says) as raised:
-        read_choices(BAD[says](people()), **READ)
+        read_trials(BAD[says](people()), **READ)
     assert str(raised.value).startswith("a table: ")
     assert "\n" not in str(raised.value)
 
 
 def test_a_participant_may_be_a_number():
     numbered = people().assign(participant_id=np.repeat([1, 2], TRIALS // 2))
-    assert read_choices(numbered, **READ, participant=1).people() == ["1"]
+    assert read_trials(numbered, **READ, participant=1).people() == ["1"]
 
 
 @pytest.mark.parametrize("code", ["NA", "n/a", "nan"])
 def test_a_missing_code_is_no_level_of_a_condition(code):
     cues = [code, *people()["cue"][1:]]
     with refused("cue given for every trial"):
-        read_choices(people().assign(cue=cues), **READ)
+        read_trials(people().assign(cue=cues), **READ)
 
 
 @pytest.mark.parametrize(
@@ -266,7 +267,7 @@ def test_a_missing_code_is_no_level_of_a_condition(code):
 )
 def test_options_that_do_not_fit_the_table_get_one_sentence(options, says):
     with refused(says):
-        read_choices(people(), **options)
+        read_trials(people(), **options)
 
 
 def test_a_third_name_of_a_response_is_found():
@@ -274,16 +275,16 @@ def test_a_third_name_of_a_response_is_found():
     names = np.array(["left", "right"], dtype=object)[table["response"]]
     names[50] = "Left"
     with refused("response must be one of two names, such as .* got 'Left' in row 50"):
-        read_choices(table.assign(response=names), upper="left")
+        read_trials(table.assign(response=names), upper="left")
     with refused("upper"):
-        read_choices(table.assign(response=np.where(table["response"], "left", "right")), upper="L")
+        read_trials(table.assign(response=np.where(table["response"], "left", "right")), upper="L")
 
 
 def test_the_row_of_an_error_is_that_of_the_users_table():
     table = at("rt", 40, -1.0)(people())
     with refused("rt"):
-        read_choices(table.set_index(np.arange(TRIALS) + 1000), participant="8")
-    assert read_choices(table, participant="007").trials == 30
+        read_trials(table.set_index(np.arange(TRIALS) + 1000), participant="8")
+    assert read_trials(table, participant="007").trials == 30
 
 
 names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(
@@ -323,7 +324,7 @@ def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
         table.to_parquet(path)
     else:
         table.to_csv(path, index=False, sep="\t" if ending == ".tsv" else ",")
-    found, known = read_choices(path, **ALL), read_choices(table, **ALL)
+    found, known = read_trials(path, **ALL), read_trials(table, **ALL)
     assert found.source == f"mine{ending}"
     assert found.checksum == known.checksum
     assert np.array_equal(found.rt_s, known.rt_s, equal_nan=True)
@@ -335,11 +336,11 @@ def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
 @given(table=tables(), seed=st.integers(0, 2**31))
 def test_the_order_of_rows_changes_no_statistic(table, seed):
     shuffled = table.sample(frac=1, random_state=seed)
-    found, known = (statistics(read_choices(t, **ALL)) for t in (shuffled, table))
+    found, known = (statistics(read_trials(t, **ALL)) for t in (shuffled, table))
     pd.testing.assert_frame_equal(found, known, rtol=1e-12)
-    one, other = read_choices(shuffled, **ALL), read_choices(table, **ALL)
+    one, other = read_trials(shuffled, **ALL), read_trials(table, **ALL)
     assert one.summary() == other.summary()
-    assert isinstance(one, Choices)
+    assert isinstance(one, Trials)
 
 
 def test_problems_of_several_columns_are_in_one_message():
@@ -348,7 +349,7 @@ def test_problems_of_several_columns_are_in_one_message():
          "strength": ["", *["1"] * 29], "kind": ["a"] * 29 + [""]}
     )  # fmt: skip
     with pytest.raises(InputError) as caught:
-        read_choices(table, strength="strength", conditions=["kind"])
+        read_trials(table, strength="strength", conditions=["kind"])
     said = str(caught.value)
     assert caught.value.field == "rt"
     for column in ("rt must", "response must", "strength must", "kind must"):
@@ -358,7 +359,7 @@ def test_problems_of_several_columns_are_in_one_message():
         assert f"{column} must" in said
         table.loc[29 if column == "kind" else 0, column] = fixed
     with pytest.raises(InputError) as caught:
-        read_choices(table[["rt", "strength"]].rename(columns={"rt": "time"}))
+        read_trials(table[["rt", "strength"]].rename(columns={"rt": "time"}))
     assert all(name in str(caught.value) for name in ("rt", "response"))
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
 from tests.helpers import refused, some_evidence
 
 
@@ -33,7 +33,7 @@ def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), 0.1)
     found = trial_table(
-        decision, Trials(evidence, list("abc"), own), model="m", condition=condition
+        decision, NamedEvidence(evidence, list("abc"), own), model="m", condition=condition
     )
     for name in ("participant_id", "trial", "block"):
         assert found[name].tolist() == own[name].tolist()
@@ -52,7 +52,7 @@ def test_a_choice_is_correct_if_it_is_the_truth_and_unknown_without_a_truth(know
     drawn = some_evidence(trials=60, steps=4)
     evidence = drawn if known else Evidence(drawn.log_likelihood)
     decision = first_crossing(Msprt().run(evidence), 0.3)
-    found = trial_table(decision, Trials(evidence, list("abc")), model="m")
+    found = trial_table(decision, NamedEvidence(evidence, list("abc")), model="m")
     assert found["response"].tolist() == ["abc"[choice] for choice in decision.choice]
     assert not found["undecided"].any()
     if known:
@@ -69,10 +69,10 @@ def test_a_summary_says_from_how_few_readings_to_how_many():
     lengths = np.array([4, 2, 3])
     values = drawn.log_likelihood * (np.arange(4) < lengths[:, None])[..., None]
     ragged = Evidence(values, drawn.truth, lengths=lengths)
-    one, several = (Trials(e, list("abc")).summary() for e in (drawn, ragged))
+    one, several = (NamedEvidence(e, list("abc")).summary() for e in (drawn, ragged))
     assert one == "read 3 trials of 4 readings, hypotheses a, b, c"
     assert several == "read 3 trials of 2 to 4 readings, hypotheses a, b, c"
-    left = Trials(drawn, list("abc"), varying=["eye_x", "eye_y"]).summary()
+    left = NamedEvidence(drawn, list("abc"), varying=["eye_x", "eye_y"]).summary()
     assert left == f"{one}; columns that change within a trial are left out: eye_x, eye_y"
 
 
@@ -80,4 +80,4 @@ def test_a_table_of_trials_holds_one_threshold():
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), [0.1, 0.2])
     with refused("decision"):
-        trial_table(decision, Trials(evidence, list("abc")), model="m")
+        trial_table(decision, NamedEvidence(evidence, list("abc")), model="m")

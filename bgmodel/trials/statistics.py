@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from bgmodel.tables.choices import Choices
+from bgmodel.trials.record import Trials
 
 QUANTILES = (0.1, 0.5, 0.9)
 
 
-def statistics(choices: Choices) -> pd.DataFrame:
+def statistics(choices: Trials) -> pd.DataFrame:
     """Return accuracy and times of each participant in each condition.
 
     Parameters
     ----------
-    choices : Choices
+    choices : Trials
         The trials.
 
     Returns
@@ -23,7 +23,7 @@ def statistics(choices: Choices) -> pd.DataFrame:
     DataFrame
         One row per participant, condition and size of the strength: participant_id, the
         conditions, strength (absolute value, if given), trials, missing (trials without a
-        response), accuracy (proportion correct, as in ``Choices.correct``; NaN if unknown),
+        response), accuracy (proportion correct, as in ``Trials.correct``; NaN if unknown),
         mean_s, sd_s, q10_s, q50_s and q90_s: mean, standard deviation
         and quantiles of the times of all responses, s.
     """

@@ -27,7 +27,7 @@ def _no_columns() -> pd.DataFrame:
 
 
 @dataclass(frozen=True)
-class Trials:
+class NamedEvidence:
     """Evidence, the names of its hypotheses, and further columns of a table.
 
     Parameters
@@ -52,7 +52,7 @@ class Trials:
         count = check_evidence(self.evidence).hypotheses
         require(len(self.names) == count, "names", f"must be of {count} hypotheses", self.names)
 
-    def where(self, chosen: Truths) -> Trials:
+    def where(self, chosen: Truths) -> NamedEvidence:
         """Return a subset of the trials."""
         columns = self.columns[chosen].reset_index(drop=True) if len(self.columns) else self.columns
         return replace(self, evidence=self.evidence[chosen], columns=columns)
@@ -70,7 +70,7 @@ class Trials:
 
 def trial_table(
     decision: Decision,
-    trials: Trials,
+    trials: NamedEvidence,
     *,
     seed: int | None = None,
     model: str,
@@ -82,7 +82,7 @@ def trial_table(
     ----------
     decision : Decision
         Decisions at one threshold.
-    trials : Trials
+    trials : NamedEvidence
         Trials of the evidence.
     seed : int, optional
         Seed, if anything was random.
@@ -106,8 +106,8 @@ def trial_table(
     """
     import pandas as pd
 
-    is_trials = isinstance(trials, Trials)
-    require(is_trials, "trials", "must be Trials(evidence, names)", type(trials).__name__)
+    is_trials = isinstance(trials, NamedEvidence)
+    require(is_trials, "trials", "must be NamedEvidence(evidence, names)", type(trials).__name__)
     shape = decision.choice.shape
     require(len(shape) == 1, "decision", "must be at one threshold, (trials,)", shape)
     evidence = trials.evidence

@@ -8,9 +8,9 @@ import pytest
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.tables.choices import read_choices
-from bgmodel.tables.exports import to_hssm, to_pyddm
-from bgmodel.tables.trials import Trials, trial_table
+from bgmodel.tables.named import NamedEvidence, trial_table
+from bgmodel.trials.exports import to_hssm, to_pyddm
+from bgmodel.trials.reading import read_trials
 from tests.helpers import refused
 
 
@@ -21,7 +21,7 @@ def table():
     for name, threshold in (("speed", 0.2), ("accuracy", 0.05)):
         evidence = separated_evidence(200, 12, 0.5, rng=stream(4, "exports"), step_ms=100.0)
         decision = first_crossing(Msprt().run(evidence), threshold, forced=False)
-        trials = Trials(evidence, ["left", "right"])
+        trials = NamedEvidence(evidence, ["left", "right"])
         parts.append(trial_table(decision, trials, model="msprt", condition=name))
     return pd.concat(parts, ignore_index=True)
 
@@ -120,7 +120,7 @@ def choices():
         }
     )
     table.loc[[3, 50], ["rt", "response"]] = np.nan
-    return read_choices(table, strength="coherence", conditions=["cue"], deadline_s=1.0)
+    return read_trials(table, strength="coherence", conditions=["cue"], deadline_s=1.0)
 
 
 def test_choices_are_missing_trials_to_hssm_and_come_back_from_it(choices):
@@ -132,7 +132,7 @@ def test_choices_are_missing_trials_to_hssm_and_come_back_from_it(choices):
     assert not given.isna().any(axis=None)
     # HSSM's lower response is -1, that of a table of choices 0.
     back = given.assign(response=(given["response"] == 1).astype(int))
-    same = read_choices(back, strength="strength", conditions=["cue"], deadline_s=1.0)
+    same = read_trials(back, strength="strength", conditions=["cue"], deadline_s=1.0)
     assert same.checksum == choices.checksum
 
 

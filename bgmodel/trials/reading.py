@@ -1,20 +1,13 @@
-"""Choice and response-time data, one row per trial."""
+"""The reader of trials: tables, files, shipped sets."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import Problems, path_of
-from bgmodel.support.reprs import Facts, span
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.cautions import (
     FIT_STOPS,
@@ -44,146 +37,11 @@ from bgmodel.tables.columns import (
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped
 from bgmodel.tables.text_files import read_rows
+from bgmodel.trials.record import Trials
 from circuits.errors import InputError, require, within
 
-__all__ = ["Choices", "read_choices", "shipped"]
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Choices(Facts):
-    """Choices between two or more alternatives, and their times.
-
-    Parameters
-    ----------
-    participant : (trials,) text
-        The participant of each trial.
-    rt_s : (trials,) float64
-        Time from onset to response, s; NaN without a response.
-    response : (trials,) int8
-        1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
-        and 0 any of the wrong ones.
-    strength : (trials,) float64 or None
-        Signed strength of the evidence: positive favours response 1. With more than two
-        alternatives it favours the correct one, and is 0 or more.
-    conditions : DataFrame
-        One row per trial, columns of text; possibly without columns.
-    deadline_s : float or None
-        Time at which a trial without a response ended, s.
-    source : str
-        The source: a file name, the name of a shipped set, or "a table".
-    alternatives : int
-        Number of alternatives, from 2 to 12.
-
-    Attributes
-    ----------
-    checksum : str
-        SHA-256, in hexadecimal, of all fields above except the source.
-
-    Raises
-    ------
-    ValueError
-        If columns differ in length, a response has another value, or a time is given without a
-        response or the reverse.
-    """
-
-    participant: npt.NDArray[np.str_]
-    rt_s: Array
-    response: npt.NDArray[np.int8]
-    strength: Array | None
-    conditions: pd.DataFrame
-    deadline_s: float | None = None
-    source: str = "a table"
-    alternatives: int = 2
-    checksum: str = field(init=False)
-
-    def __post_init__(self) -> None:
-        lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
-        lengths += [] if self.strength is None else [len(self.strength)]
-        if len(set(lengths)) > 1:
-            raise InputError(f"choices need one value per trial, got {lengths}", "response")
-        coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
-        require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
-        if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
-            raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
-        several.check_number(self.alternatives)
-        if self.alternatives > 2 and self.strength is not None and (self.strength < 0).any():
-            must = "must be 0 or more with more than two alternatives: it favours the correct one"
-            raise InputError.of("strength", must, float(self.strength.min()))
-        object.__setattr__(self, "checksum", self._digest())
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self.rt_s)
-
-    @property
-    def correct(self) -> Array:
-        """Whether a response is correct, (trials,): 1, 0, or NaN if unknown.
-
-        The correct side is that of the strength; without strengths, and with more than two
-        alternatives, it is response 1.
-        """
-        side = np.ones(self.trials)
-        if self.strength is not None and self.alternatives == 2:
-            side = np.sign(self.strength)
-        right = (self.response == 1) == (side > 0)
-        return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
-
-    def where(self, mask: Truths) -> Choices:
-        """Return a subset of the trials.
-
-        Parameters
-        ----------
-        mask : (trials,) bool
-            Which trials to keep.
-        """
-        return replace(
-            self,
-            participant=self.participant[mask],
-            rt_s=self.rt_s[mask],
-            response=self.response[mask],
-            strength=None if self.strength is None else self.strength[mask],
-            conditions=self.conditions.loc[mask].reset_index(drop=True),
-        )
-
-    def people(self) -> list[str]:
-        """Return the participants, sorted."""
-        return sorted({str(name) for name in self.participant})
-
-    def facts(self) -> dict[str, str]:
-        """Return the numbers of trials, participants and responses, and the range of times."""
-        known = {"source": self.source, "trials": f"{self.trials}"}
-        known["participants"] = f"{len(self.people())}"
-        for code in (1, 0, NO_RESPONSE):
-            count = np.sum(self.response == code)
-            known["no response" if code == NO_RESPONSE else f"responses {code}"] = f"{count}"
-        return {**known, "rt_s": span(self.rt_s)}
-
-    def summary(self) -> str:
-        """Return one sentence: trials, participants, responses and times."""
-        known, who = self.facts(), len(self.people())
-        end = "" if self.deadline_s is None else f" by {self.deadline_s:g} s"
-        return (
-            f"{self.source}: {self.trials} trials of {who} participant{'s' * (who != 1)}, response "
-            f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
-            f"{known['no response']}, times {known['rt_s']} s"
-        )
-
-    def _digest(self) -> str:
-        texts = {name: self.conditions[name].tolist() for name in self.conditions}
-        digest = hashlib.sha256()
-        plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
-        plain += [self.alternatives] if self.alternatives > 2 else []
-        digest.update(json.dumps(plain).encode())
-        for values in (self.rt_s, self.response, self.strength):
-            if values is not None:
-                # One NaN and one zero.
-                same = np.where(np.isnan(values), np.nan, values + 0.0)
-                digest.update(same.astype("<f8").tobytes())
-        return digest.hexdigest()
-
-
-def read_choices(
+def read_trials(
     source: str | Path | pd.DataFrame,
     *,
     strength: str | None = None,
@@ -197,7 +55,7 @@ def read_choices(
     rt_unit: str = "s",
     alternatives: int | None = None,
     stimulus: str | None = None,
-) -> Choices:
+) -> Trials:
     """Read a table of choices and response times; no trial is left out.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
@@ -238,7 +96,7 @@ def read_choices(
 
     Returns
     -------
-    Choices
+    Trials
         The trials, in the order of the table.
 
     Raises
@@ -285,7 +143,7 @@ def read_choices(
         if signed is not None:
             warn_of_far(signed)
             warn_of_units(signed)
-        found = Choices(
+        found = Trials(
             participants(table),
             rt_s,
             chosen,
@@ -322,7 +180,7 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     return path.name, read_rows(path)
 
 
-def _check_cells(choices: Choices) -> None:
+def _check_cells(choices: Trials) -> None:
     """Raise ValueError if a participant has too few trials in a condition."""
     keys = pd.DataFrame({"participant": choices.participant}).join(choices.conditions)
     for _, cell in keys.groupby(list(keys), sort=False):
@@ -335,7 +193,7 @@ def _check_cells(choices: Choices) -> None:
             )
 
 
-def _check_both_chosen(choices: Choices) -> None:
+def _check_both_chosen(choices: Trials) -> None:
     """Raise ValueError if a participant gave only one of the two responses, or none."""
     for who in choices.people():
         mine = choices.response[choices.participant == who]

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.tables.choices import Choices
-from bgmodel.tables.statistics import statistics
+from bgmodel.trials.record import Trials
+from bgmodel.trials.statistics import statistics
 
 
 def test_each_cell_has_its_own_accuracy_and_times():
-    choices = Choices(
+    choices = Trials(
         participant=np.array(["b", "a", "b", "b", "b"]),
         rt_s=np.array([0.4, 0.9, 0.6, np.nan, 0.8]),
         response=np.array([1, 0, 1, -1, 0], dtype=np.int8),
@@ -31,7 +31,7 @@ def test_each_cell_has_its_own_accuracy_and_times():
 
 
 def test_a_cell_without_a_response_has_no_times():
-    silent = Choices(
+    silent = Trials(
         np.array(["a"]), np.array([np.nan]), np.array([-1], np.int8), None, pd.DataFrame(index=[0])
     )
     (row,) = statistics(silent).to_dict("records")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import MISSING_RT
+from bgmodel.trials.record import Trials
 from circuits.errors import InputError, require
 
 __all__ = ["MISSING_RT", "to_hssm", "to_pyddm"]
@@ -22,7 +22,7 @@ CONDITIONS = ("condition",)
 
 
 def to_pyddm(
-    table: pd.DataFrame | Choices,
+    table: pd.DataFrame | Trials,
     *,
     upper: str | None = None,
     conditions: Sequence[str] | None = None,
@@ -31,8 +31,8 @@ def to_pyddm(
 
     Parameters
     ----------
-    table : DataFrame or Choices
-        As from ``tables.trial_table``, two alternatives; or as from ``tables.read_choices``.
+    table : DataFrame or Trials
+        As from ``tables.trial_table``, two alternatives; or as from ``tables.read_trials``.
     upper : str, optional
         Name of the response that counts as 1, the other being 0; by default 1 is correct and 0 an
         error. Not for choices, which are coded already.
@@ -52,7 +52,7 @@ def to_pyddm(
         If a column is absent, ``upper`` is not one of two responses or is given with choices, or
         it is unknown what is correct.
     """
-    if isinstance(table, Choices):
+    if isinstance(table, Trials):
         own = _own(table, upper, conditions)
         if len(table.people()) > 1:
             own = {"participant_id": table.participant, **own}
@@ -65,7 +65,7 @@ def to_pyddm(
 
 
 def to_hssm(
-    table: pd.DataFrame | Choices,
+    table: pd.DataFrame | Trials,
     *,
     upper: str | None = None,
     conditions: Sequence[str] | None = None,
@@ -90,7 +90,7 @@ def to_hssm(
     ValueError
         As for ``to_pyddm``.
     """
-    if isinstance(table, Choices):
+    if isinstance(table, Trials):
         own = _own(table, upper, conditions)
         who = pd.Series(table.participant)
         columns = {
@@ -111,7 +111,7 @@ def to_hssm(
     return pd.DataFrame(columns | _conditions(table, names))
 
 
-def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
+def _own(choices: Trials, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
     """Return strength and conditions of choices as columns."""
     if upper is not None:
         raise InputError("choices already define which response is 1: leave upper out", "upper")

@@ -1,0 +1,1 @@
+"""Trials of people, animals and models: one record, one reader, one set of guards."""

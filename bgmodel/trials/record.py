@@ -1,0 +1,159 @@
+"""One row per trial: choices and their times, stop signals, rewards."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.reprs import Facts, span
+from bgmodel.tables import alternatives as several
+from bgmodel.tables.columns import NO_RESPONSE
+from circuits.errors import InputError, require
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trials(Facts):
+    """Trials of one person or more, in the order in which they were run.
+
+    Parameters
+    ----------
+    participant : (trials,) text
+        The participant of each trial.
+    rt_s : (trials,) float64
+        Time from onset to response, s; NaN without a response.
+    response : (trials,) int8
+        1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
+        and 0 any of the wrong ones.
+    strength : (trials,) float64 or None
+        Signed strength of the evidence: positive favours response 1. With more than two
+        alternatives it favours the correct one, and is 0 or more.
+    conditions : DataFrame
+        One row per trial, columns of text; possibly without columns.
+    deadline_s : float or None
+        Time at which a trial without a response ended, s.
+    source : str
+        The source: a file name, the name of a shipped set, or "a table".
+    alternatives : int
+        Number of alternatives, from 2 to 12.
+    ssd_s : (trials,) float64, optional
+        Stop-signal delay of each trial, s; NaN in go trials.
+    reward : (trials,) float64, optional
+        Reward of each trial.
+
+    Attributes
+    ----------
+    checksum : str
+        SHA-256, in hexadecimal, of all fields above except the source.
+
+    Raises
+    ------
+    ValueError
+        If columns differ in length, a response has another value, or a time is given without a
+        response or the reverse.
+    """
+
+    participant: npt.NDArray[np.str_]
+    rt_s: Array
+    response: npt.NDArray[np.int8]
+    strength: Array | None
+    conditions: pd.DataFrame
+    deadline_s: float | None = None
+    source: str = "a table"
+    alternatives: int = 2
+    ssd_s: Array | None = None
+    reward: Array | None = None
+    checksum: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
+        lengths += [len(each) for each in self._more.values() if each is not None]
+        if len(set(lengths)) > 1:
+            raise InputError(f"choices need one value per trial, got {lengths}", "response")
+        coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
+        require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
+        if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
+            raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
+        several.check_number(self.alternatives)
+        if self.alternatives > 2 and self.strength is not None and (self.strength < 0).any():
+            must = "must be 0 or more with more than two alternatives: it favours the correct one"
+            raise InputError.of("strength", must, float(self.strength.min()))
+        object.__setattr__(self, "checksum", self._digest())
+
+    @property
+    def _more(self) -> dict[str, Array | None]:
+        """Columns that a table may lack."""
+        return {"strength": self.strength, "ssd_s": self.ssd_s, "reward": self.reward}
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.rt_s)
+
+    @property
+    def correct(self) -> Array:
+        """Whether a response is correct, (trials,): 1, 0, or NaN if unknown.
+
+        The correct side is that of the strength; without strengths, and with more than two
+        alternatives, it is response 1.
+        """
+        side = np.ones(self.trials)
+        if self.strength is not None and self.alternatives == 2:
+            side = np.sign(self.strength)
+        right = (self.response == 1) == (side > 0)
+        return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
+
+    def where(self, mask: Truths) -> Trials:
+        """Return a subset of the trials.
+
+        Parameters
+        ----------
+        mask : (trials,) bool
+            Which trials to keep.
+        """
+        own = ("participant", "rt_s", "response", *self._more)
+        given = {name: getattr(self, name) for name in own}
+        parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in given.items()}
+        return replace(self, conditions=self.conditions.loc[mask].reset_index(drop=True), **parts)
+
+    def people(self) -> list[str]:
+        """Return the participants, sorted."""
+        return sorted({str(name) for name in self.participant})
+
+    def facts(self) -> dict[str, str]:
+        """Return the numbers of trials, participants and responses, and the range of times."""
+        known = {"source": self.source, "trials": f"{self.trials}"}
+        known["participants"] = f"{len(self.people())}"
+        for code in (1, 0, NO_RESPONSE):
+            count = np.sum(self.response == code)
+            known["no response" if code == NO_RESPONSE else f"responses {code}"] = f"{count}"
+        return {**known, "rt_s": span(self.rt_s)}
+
+    def summary(self) -> str:
+        """Return one sentence: trials, participants, responses and times."""
+        known, who = self.facts(), len(self.people())
+        end = "" if self.deadline_s is None else f" by {self.deadline_s:g} s"
+        return (
+            f"{self.source}: {self.trials} trials of {who} participant{'s' * (who != 1)}, response "
+            f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
+            f"{known['no response']}, times {known['rt_s']} s"
+        )
+
+    def _digest(self) -> str:
+        texts = {name: self.conditions[name].tolist() for name in self.conditions}
+        digest = hashlib.sha256()
+        plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
+        plain += [self.alternatives] if self.alternatives > 2 else []
+        digest.update(json.dumps(plain).encode())
+        for values in (self.rt_s, self.response, *self._more.values()):
+            if values is not None:
+                # One NaN and one zero.
+                same = np.where(np.isnan(values), np.nan, values + 0.0)
+                digest.update(same.astype("<f8").tobytes())
+        return digest.hexdigest()
