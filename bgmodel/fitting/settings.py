@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bgmodel.support.checks import check_flag, check_positive, whole
-from circuits.errors import InputError
+from bgmodel.tables.columns import named_participant
+from bgmodel.trials.reading import OURS, Columns, read_trials
+from bgmodel.trials.record import Trials
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +20,6 @@ if TYPE_CHECKING:
     from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
-    from bgmodel.trials.record import Trials
     from circuits.circuit import Circuit
 
 ADDED = "+"
@@ -34,23 +36,8 @@ class FitSettings:
     """The participant to fit; by default each is fitted separately."""
     pooled: bool = False
     """Fit all participants as if they were one."""
-    upper: str | None = None
-    """Name of the response that counts as 1, if responses are not 1 and 0."""
-    deadline_s: float | None = None
-    """Time at which a trial without a response ended, s."""
-    rt: str | None = None
-    """Column of response times, if it is not called rt."""
-    response: str | None = None
-    """Column of responses, if it is not called response."""
-    participant_column: str | None = None
-    """Column of participants, if it is not called participant_id."""
-    rt_unit: str = "s"
-    """Unit of response times in the table: s or ms."""
-    alternatives: int | None = None
-    """Number of alternatives, if there are more than two and the table does not name them."""
-    stimulus: str | None = None
-    """Column of the correct alternative, in the words of the responses, which are then coded as
-    correct or wrong."""
+    columns: Columns = OURS
+    """Names, units and codes of the columns of the table."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; 0 and inf keep all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
@@ -81,13 +68,11 @@ class FitSettings:
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-        from bgmodel.tables.alternatives import check_number
         from circuits.engines import engine_of
 
         engine_of(self.engine)
         check_flag("pooled", self.pooled)
-        if self.alternatives is not None:
-            check_number(self.alternatives)
+        require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
         check_positive(noise_nats=self.noise_nats)
@@ -96,7 +81,7 @@ class FitSettings:
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
 
     @property
-    def columns(self) -> list[str]:
+    def by(self) -> list[str]:
         """Columns of the table that define conditions."""
         varied = {each.partition("/")[0] for each in self.varied.values()}
         return sorted(varied.union(*(each.columns for each in self.formulas.values())))
@@ -160,27 +145,33 @@ class FitSettings:
         default = default if any(added) else []
         return list(dict.fromkeys([*default, *named])) or None
 
-    def read(self, data: str | Path | pd.DataFrame) -> Trials:
-        """Return the trials of a table; arguments as for ``tables.choices.read_trials``."""
-        from bgmodel.trials.reading import read_trials
+    def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
+        """Return the trials of a table, with the conditions of the fit, or those that are given.
 
-        choices = read_trials(
-            data,
-            strength=self.strength,
-            conditions=self.columns,
-            participant=self.participant,
-            deadline_s=self.deadline_s,
-            upper=self.upper,
-            rt=self.rt,
-            response=self.response,
-            participant_column=self.participant_column,
-            rt_unit=self.rt_unit,
-            alternatives=self.alternatives,
-            stimulus=self.stimulus,
-        )
+        Raises
+        ------
+        ValueError
+            As for ``read_trials``, and for options of reading that trials, once read, ignore.
+        """
+        if isinstance(data, Trials):
+            for name, usual in (("strength", None), ("columns", OURS)):
+                said = f"{name} has no effect on trials that are read: give it to read_trials"
+                if getattr(self, name) != usual:
+                    raise InputError(said, name)
+            lacking = [name for name in self.by if name not in data.conditions]
+            must = "must be read with the trials: read_trials(..., conditions=...)"
+            require(not lacking, "conditions", must, lacking)
+            who = data.participant
+            mine = who == (named_participant(self.participant, who) if self.participant else who)
+            trials = data.where(mine)
+        else:
+            trials = read_trials(
+                data, strength=self.strength, conditions=self.by, participant=self.participant,
+                columns=self.columns,
+            )  # fmt: skip
         if not self.pooled:
-            _check_within(choices)
-        return choices
+            _check_within(trials)
+        return trials
 
     def people(self, choices: Trials) -> list[tuple[str, Trials]]:
         """Return the trials of each person to fit, or of all pooled."""
@@ -196,7 +187,7 @@ class FitSettings:
         named = {*self.named, *self.varied, *self.fixed, *self.formulas}
         sides = not named.isdisjoint(SIDED)
         return design_of(
-            choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
+            choices, self.by, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )
 
     def model(
@@ -234,7 +225,7 @@ class FitSettings:
 
         if isinstance(model, TrialModel):
             return model
-        number = alternatives or self.alternatives or 2
+        number = alternatives or self.columns.alternatives or 2
         if number > 2:
             named = (*self.named, *self.fixed, *self.varied, *self.formulas)
             check_many(model, self.mechanism, named, number)

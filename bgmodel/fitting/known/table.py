@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from bgmodel.tables.columns import (
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import SEPARATORS, read_rows
+from bgmodel.trials.reading import OURS, Columns
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
@@ -69,11 +70,7 @@ def read_known(
     step_ms: float | None = None,
     forced: bool = False,
     participant: str | None = None,
-    upper: str | None = None,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-    rt_unit: str = "s",
+    columns: Columns = OURS,
 ) -> KnownTrials:
     """Read choices, response times and the readings of each trial.
 
@@ -96,12 +93,10 @@ def read_known(
         Whether the last reading of a trial forces a response.
     participant : str, optional
         The participant, if there are several.
-    upper : str, optional
-        The alternative coded as response 1, if there are two and responses are 1 and 0.
-    rt, response, participant_column : str, optional
-        Names of these columns of ``data``, if they have others.
-    rt_unit : str
-        Unit of response times: s or ms. Times of readings are in s.
+    columns : Columns
+        Names, unit and codes of the columns of ``data``: rt, response, participant, rt_unit and
+        upper (the alternative coded as response 1, if there are two and responses are 1 and 0).
+        Times of readings are in s.
 
     Raises
     ------
@@ -115,13 +110,14 @@ def read_known(
         If the evidence has trials that are not in ``data``.
     """
     name, table = _table(data, "data")
-    table = renamed(table, rt=rt, response=response, participant_column=participant_column)
+    _check_used(columns)
+    table = _named(table, columns)
     table = _of_participant(_checked(table, name), participant)
     readings = _read_evidence(evidence, step_ms, participant)
     order = _matched(table, readings)
-    rt_s = times(table["rt"], rt_unit)
+    rt_s = times(table["rt"], columns.rt_unit)
     check_one_unit(rt_s)
-    choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
+    choice = _choices(table["response"], np.isnan(rt_s), readings.names, columns.upper)
     _check_sides(readings.log_likelihood[order], readings.time_s[order], choice, rt_s)
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
@@ -145,10 +141,25 @@ def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: A
         )
 
 
-def people_of(data: Source, participant_column: str | None = None) -> Sequence[str | None]:
+def _named(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
+    """Return a table of trials with our names of columns."""
+    given = {name: getattr(columns, name) for name in ("rt", "response", "participant")}
+    return renamed(table, **given)
+
+
+def _check_used(columns: Columns) -> None:
+    """Raise ValueError for a setting of columns that has no effect."""
+    used = ("rt", "response", "participant", "rt_unit", "upper")
+    for each in fields(columns):
+        if each.name not in used and getattr(columns, each.name) != each.default:
+            said = f"{each.name} has no effect with evidence: leave it out"
+            raise InputError(said, each.name)
+
+
+def people_of(data: Source, columns: Columns = OURS) -> Sequence[str | None]:
     """Return the participants of a table of trials; one None if it names none."""
     name, table = _table(data, "data")
-    table = renamed(table, participant_column=participant_column)
+    table = renamed(table, participant=columns.participant)
     if "participant_id" not in _checked(table, name, ()):
         return [None]
     return sorted({_text(each) for each in table["participant_id"]})
