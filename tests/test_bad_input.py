@@ -83,6 +83,7 @@ ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
     "negative": -1, "huge": 1e30, "array": np.zeros((2, 2)),
 }  # fmt: skip
+NAMES_OF_COLUMNS = ("rt", "response", "participant", "ssd", "trial_type", "upper", "stimulus")
 LEGAL = {
     "seed": ["huge"],
     "BasalGanglia seed": ["None"],
@@ -110,7 +111,8 @@ LEGAL = {
     "boundary_separation": ["huge", "array"],
     "first_crossing thresholds": ["array"],
     "fit folder": ["text"],
-    **{name: ["huge"] for name in ("most_draws", "chains_seed", "workers")},
+    **{f"Columns {name}": ["text"] for name in NAMES_OF_COLUMNS},
+    "Columns deadline_s": ["huge"],
     "names": ODD,
     "check_seed": ["huge"],
 }

@@ -110,9 +110,8 @@ class Columns:
             require(named, name, "must be the name of a column", given)
         named = self.upper is None or isinstance(self.upper, str)
         require(named, "upper", "must be the name of a response", self.upper)
-        require(
-            self.rt_unit in UNITS, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit
-        )
+        known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
+        require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
         check_flag("restore_delays", self.restore_delays)
         if self.alternatives is not None:
             several.check_number(self.alternatives)
