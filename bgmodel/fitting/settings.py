@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
-from bgmodel.trials.record import Trials
+from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -169,6 +169,10 @@ class FitSettings:
                 data, strength=self.strength, conditions=self.by, participant=self.participant,
                 columns=self.columns,
             )  # fmt: skip
+        for name, column in self.varied.items():
+            if is_covariate(trials.conditions[column.partition("/")[0]]):
+                instead = f"give it a formula, {name} ~ {column}"
+                raise InputError(f"{column} has too many values for vary: {instead}", "vary")
         if not self.pooled:
             _check_within(trials)
         return trials
@@ -327,7 +331,32 @@ class FitSettings:
             must = "must be 2 in a hierarchical fit: fit each person separately"
             raise InputError.of("alternatives", must, number)
         largest = max(float(each.strength.max()) for each in designs.values())
-        return {who: self.likelihood(each, model, largest) for who, each in designs.items()}
+        found = {who: self.likelihood(each, model, largest) for who, each in designs.items()}
+        return shared_ranges(found)
+
+
+def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood]:
+    """Return likelihoods whose coefficients have one range: the widest of any person.
+
+    The range of a slope follows from the values of its covariate, which differ between people.
+    """
+    import numpy as np
+
+    every = [each.freedom for each in likelihoods.values()]
+    if len({tuple(each.names) for each in every}) > 1:
+        return dict(likelihoods)  # people with other levels, which the hierarchy refuses
+    low, high = (
+        np.min([each.low for each in every], axis=0),
+        np.max([each.high for each in every], axis=0),
+    )
+    found = {}
+    for who, each in likelihoods.items():
+        moved = tuple(
+            replace(one, parameter=replace(one.parameter, low=float(a), high=float(b)))
+            for one, a, b in zip(each.freedom.moved, low, high, strict=True)
+        )
+        found[who] = replace(each, freedom=replace(each.freedom, moved=moved))
+    return found
 
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}

@@ -50,7 +50,7 @@ from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
-from bgmodel.trials.record import Trials
+from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import DataWarning, InputError, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
@@ -351,7 +351,8 @@ def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd
 
 def _check_cells(choices: Trials) -> None:
     """Raise ValueError if a participant has too few trials in a condition."""
-    keys = pd.DataFrame({"participant": choices.participant}).join(choices.conditions)
+    levels = choices.conditions.loc[:, [not is_covariate(c) for _, c in choices.conditions.items()]]
+    keys = pd.DataFrame({"participant": choices.participant}).join(levels)
     for _, cell in keys.groupby(list(keys), sort=False):
         if len(cell) < FEWEST:
             named = (f"{name} {cell[name].iloc[0]!r}" for name in cell)

@@ -17,6 +17,15 @@ from bgmodel.tables import alternatives as several
 from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
 from circuits.errors import InputError, require
 
+MOST_LEVELS = 30
+"""A condition with more values than this, all of them numbers, is a covariate."""
+
+
+def is_covariate(column: pd.Series) -> bool:
+    """Whether a condition is a covariate, such as a physiological signal, and has no levels."""
+    many = column.nunique() > MOST_LEVELS
+    return bool(many and pd.to_numeric(column, errors="coerce").notna().all())
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trials(Facts):
@@ -35,7 +44,8 @@ class Trials(Facts):
         Signed strength of the evidence: positive favours response 1. With more than two
         alternatives it favours the correct one, and is 0 or more.
     conditions : DataFrame
-        One row per trial, columns of text; possibly without columns.
+        One row per trial, columns of text; possibly without columns. One with more than 30 values,
+        all of them numbers, is a covariate.
     deadline_s : float or None
         Time at which a trial without a response ended, s.
     source : str
