@@ -13,6 +13,7 @@ from bgmodel.commands.known_fits import fit_known_evidence
 from bgmodel.commands.options import MANY, record_of, values
 from bgmodel.commands.output import UNRECORDED, Output, check_whole, plain, recorded, say
 from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
+from bgmodel.fitting.hierarchy.group import ALIKE
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
 from bgmodel.trials.reading import OURS
@@ -182,7 +183,6 @@ class FitRun(FitSettings):
     folder: Path | None = None
     models: tuple[str, ...] | None = None
     draws: bool = False
-    hierarchical: bool = False
     compare: bool = False
     workers: int = 2
     task: str = "choices"
@@ -227,20 +227,25 @@ class FitRun(FitSettings):
     def _fit(self) -> None:
         """Fit choices and response times."""
         choices = self.read(self.data)
+        asked, between = self.split(choices)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        people = self.people(choices)
-        designs = {who: self.design(some) for who, some in people}
+        people = asked.people(choices)
+        designs = {who: asked.design(some) for who, some in people}
         more: dict[str, Any] = {"folder": folder / "stored", "alternatives": choices.alternatives}
         more["seconds"] = seconds_of(designs.values())
-        models = {each: self.model(each, **more) for each in self._models(choices.alternatives)}
-        for lacking in self.check_parameters(models):
+        models = {each: asked.model(each, **more) for each in self._models(choices.alternatives)}
+        for lacking in asked.check_parameters(models):
             say(lacking)
-        versions = self._versions(models)
+        versions = asked._versions(models)
         circuits = _circuits({name: model for name, (_, model) in versions.items()})
         if self.hierarchical:
             made = {name: own.likelihoods(designs, each) for name, (own, each) in versions.items()}
-            asked = {**self._asked(), "circuits": circuits}
-            fit_hierarchically(self, folder, asked, made, choices.checksum)
+            apart = {
+                name: asked.predictors(between, choices, each) if between else ALIKE
+                for name, each in made.items()
+            }
+            options = {**self._asked(), "circuits": circuits}
+            fit_hierarchically(self, folder, options, made, apart, choices.checksum)
             return
         kept = Kept(
             folder, self.seed, self._asked(), circuits,

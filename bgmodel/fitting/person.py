@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
+from bgmodel.fitting.hierarchy.group import ALIKE
 from bgmodel.fitting.settings import (
     FitSettings,
     names_of,
@@ -119,7 +120,9 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
     formula : str, or sequence of str
-        Parameters that are linear in conditions: ``"bound ~ instruction * side"``.
+        Parameters that are linear in conditions: ``"bound ~ instruction * side"``. In a hierarchy
+        also in what differs between people: ``"bound ~ group"``, which moves every number of the
+        parameter.
     draws : bool
         Whether to sample from the posterior as well; a hierarchical fit always does.
     engine, noise_nats, trials, seed :
@@ -173,12 +176,14 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         _check_unused(given, CHAINS, "without a hierarchy")
     asked = settings_of(
         strength=strength, participant=participant, columns=columns, pooled=pooled,
+        hierarchical=hierarchical,
         rt_window=rt_window, mechanism=mechanism, engine=engine, free=free, fix=fix, vary=vary,
         formula=formula, noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
     # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
     found = asked.read(data)
+    asked, between = asked.split(found)
     people = asked.people(found)
     if len(people) > 1 and not hierarchical:
         names = ", ".join(who for who, _ in people)
@@ -194,8 +199,10 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         model, seconds=seconds_of(designs.values()), folder=kept, alternatives=found.alternatives
     )
     if hierarchical:
+        likelihoods = asked.likelihoods(designs, chosen)
+        predictors = asked.predictors(between, found, likelihoods) if between else ALIKE
         return fit_group(
-            asked.likelihoods(designs, chosen), seed=chains_seed, workers=workers,
+            likelihoods, predictors=predictors, seed=chains_seed, workers=workers,
             most_draws=most_draws,
         )  # fmt: skip
     return fit_likelihood(asked.likelihood(designs[people[0][0]], chosen), draws=draws)

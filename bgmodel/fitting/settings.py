@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.formulas import Formula
+    from bgmodel.fitting.hierarchy.group import Predictors
     from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
@@ -36,6 +37,8 @@ class FitSettings:
     """The participant to fit; by default each is fitted separately."""
     pooled: bool = False
     """Fit all participants as if they were one."""
+    hierarchical: bool = False
+    """Fit all participants together, with a distribution of the group."""
     columns: Columns = OURS
     """Names, units and codes of the columns of the table."""
     rt_window: tuple[float, float] | None = None
@@ -84,7 +87,7 @@ class FitSettings:
     def by(self) -> list[str]:
         """Columns of the table that define conditions."""
         varied = {each.partition("/")[0] for each in self.varied.values()}
-        return sorted(varied.union(*(each.columns for each in self.formulas.values())))
+        return sorted(varied.union(*(each.columns for each in self._parsed)))
 
     @property
     def varied(self) -> dict[str, str]:
@@ -103,16 +106,82 @@ class FitSettings:
         return [*varied, *self.formulas]
 
     @property
-    def formulas(self) -> dict[str, Formula]:
-        """Formulas, by the name of their parameter."""
+    def _parsed(self) -> list[Formula]:
+        """All formulas, those between people too."""
         from bgmodel.fitting.formulas import formula_of
 
+        return [formula_of(each) for each in self.formula]
+
+    @property
+    def formulas(self) -> dict[str, Formula]:
+        """Formulas, by the name of their parameter."""
         found: dict[str, Formula] = {}
-        for each in map(formula_of, self.formula):
+        for each in self._parsed:
             if each.parameter in found:
                 raise InputError(f"{each.parameter} has two formulas", "formula", self.formula)
             found[each.parameter] = each
         return found
+
+    def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
+        """Return the settings without the formulas of predictors between people, and these.
+
+        Raises
+        ------
+        ValueError
+            For a predictor that differs between people, and within none of them, without a
+            hierarchy, in ``vary``, or in a formula with others.
+        """
+        apart = set() if self.pooled else _between(trials)
+        between = [each for each in self._parsed if apart & set(each.columns)]
+        for name, column in self.varied.items():
+            if column.partition("/")[0] in apart:
+                said = "differs between people alone, and vary is for conditions within them"
+                raise InputError(f"{column} {said}: give a formula, {name} ~ {column}", column)
+        for each in between:
+            column = sorted(apart & set(each.columns))[0]
+            if not self.hierarchical:
+                said = "must differ between trials of a person: here it differs between people"
+                raise InputError(
+                    f"{column} {said} alone. Fit them as a group (hierarchical=True, at the "
+                    "terminal --people hierarchical)", column,
+                )  # fmt: skip
+            if set(each.columns) - apart:
+                said = f"{column} differs between people, and other columns within them"
+                instead = f"give {each.parameter} two formulas, one of each kind"
+                raise InputError(f"{said}: {instead}", "formula", self.formula)
+        written = zip(self._parsed, self.formula, strict=True)
+        kept = tuple(text for each, text in written if not apart & set(each.columns))
+        return replace(self, formula=kept), between
+
+    def predictors(
+        self, between: Sequence[Formula], trials: Trials, likelihoods: Mapping[str, Likelihood]
+    ) -> Predictors:
+        """Return the predictors between people for every number of their parameters."""
+        import numpy as np
+
+        from bgmodel.fitting.hierarchy.group import Predictors
+
+        first = next(iter(likelihoods.values()))
+        rows = [int(np.argmax(trials.participant == who)) for who in likelihoods]
+        given = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
+                 for name in trials.conditions}  # fmt: skip
+        names: list[str] = []
+        columns, of = [], []
+        for each in between:
+            own = getattr(first.model, "threshold_name", each.parameter)
+            own = own if each.parameter == "threshold" else each.parameter
+            made = each.matrix(given, np.arange(len(rows)), len(rows))
+            if made.pop("Intercept", None) is None:
+                must = "must have an intercept: the group's mean"
+                raise InputError.of("formula", must, f"{each.parameter} ~ {each.terms}")
+            places = [k for k, x in enumerate(first.freedom.moved) if x.parameter.name == own]
+            require(places, "formula", "must be of a parameter that is fitted", each.parameter)
+            for label, column in made.items():
+                for k in places:
+                    names.append(f"{first.freedom.names[k]} by {label}")
+                    columns.append(column - column.mean())
+                    of.append(k)
+        return Predictors(tuple(names), np.array(columns), np.array(of))
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -173,8 +242,6 @@ class FitSettings:
             if is_covariate(trials.conditions[column.partition("/")[0]]):
                 instead = f"give it a formula, {name} ~ {column}"
                 raise InputError(f"{column} has too many values for vary: {instead}", "vary")
-        if not self.pooled:
-            _check_within(trials)
         return trials
 
     def people(self, choices: Trials) -> list[tuple[str, Trials]]:
@@ -266,7 +333,7 @@ class FitSettings:
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (
             ("free", self.named), ("fix", self.fixed), ("vary", self.varied),
-            ("formula", self.formulas),
+            ("formula", [each.parameter for each in self._parsed]),
         ):  # fmt: skip
             for name in names:
                 if name not in known and name != "threshold":
@@ -363,17 +430,14 @@ EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Examples of mappings of parameters for ``fit``."""
 
 
-def _check_within(choices: Trials) -> None:
-    """Raise ValueError for a condition that differs between people, and within none of them."""
-    for name, levels in choices.conditions.items():
-        kinds = levels.groupby(choices.participant).nunique()
+def _between(trials: Trials) -> set[str]:
+    """Return the conditions that differ between people, and within none of them."""
+    found = set()
+    for name, levels in trials.conditions.items():
+        kinds = levels.groupby(trials.participant).nunique()
         if len(kinds) > 1 and (kinds == 1).all() and levels.nunique() > 1:
-            said = (
-                f"{name} must differ between trials of a person: here it differs between people "
-                "alone, and predictors between people are not supported. Fit each group on its own "
-                "and compare its parameters"
-            )
-            raise InputError(said, name)
+            found.add(str(name))
+    return found
 
 
 def settings_of(

@@ -1,13 +1,16 @@
 """The record of a hierarchical fit, and what it refuses."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning, InputError
+from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
 
 GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
@@ -128,3 +131,46 @@ def test_pooling_makes_no_sense_here():
     with pytest.raises(InputError) as error:
         fit(table(trials=20), **GAP, pooled=True, hierarchical=True)
     assert error.value.field == "pooled"
+
+
+def two_groups(shift, seed=11):
+    """Return people of two groups, whose bounds differ by a shift."""
+    parts = []
+    rng = np.random.default_rng(seed)
+    for k in range(10):
+        kind = "patient" if k % 2 else "control"
+        bound = 0.8 + shift * (kind == "patient") + 0.06 * rng.standard_normal()
+        some = drawn(GapModel(), [0.2], 60, 500 + k, seconds=2.0, sensitivity=8.0, bound=bound)
+        columns = {"rt": some.rt_s, "response": some.response, "strength": some.strength}
+        parts.append(pd.DataFrame(columns).assign(participant_id=f"p{k}", kind=kind))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_a_predictor_between_people_finds_the_difference_of_their_groups():
+    table = two_groups(0.3)
+    given = {"strength": "strength", "fix": FIXED, "hierarchical": True}
+    found = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **given)
+    assert found.agreement.reached
+    effects = found.effects()
+    bound = effects.loc["bound by kind[T.patient]"]
+    assert bound["low"] < 0.3 < bound["high"]
+    assert bound["above_zero"] > 0.99
+    none = effects.loc["sensitivity by kind[T.patient]"]
+    assert none["low"] < 0 < none["high"]
+    assert "bound by kind[T.patient]" in found.to_datatree()["posterior"]
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({"formula": "bound ~ kind"}, "kind"),
+        ({"vary": {"bound": "kind"}, "hierarchical": True}, "kind"),
+        ({"formula": "bound ~ kind * block", "hierarchical": True}, "formula"),
+        ({"formula": "bound ~ 0 + kind", "hierarchical": True}, "formula"),
+    ],
+)
+def test_predictors_between_people_that_cannot_be_fitted_are_refused(given, field):
+    table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
+    with pytest.raises(InputError) as error:
+        fit(table, "constant_gap", strength="strength", fix=FIXED, **given)
+    assert error.value.field == field
