@@ -258,7 +258,7 @@ def _crossvalidated(people: list[Peak]) -> Score:
     return Score(
         _joined([predicted(likelihood, start=vector) for likelihood, vector in people]),
         _person([likelihood for likelihood, _ in people]),
-        sum(likelihood(vector) for likelihood, vector in people),
+        sum(float(likelihood.unbiased(vector).sum()) for likelihood, vector in people),
         sum(len(vector) for _, vector in people),
     )
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING
 
 from bgmodel.fitting.settings import (
     FitSettings,
-    names_of,
     need_fit,
-    numbers_of,
     seconds_of,
     settings_of,
 )
@@ -21,28 +19,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.fit import Fit
-    from bgmodel.fitting.known.fit import KnownFit
     from bgmodel.fitting.likelihood import TrialModel
     from circuits.circuit import Circuit
 
 
-@overload
 def fit(
-    data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit | TrialModel = ...,
-    *,
-    evidence: str | Path | pd.DataFrame,
-    **options: Any,
-) -> KnownFit: ...
-@overload
-def fit(
-    data: str | Path | pd.DataFrame,
-    model: str | Path | Circuit | TrialModel = ...,
-    *,
-    evidence: None = None,
-    **options: Any,
-) -> Fit: ...
-def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
     data: str | Path | pd.DataFrame,
     model: str | Path | Circuit | TrialModel = "macaque",
     *,
@@ -73,7 +54,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     step_ms: float | None = None,
     forced: bool = False,
     runs: int | None = None,
-) -> Fit | KnownFit:
+) -> Fit:
     """Fit a model to one person's choices and response times, as ``bgmodel fit`` does.
 
     Parameters
@@ -132,9 +113,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
 
     Returns
     -------
-    Fit, or KnownFit with ``evidence``
-        With ``summary()``, ``parameters()`` and ``plot()``; and ``cells()``, or ``hazards()`` and
-        ``kernels()``.
+    Fit
+        With ``summary()``, ``parameters()``, ``cells()`` and ``plot()``.
 
     Raises
     ------
@@ -158,19 +138,13 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         from bgmodel.fitting.known.table import read_known
 
         check_flag("forced", forced)
+        check_flag("draws", draws)
         known = read_known(
             data, evidence, step_ms=step_ms, forced=forced, participant=participant, upper=upper,
             rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
         )  # fmt: skip
-        return fit_evidence(
-            known,
-            model,
-            free=names_of(free),
-            fix=numbers_of(fix),
-            engine=engine,
-            runs=runs,
-            seed=seed,
-        )
+        asked = settings_of(free=free, fix=fix, engine=engine, seed=seed)
+        return fit_evidence(known, model, asked, runs=runs, draws=draws)
     unused = (("step_ms", step_ms, None), ("forced", forced, False), ("runs", runs, None))
     for option, value, default in unused:
         if value is not default:
@@ -207,7 +181,7 @@ NOT_KNOWN = {
     "strength": None, "pooled": False, "deadline_s": None, "alternatives": None, "stimulus": None,
     "rt_window": None, "vary": None,
     "formula": (),
-    "mechanism": FitSettings.mechanism, "draws": False, "noise_nats": FitSettings.noise_nats,
+    "mechanism": FitSettings.mechanism, "noise_nats": FitSettings.noise_nats,
     "trials": FitSettings.trials, "folder": None,
 }  # fmt: skip
 """Options of ``fit`` without effect if the evidence is known, and their defaults."""

@@ -13,6 +13,8 @@ from circuits.errors import require
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.fitting.known.likelihood import KnownLikelihood
+
 POSITIONS = 8
 PRIOR_SD = 5.0
 """Standard deviation of the Gaussian prior of weights, per standard deviation of a reading: it
@@ -21,6 +23,27 @@ STEPS, SMALL = 50, 1e-8
 ALIGNED = FROM_ONSET, BEFORE = "onset", "response"
 DATA = "data"
 """Name of the kernel of the data."""
+
+
+def kernels(
+    likelihood: KnownLikelihood, vector: Array, *, positions: int = POSITIONS
+) -> pd.DataFrame:
+    """Return psychophysical kernels of the data and of a model.
+
+    The model's is of its choices given the response times of the data. Columns as for ``kernel``;
+    ``of``, "data" or the name of the model; and ``align``, "onset" or "response".
+    """
+    import pandas as pd
+
+    of = {DATA: None, likelihood.model.name: likelihood.chosen(vector)}
+    tables = [
+        kernel(likelihood.trials, chosen, positions=positions, align=align).assign(
+            of=name, align=align
+        )
+        for align in ALIGNED
+        for name, chosen in of.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
 
 
 def kernel(
