@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from bgmodel.fitting.checks.binned import of_bins
 from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Optimum
@@ -52,7 +54,7 @@ def _vague(found: Optimum, there: Directions) -> list[str]:
         f"these trials hardly identify {name} ({value:.3g} +- {error:.2g}): fix it, or add trials "
         "with other evidence"
         for (name, value), error, ends in errors
-        if name in found.likelihood.sized and not ends and error > VAGUE_SHARE * value
+        if name in found.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
     ]
 
 

@@ -40,7 +40,7 @@ def draw_known(fits: Mapping[str, Optimum]) -> Figure:
         position in the choice, from the first reading and backward from the response. Markers are
         the data with 95 % intervals, lines the models.
     """
-    title = next(iter(fits.values())).likelihood.trials.title
+    design = next(iter(fits.values())).likelihood.design
     shares, kerns = (
         {name: table(each.likelihood, each.vector) for name, each in fits.items()}
         for table in (hazards, kernels)
@@ -69,5 +69,7 @@ def draw_known(fits: Mapping[str, Optimum]) -> Figure:
         ax.set_title(text)
         ax.locator_params(axis="x", integer=True)
     figure.legend(loc="outside lower center", ncols=5)
-    figure.suptitle(f"{title}; bars: 95 % intervals", x=0.01, ha="left")
+    figure.suptitle(
+        f"{design.who}: {design.trials.sum()} trials; bars: 95 % intervals", x=0.01, ha="left"
+    )
     return figure

@@ -124,28 +124,30 @@ def delayed(
 def answered(
     decided: Array, at_s: Array, by_s: Array, offsets: Integers, t0_s: float, sd_s: float
 ) -> Array:
-    """Return the probability of each response by a time in each trial.
+    """Return the probability of each response by some times in each trial.
 
     Parameters
     ----------
     decided, at_s, offsets, t0_s, sd_s :
         As for ``delayed``.
-    by_s : array (trials,), s
+    by_s : array (trials, times), s
         The times.
 
     Returns
     -------
-    array (trials, alternatives)
+    array (trials, times, alternatives)
     """
-    trials, count = len(by_s), decided.shape[1]
-    found = np.zeros((trials, count))
+    (trials, times), count = by_s.shape, decided.shape[1]
+    found = np.zeros((trials, times, count))
     for trial in range(trials):
-        for k in range(offsets[trial], offsets[trial + 1]):
-            z = (by_s[trial] - at_s[k] - t0_s) / sd_s
-            if z > -FARTHEST:
+        for j in range(times):
+            for k in range(offsets[trial], offsets[trial + 1]):
+                z = (by_s[trial, j] - at_s[k] - t0_s) / sd_s
+                if z < -FARTHEST:
+                    break
                 share = math.erfc(-z / np.sqrt(2.0)) / 2 if z < FARTHEST else 1.0
                 for i in range(count):
-                    found[trial, i] += decided[k, i] * share
+                    found[trial, j, i] += decided[k, i] * share
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from circuits.errors import require
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from bgmodel.fitting.known.likelihood import KnownLikelihood
 
 POSITIONS = 8
 PRIOR_SD = 5.0
@@ -25,10 +23,8 @@ DATA = "data"
 """Name of the kernel of the data."""
 
 
-def kernels(
-    likelihood: KnownLikelihood, vector: Array, *, positions: int = POSITIONS
-) -> pd.DataFrame:
-    """Return psychophysical kernels of the data and of a model.
+def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
+    """Return psychophysical kernels of the data and of a model, a ``KnownLikelihood``.
 
     The model's is of its choices given the response times of the data. Columns as for ``kernel``;
     ``of``, "data" or the name of the model; and ``align``, "onset" or "response".

@@ -121,9 +121,10 @@ class KnownLikelihood(Likelihood):
         return np.where(np.isfinite(rt_s)[:, None], found, 0.0), (1 - values["lapse"]) * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
-        """Return the probability of each response by a time in each trial, (trials, alternatives).
+        """Return the probability of each response by some times, (trials, times, alternatives).
 
-        Given the readings before the trial's own response: later ones are not known to the model.
+        Given the readings before the trial's own response: later ones may not be known. Times have
+        shape (trials, times).
         """
         trials, share = self.trials, values["lapse"]
         lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
@@ -131,7 +132,7 @@ class KnownLikelihood(Likelihood):
             self.decisions(values)[0], trials.seen_s, by_s, trials.offsets,
             values["t0_s"], values["t0_sd_s"],
         )  # fmt: skip
-        return np.asarray((1 - share) * found + share * lapsed[:, None])
+        return np.asarray((1 - share) * found + share * lapsed[:, :, None])
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats (of densities in 1/s)."""
@@ -154,25 +155,20 @@ class KnownLikelihood(Likelihood):
         share that still runs (as in the estimate of Kaplan & Meier 1958). For response 1 see
         ``KnownTrials.design``.
         """
-        values, trials, grid = self.values(vector), self.trials, self.design.grid
-        density, left = np.zeros((1, 2, grid.bins)), 1.0
-        every = np.arange(trials.trials)
-        until_s = np.where(np.isin(every, every if self.kept is None else self.kept),
-                           trials.until_s, -1.0)  # fmt: skip
-        before = self.answered(values, np.zeros(trials.trials))
-        for k in range(grid.bins):
-            running = np.flatnonzero(until_s >= k * grid.width_s)
-            if not len(running):
-                break
-            end_s = np.full(trials.trials, (k + 1) * grid.width_s)
-            after = self.answered(values, end_s)
-            stays = np.maximum(1 - before.sum(axis=1), TINY)
-            share = np.clip((after - before) / stays[:, None], 0.0, 1.0)[running]
-            right = share[np.arange(len(running)), trials.favoured(end_s)[running]].mean()
-            both = np.array([share.sum(axis=1).mean() - right, right])
-            density[0, :, k] = left * both / grid.width_s
-            left, before = left * (1 - both.sum()), after
-        return density
+        trials, grid = self.trials, self.design.grid
+        edges_s = np.tile(grid.width_s * np.arange(grid.bins + 1), (trials.trials, 1))
+        by = self.answered(self.values(vector), edges_s)
+        stays = np.maximum(1 - by[:, :-1].sum(axis=2, keepdims=True), TINY)
+        share = np.clip(np.diff(by, axis=1) / stays, 0.0, 1.0)
+        favoured = trials.favoured(edges_s[:, 1:])[:, :, None]
+        right = np.take_along_axis(share, favoured, axis=2)[:, :, 0]
+        both = np.array([share.sum(axis=2) - right, right])
+        running = trials.until_s[:, None] >= edges_s[:, :-1]
+        if self.kept is not None:
+            running &= np.isin(np.arange(trials.trials), self.kept)[:, None]
+        hazard = (both * running).sum(axis=1) / np.maximum(running.sum(axis=0), 1)
+        left = np.cumprod(np.append(1.0, 1 - hazard.sum(axis=0)))[:-1]
+        return np.asarray(left * hazard / grid.width_s)[None]
 
     def part(self, trials: Array | Integers) -> Self:
         """Return the likelihood of a subset of the trials; lapses last as long as in all."""

@@ -23,6 +23,7 @@ Values = Mapping[str, float]
 GAIN = Parameter("gain", 0.0, 20.0, 1.0, "factor on the evidence")
 LEAK = Parameter("leak_hz", 0.0, 20.0, 0.0, "rate at which sums of evidence decay", free=False)
 
+
 def sizes(
     threshold: tuple[float, float, float], noise: tuple[float, float, float], what: str
 ) -> tuple[Parameter, Parameter]:

@@ -170,7 +170,9 @@ class KnownTrials(Facts):
         Response 1 is the second alternative; of more than two it is the alternative that the
         readings before the response favour, and 0 is any other.
         """
-        right = np.asarray(self.choice == self.favoured(self.until_s), dtype=np.int64)
+        right = np.asarray(
+            self.choice == self.favoured(self.until_s[:, None])[:, 0], dtype=np.int64
+        )
         grid = Grid(int(np.ceil(self.span_s / BIN_S)) + 1)
         silent = bool((self.choice < 0).any())
         observed = Observed(
@@ -180,23 +182,25 @@ class KnownTrials(Facts):
         return Design(np.array([ALONE]), {}, observed, who=self.source)
 
     def favoured(self, by_s: Array) -> Integers:
-        """Return the alternative of response 1 at a time in each trial, (trials,); see design."""
+        """Return which alternative is response 1 at times (trials, times); see ``design``."""
         if self.alternatives == 2:
-            return np.ones(self.trials, dtype=np.int64)
-        read = (self.time_s < by_s[:, None]).sum(axis=1)
-        return self._leaders[np.arange(self.trials), read]
+            return np.ones(by_s.shape, dtype=np.int64)
+        pairs = zip(self.time_s, by_s, self._leaders, strict=True)
+        return np.array([first[np.searchsorted(time_s, by)] for time_s, by, first in pairs])
 
     @cached_property
     def _leaders(self) -> Integers:
         """The alternative that readings favour before the first, and after each."""
         sums = np.pad(self.log_likelihood.cumsum(axis=1), ((0, 0), (1, 0), (0, 0)))
-        return sums.argmax(axis=2)
+        return np.asarray(sums.argmax(axis=2))
 
     @property
     def span_s(self) -> float:
         """Time over which lapses are spread, s: up to the latest response, or reading without."""
         seen = np.isfinite(self.rt_s)
-        return float(self.rt_s[seen].max() if seen.any() else self.time_s[self.time_s < np.inf].max())
+        return float(
+            self.rt_s[seen].max() if seen.any() else self.time_s[self.time_s < np.inf].max()
+        )
 
     def where(self, chosen: Truths | Integers) -> KnownTrials:
         """Return a subset of the trials."""
@@ -222,13 +226,6 @@ class KnownTrials(Facts):
             "no response": f"{(~answered).sum()}",
             "rt_s": span(self.rt_s),
         }
-
-    @property
-    def title(self) -> str:
-        """Source and numbers, for a figure."""
-        return (
-            f"{self.source}: {self.trials} trials, {self.seen.sum()} readings before the response"
-        )
 
     def summary(self) -> str:
         """Return one sentence: trials, readings, responses."""

@@ -190,11 +190,13 @@ def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density(
     span, total = likelihood.trials.span_s, 0.0
     for at_s in np.arange(0.3 + step_s / 2, span, step_s):
         rt_s = np.append(np.full(19, at_s), span)
-        total = total + step_s * replace(
-            likelihood, trials=replace(likelihood.trials, rt_s=rt_s)
-        ).responses(VALUES)[0]
-    ends = (likelihood.answered(VALUES, np.full(20, end_s)) for end_s in (span, 0.3))
-    np.testing.assert_allclose((total - next(ends) + next(ends))[:19], 0.0, atol=1e-3)
+        total = (
+            total
+            + step_s
+            * replace(likelihood, trials=replace(likelihood.trials, rt_s=rt_s)).responses(VALUES)[0]
+        )
+    ends = likelihood.answered(VALUES, np.tile([0.3, span], (20, 1)))
+    np.testing.assert_allclose(total[:19], np.diff(ends, axis=1)[:19, 0], atol=1e-3)
 
 
 def misfits(channels, ended, threshold=0.12):
@@ -265,12 +267,23 @@ def test_models_are_compared_by_the_trials_left_out():
 def test_a_group_is_fitted():
     fixed = {"noise": 0.03, "t0_sd_s": 0.05, "lapse": 0.02, "bias_1": 0.0}
     people = {
-        f"p{k}": known_likelihood(EXACT["msprt"], simulated(40, 60 + k, threshold=level), fixed=fixed)
+        f"p{k}": known_likelihood(
+            EXACT["msprt"], simulated(40, 60 + k, threshold=level), fixed=fixed
+        )
         for k, level in enumerate((0.08, 0.12, 0.16))
     }
-    found = fit_group(people, most_draws=50)
+    found = fit_group(people, most_draws=25)
     table = found.to_dataframe().set_index(["participant", "parameter"])["median"]
     assert table["p0", "threshold"] < table["p1", "threshold"] < table["p2", "threshold"]
     assert found.cells()["participant"].tolist() == list(people)
-    tree = found.to_datatree()
-    assert tree["posterior_predictive"]["rt"].shape == tree["log_likelihood"]["rt"].shape
+
+
+def test_new_trials_have_the_times_that_are_predicted():
+    likelihood = known_likelihood(EXACT["msprt"], simulated(400, 16))
+    at, rng = truth_of(likelihood), np.random.default_rng(1)
+    rt_s, response = likelihood.drawn(at, rng)
+    density, grid = likelihood.density(at)[0], likelihood.design.grid
+    mean_s = (density.sum(axis=0) @ grid.middles_s) / density.sum()
+    assert np.isfinite(rt_s).all()
+    assert rt_s.mean() == pytest.approx(mean_s, abs=3 * rt_s.std() / 20)
+    assert response.mean() == pytest.approx(density[1].sum() / density.sum(), abs=0.075)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
@@ -13,14 +13,14 @@ from bgmodel.fitting.known.settings import known_model
 from bgmodel.fitting.settings import FitSettings
 from circuits.errors import FitWarning, InputError
 from tests.fitting.known.test_table import tables
-from tests.known_trials import few, simulated
+from tests.known_trials import simulated
 
 DATA, EVIDENCE = tables(simulated(60, 51))
 
 
 def test_a_fit_with_evidence_is_of_single_trials():
     fit = bg.fit(DATA, "msprt", evidence=EVIDENCE, fix={"lapse": 0.02}, forced=True)
-    assert isinstance(fit, bg.Fit)
+    assert isinstance(fit, Fit)
     likelihood = fit.optimum.likelihood
     assert likelihood.trials.trials == 60
     assert likelihood.values(fit.optimum.vector)["lapse"] == 0.02
@@ -36,15 +36,20 @@ def test_what_two_alternatives_can_not_give_warns():
         bg.fit(DATA, "msprt", evidence=EVIDENCE, free="+gain", forced=True)
 
 
-def test_sizes_that_few_trials_hardly_identify_warn_once():
+def test_a_size_that_few_trials_hardly_identify_is_said_once():
+    """As one with a large error, or as one at a bound."""
+    asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
     with pytest.warns(FitWarning) as told:
-        fit_likelihood(known_likelihood(EXACT["leaky_sum"], few(alternatives=2)))
-    errors = [str(each.message) for each in told if "hardly identify threshold" in str(each.message)]
-    assert len(errors) == 1
+        found = fit_likelihood(asked)
+    said = [str(each.message) for each in told]
+    at_bound = dict(zip(asked.freedom.names, found.optimum.at_bound, strict=True))
+    assert at_bound["noise"]
+    assert not at_bound["threshold"]
+    assert [sum(name in each for each in said) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():
-    fixed = {"lapse": 0.02, "t0_sd_s": 0.05, "bias_1": 0.0}
+    fixed = {"lapse": 0.02, "t0_sd_s": 0.05, "bias_1": 0.0, "t0_s": 0.3}
     asked = {"evidence": EVIDENCE, "forced": True, "fix": fixed, "draws": True}
     found = bg.fit(DATA, "msprt", **asked)
     spread, error = found.posterior.draws.std(axis=0), found.directions.standard_errors
