@@ -16,6 +16,7 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, path_of
 from bgmodel.tables.cautions import ENOUGH, check_one_unit
 from bgmodel.tables.columns import (
+    EVERYONE,
     check_alike,
     names_once,
     numbers,
@@ -126,6 +127,7 @@ def read_known(
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
         readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
+        _text(table.get("participant_id", [EVERYONE])[0]),
     )  # fmt: skip
 
 

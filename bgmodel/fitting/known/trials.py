@@ -11,6 +11,7 @@ from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.reprs import Facts, span
+from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError, require
 
 FEWEST = 20
@@ -44,8 +45,8 @@ class KnownTrials(Facts):
         Id of each trial.
     forced : bool
         Whether the last reading of a trial forces a response.
-    source : str
-        Where the trials come from.
+    source, who : str
+        Where the trials come from, and the participant.
 
     Raises
     ------
@@ -68,6 +69,7 @@ class KnownTrials(Facts):
     ids: tuple[str, ...]
     forced: bool = False
     source: str = "a table"
+    who: str = EVERYONE
 
     def __post_init__(self) -> None:
         self._check_shapes()
@@ -179,7 +181,7 @@ class KnownTrials(Facts):
             np.zeros(self.trials, dtype=np.int64), np.where(self.choice < 0, -1, right), self.rt_s,
             grid, grid.bins * BIN_S if silent else None, alternatives=self.alternatives,
         )  # fmt: skip
-        return Design(np.array([ALONE]), {}, observed, who=self.source)
+        return Design(np.array([ALONE]), {}, observed, who=self.who)
 
     def favoured(self, by_s: Array) -> Integers:
         """Return which alternative is response 1 at times (trials, times); see ``design``."""
