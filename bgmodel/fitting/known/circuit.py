@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.known.accumulation import leaky_sums
 from bgmodel.fitting.known.hazard import lowest_between
-from bgmodel.fitting.known.models import LEAK, Outputs, Values, read, sizes
+from bgmodel.fitting.known.models import LEAK, Outputs, Values, leaky_sums, read, sizes
 from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED

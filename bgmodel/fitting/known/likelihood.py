@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from bgmodel.fitting.exact.responses import TINY
-from bgmodel.fitting.known.accumulation import runs_of_cues
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
-from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read
+from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
@@ -184,9 +183,8 @@ class KnownLikelihood(Likelihood):
             NaN in trials without a response.
         """
         density, _ = self.responses(self.values(vector))
-        total = density.sum(axis=1, keepdims=True)
-        shares = np.where(total > 0, density / np.where(total > 0, total, 1.0), np.nan)
-        return np.asarray(shares)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(density / density.sum(axis=1, keepdims=True))
 
     def without_parts(self) -> list[Self]:
         """Return the likelihood without each part of the simulated runs in turn."""

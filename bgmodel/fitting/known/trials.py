@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -203,15 +203,6 @@ class KnownTrials(Facts):
         return float(
             self.rt_s[seen].max() if seen.any() else self.time_s[self.time_s < np.inf].max()
         )
-
-    def where(self, chosen: Truths | Integers) -> KnownTrials:
-        """Return a subset of the trials."""
-        index = np.arange(self.trials)[chosen]
-        parts = {
-            name: getattr(self, name)[index]
-            for name in ("log_likelihood", "time_s", "lengths", "choice", "rt_s")
-        }
-        return replace(self, **parts, ids=tuple(self.ids[i] for i in index))
 
     def facts(self) -> dict[str, str]:
         """Return numbers of trials, readings and responses, and the range of times."""

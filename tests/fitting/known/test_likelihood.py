@@ -11,9 +11,8 @@ from bgmodel.fitting.checks.misfit import misfit
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.known.accumulation import runs_of_cues
 from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
-from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.known.models import EXACT, runs_of_cues
 from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.optimum import Optimum, optimum
 from circuits.errors import InputError
