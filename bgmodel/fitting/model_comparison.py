@@ -289,8 +289,8 @@ def _left_out(fit: GroupFit) -> Score:
     vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
     # The error of simulated trials is that of the log likelihood at everyone's medians.
     parts = [[part.each(at) for part in one.without_parts()] for one, at in vectors]
-    without = np.concatenate([np.reshape(rows, (len(rows), -1)) for rows in parts], axis=1)
-    without = without.reshape(len(parts[0]), -1)
+    joined = [np.concatenate(people) for people in zip(*parts, strict=True)]
+    without = np.reshape(joined, (len(joined), len(trials)))
     return Score(
         Predicted(np.asarray(trials), without),
         _person(fit.likelihoods.values()),

@@ -236,14 +236,6 @@ def test_predictions_of_another_threshold_do_not_fit():
     assert (ps[:, 1] < 0.05).mean() > 0.5
 
 
-def test_predictions_do_not_use_readings_after_the_response():
-    trials = simulated(60)
-    first, second = (known_likelihood(EXACT["run"], each) for each in (trials, shortened(trials)))
-    start = first.freedom.start
-    forced = trials.ends[:, None].any()
-    assert forced or np.allclose(first.density(start), second.density(start))
-
-
 def test_trials_left_out_keep_their_log_likelihood():
     likelihood = known_likelihood(EXACT["leaky_sum"], simulated(60))
     some, start = np.arange(10, 40), likelihood.freedom.start
