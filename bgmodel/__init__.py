@@ -19,7 +19,7 @@
     bg.take_exam("macaque").summary()                     # an exam of published numbers
     bg.discriminate("msprt", "max vs average").summary()    # the task that tells two models apart
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
-    bg.fit_people("trials.csv", "constant_gap", strength="coherence").plot()    # a hierarchy
+    bg.fit("trials.csv", "constant_gap", strength="coherence", hierarchical=True).plot()
     bg.explore(edited)                                # in a notebook: turn a number and watch
 
 A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
-    from bgmodel.fitting.hierarchy.people import fit_people
     from bgmodel.fitting.model_comparison import compare_fits
     from bgmodel.fitting.person import fit
     from bgmodel.from_taps import touch
@@ -68,7 +67,7 @@ if TYPE_CHECKING:
     from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
-    from bgmodel.trials.reading import read_trials
+    from bgmodel.trials.reading import Columns, read_trials
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
 
@@ -91,12 +90,12 @@ LAZY = {
     "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fitting.person",
-    "fit_people": "bgmodel.fitting.hierarchy.people",
     "learn": "bgmodel.learning.from_reward",
     "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",
     "load_decoder": "bgmodel.tactile.decoder",
     "read_trials": "bgmodel.trials.reading",
+    "Columns": "bgmodel.trials.reading",
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",
     "train_decoder": "bgmodel.tactile.decoder",
@@ -108,6 +107,7 @@ __all__ = [
     "BasalGanglia",
     "BgmodelWarning",
     "Circuit",
+    "Columns",
     "Condition",
     "Decision",
     "EdgeDirection",
@@ -131,7 +131,6 @@ __all__ = [
     "explore",
     "first_crossing",
     "fit",
-    "fit_people",
     "gaussian_evidence",
     "learn",
     "load",

@@ -8,8 +8,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.discriminating.space import Space
-from bgmodel.fitting import fit as fitting
-from bgmodel.fitting.hierarchy import people as fitting_people
+from bgmodel.fitting import person
 from bgmodel.tactile.decoder import Decoder
 
 EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
@@ -33,6 +32,7 @@ CALLS = {
     bg.Evidence: {"log_likelihood": np.ones((2, 3, 2))},
     bg.read_evidence: {"path": "e.csv", "step_ms": 50.0},
     bg.read_trials: {"source": TRIALS},
+    bg.Columns: {},
     bg.stream: {"seed": 1},
     bg.Sprt: {},
     bg.Msprt: {},
@@ -73,7 +73,6 @@ CALLS = {
     bg.Experiment.from_toml: {"file": "stn_conflict"},
     bg.Sweep.from_toml: {"file": "grid.toml"},
     bg.fit: {"data": TRIALS, "model": "constant_gap"},
-    bg.fit_people: {"data": TRIALS, "model": "constant_gap"},
     bg.compare_fits: {},
     bg.take_exam: {},
     bg.discriminate: {"first": "msprt", "second": "max vs average"},
@@ -84,6 +83,7 @@ ODD = {
     "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
     "negative": -1, "huge": 1e30, "array": np.zeros((2, 2)),
 }  # fmt: skip
+NAMES_OF_COLUMNS = ("rt", "response", "participant", "ssd", "trial_type", "upper", "stimulus")
 LEGAL = {
     "seed": ["huge"],
     "BasalGanglia seed": ["None"],
@@ -111,8 +111,8 @@ LEGAL = {
     "boundary_separation": ["huge", "array"],
     "first_crossing thresholds": ["array"],
     "fit folder": ["text"],
-    "fit_people folder": ["text"],
-    **{name: ["huge"] for name in ("most_draws", "chains_seed", "workers")},
+    **{f"Columns {name}": ["text"] for name in NAMES_OF_COLUMNS},
+    "Columns deadline_s": ["huge"],
     "names": ODD,
     "check_seed": ["huge"],
 }
@@ -162,8 +162,8 @@ def given(call, argument, odd):
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
-    monkeypatch.setattr(fitting, "fit_likelihood", lambda *_, **__: None)
-    monkeypatch.setattr(fitting_people, "fit_group", lambda *_, **__: None)
+    monkeypatch.setattr(person, "fit_likelihood", lambda *_, **__: None)
+    monkeypatch.setattr(person, "fit_group", lambda *_, **__: None)
     absent = Decoder.load
     monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")

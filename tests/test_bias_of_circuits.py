@@ -13,6 +13,7 @@ from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import BIASES_NATS, CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
 from bgmodel.theory.first_passage import Gaussian, walk
+from bgmodel.trials.reading import Columns
 from circuits.anatomy import load_circuit
 from tests.helpers import refused, unwarned
 from tests.test_start_point import RESPONSES, drawn
@@ -129,6 +130,8 @@ def test_the_start_of_a_test_is_found_as_the_bias_of_a_circuit():
 
 
 def test_more_than_two_alternatives_have_no_bias():
-    settings = FitSettings(strength="coherence", free=("+bias_nats",), alternatives=3)
+    settings = FitSettings(
+        strength="coherence", free=("+bias_nats",), columns=Columns(alternatives=3)
+    )
     with refused("bias_nats"):
         settings.model("macaque")

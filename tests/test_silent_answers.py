@@ -22,7 +22,7 @@ from bgmodel.tables.shipped import shipped
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reading import Columns, read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, told, unwarned
@@ -215,7 +215,9 @@ def test_names_differ_in_more_than_blanks(name):
         read_trials(cue, strength="coh", conditions="cue")
     sides = table.assign(response=table["response"].map({1: "a", 0: name}))
     with refused("response only in blanks"):
-        read_trials(sides.drop(columns="participant_id"), strength="coh", upper="a")
+        read_trials(
+            sides.drop(columns="participant_id"), strength="coh", columns=Columns(upper="a")
+        )
     long = pd.DataFrame(
         {"participant_id": ["a", name], "trial": 1, "step": 1, "ll_a": 0, "ll_b": 1}
     )

@@ -23,6 +23,7 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.pieces import piece_path
 from bgmodel.fitting.settings import seconds_of, settings_of
+from bgmodel.tables.shipped import shipped_table
 from circuits.anatomy import DEFAULT
 from circuits.errors import FitWarning
 
@@ -52,6 +53,14 @@ EFFECTS = {
 }
 """Thresholds in the four conditions and their differences, as sums of coefficients: high minus low
 conflict, stimulation on minus off, and by how much the former is larger without stimulation."""
+ON = "C(stimulation, contr.treatment('off'))[T.on]"
+THETA = {
+    "off": {"theta": 1.0},
+    "on": {"theta": 1.0, f"theta:{ON}": 1.0},
+    "on minus off": {f"theta:{ON}": 1.0},
+}
+"""Change of the bound per standard deviation of theta in trials of high conflict. Published, and
+predicted here before the fit: above 0 without stimulation, and lower with it."""
 MOST, COARSE_MOST = 4000, 200
 """Largest number of draws of each chain."""
 TRIALS, COARSE_TRIALS = 16_000, 400
@@ -72,18 +81,22 @@ def likelihoods(by: str, terms: str, fast: bool) -> dict[str, Likelihood]:
 
 
 def fitted(by: str, terms: str, fast: bool, workers: int) -> GroupFit:
+    """Return the fit of a model with some terms."""
+    return kept_fit(f"{by} {terms}", likelihoods(by, terms, fast), fast, workers)
+
+
+def kept_fit(name: str, every: Mapping[str, Likelihood], fast: bool, workers: int) -> GroupFit:
     """Return a fit; its chains are kept in a file, and continued from there."""
-    every = likelihoods(by, terms, fast)
     first = next(iter(every.values()))
     key = {"model": repr(first.model.identity()), "names": first.freedom.names, "data": DATA}
-    path = piece_path(OUT / "stored", f"{by} {terms}", key, "chains.npz")
+    path = piece_path(OUT / "stored", name, key, "chains.npz")
     path.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():
         # Diagnostics are part of the result.
         warnings.simplefilter("ignore", FitWarning)
         return fit_group(
             every, workers=workers, most_draws=COARSE_MOST if fast else MOST, path=path,
-            tell=lambda said: print(f"  {by}, {terms}: {said}", flush=True),
+            tell=lambda said: print(f"  {name}: {said}", flush=True),
         )  # fmt: skip
 
 
@@ -120,6 +133,32 @@ def effects(by: str, terms: str, fast: bool, workers: int) -> pd.DataFrame:
     table = pd.concat([pd.DataFrame(rows), summary.assign(of="parameter")], ignore_index=True)
     return table.assign(
         by=by, terms=terms, draws=len(fit.chains[0]), people_in_all=len(fit.people),
+        largest_rhat=fit.agreement.rhat.max(), fewest_effective=fit.agreement.effective.min(),
+    )  # fmt: skip
+
+
+def theta(fast: bool, workers: int) -> pd.DataFrame:
+    """Return how the bound changes with theta in each trial of high conflict, in a hierarchy.
+
+    Theta is the power over medial frontal cortex, z-scored by the authors. Columns as for
+    ``effects``, of the mean of the group and of the mean of its patients.
+    """
+    table, _ = shipped_table(DATA)
+    asked = settings_of(formula=f"bound ~ theta * {ON.removesuffix('[T.on]')}", hierarchical=True)
+    trials = asked.read(table[table["conflict"] == "high"])
+    designs = {who: asked.design(some) for who, some in asked.people(trials)}
+    every = asked.likelihoods(designs, asked.model(MODELS["test"]))
+    fit = kept_fit("theta", every, fast, workers)
+    rows = []
+    for name, weights in THETA.items():
+        places = [fit.parameters.index(f"bound[{each}]") for each in weights]
+        own = fit.individual[..., places].sum(axis=-1)
+        for of, draws in (
+            ("group", fit.group[..., places].sum(axis=-1)), ("patients", own.mean(axis=2)),
+        ):  # fmt: skip
+            rows.append({"of": of, "effect": name, **middle(draws), **agreed(draws)})
+    return pd.DataFrame(rows).assign(
+        trials=trials.trials, people_in_all=len(fit.people), draws=len(fit.chains[0]),
         largest_rhat=fit.agreement.rhat.max(), fewest_effective=fit.agreement.effective.min(),
     )  # fmt: skip
 
@@ -173,6 +212,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("terms", by, TRIALS_OF_ALL, 200, make)
     make = partial(compared_models, fast, workers)
     yield Piece("models", "interaction", TRIALS_OF_ALL, 200, make)
+    yield Piece("theta", "high conflict", TRIALS_OF_ALL, 2000, partial(theta, fast, workers))
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.known_fits import fit_known_evidence
-from bgmodel.commands.options import MANY, values
+from bgmodel.commands.options import MANY, record_of, values
 from bgmodel.commands.output import UNRECORDED, Output, check_whole, plain, recorded, say
 from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
+from bgmodel.fitting.hierarchy.group import ALIKE
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
+from bgmodel.trials.reading import OURS
 from bgmodel.version import __version__
 from circuits.errors import InputError
 
@@ -27,11 +29,6 @@ MANY_MODELS = ("msprt", "macaque")
 """Default models of more than two alternatives."""
 
 
-OF_COLUMNS = (
-    "rt", "response", "participant_column", "rt_unit", "upper", "alternatives", "stimulus",
-    "deadline_s", "rt_window", "restore_delays",
-)  # fmt: skip
-"""Settings of the table of trials, given by --columns."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
 PEOPLE = Literal["each", "pooled", "hierarchical"]
@@ -97,11 +94,11 @@ def fit(
         each with parameters from a distribution of the group, which is fitted too (partial
         pooling); this writes the draws for ArviZ.
     columns
-        How the table is read, name=value: rt, response and participant_column (columns of other
-        names), rt_unit (s or ms), upper (the response that counts as 1), alternatives (their
-        number), stimulus (column of the correct alternative), deadline_s (time at which a trial
-        without a response ended), rt_window (earliest and latest response time to fit, s, as 0,inf
-        for all), restore_delays (of stop signals, those recorded as 0).
+        How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
+        of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
+        (their number), stimulus (column of the correct alternative), deadline_s (time at which a
+        trial without a response ended), rt_window (earliest and latest response time to fit, s, as
+        0,inf for all), restore_delays (of stop signals, those recorded as 0).
     vary
         Parameters that differ between levels of a column: "sensitivity=conflict",
         "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level
@@ -153,9 +150,16 @@ def fit(
         pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
         formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
         evidence=file, task=task, workers=workers, output=output,
-        **values(columns, FitRun, OF_COLUMNS), **values(simulation, FitRun, OF_SIMULATION),
+        **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
         **values(words, FitRun, EVIDENCE_ONLY),
     )()  # fmt: skip
+
+
+def _of_columns(words: Sequence[str]) -> dict[str, Any]:
+    """Return the settings of --columns: how the table is read, and the window of times."""
+    window = [word for word in words if word.partition("=")[0] == "rt_window"]
+    rest = [word for word in words if word not in window]
+    return {"columns": record_of(OURS, rest), **values(window, FitRun, ("rt_window",))}
 
 
 def _list(output: Output) -> None:
@@ -179,11 +183,9 @@ class FitRun(FitSettings):
     folder: Path | None = None
     models: tuple[str, ...] | None = None
     draws: bool = False
-    hierarchical: bool = False
     compare: bool = False
     workers: int = 2
     task: str = "choices"
-    restore_delays: bool = False
     evidence: Path | None = None
     step_ms: float | None = None
     forced: bool = False
@@ -215,8 +217,6 @@ class FitRun(FitSettings):
         if self.task == "stop":
             fit_stop_signals(self)
             return
-        if self.restore_delays:
-            raise InputError("restore_delays needs --task stop", "restore_delays")
         try:
             self._fit()
         except KeyboardInterrupt:
@@ -227,20 +227,25 @@ class FitRun(FitSettings):
     def _fit(self) -> None:
         """Fit choices and response times."""
         choices = self.read(self.data)
+        asked, between = self.split(choices)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        people = self.people(choices)
-        designs = {who: self.design(some) for who, some in people}
+        people = asked.people(choices)
+        designs = {who: asked.design(some) for who, some in people}
         more: dict[str, Any] = {"folder": folder / "stored", "alternatives": choices.alternatives}
         more["seconds"] = seconds_of(designs.values())
-        models = {each: self.model(each, **more) for each in self._models(choices.alternatives)}
-        for lacking in self.check_parameters(models):
+        models = {each: asked.model(each, **more) for each in self._models(choices.alternatives)}
+        for lacking in asked.check_parameters(models):
             say(lacking)
-        versions = self._versions(models)
+        versions = asked._versions(models)
         circuits = _circuits({name: model for name, (_, model) in versions.items()})
         if self.hierarchical:
             made = {name: own.likelihoods(designs, each) for name, (own, each) in versions.items()}
-            asked = {**self._asked(), "circuits": circuits}
-            fit_hierarchically(self, folder, asked, made, choices.checksum)
+            apart = {
+                name: asked.predictors(between, choices, each) if between else ALIKE
+                for name, each in made.items()
+            }
+            options = {**self._asked(), "circuits": circuits}
+            fit_hierarchically(self, folder, options, made, apart, choices.checksum)
             return
         kept = Kept(
             folder, self.seed, self._asked(), circuits,
@@ -288,13 +293,10 @@ class FitRun(FitSettings):
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
-        own = ("data", "folder", "models", "participant", "draws", "task", "restore_delays",
+        own = ("data", "folder", "models", "participant", "draws", "task",
                "hierarchical", "compare", "evidence", *EVIDENCE_ONLY, *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
-        for name in ("formula", "alternatives", "stimulus"):
-            if not said[name]:
-                del said[name]  # so that tables of earlier versions can be added to
         if self.rt_window is not None:
             # As text, since JSON has no infinity.
             said["rt_window"] = [f"{time:g}" for time in self.rt_window]

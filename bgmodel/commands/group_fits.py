@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.hierarchy.fit import GroupFit
+    from bgmodel.fitting.hierarchy.group import Predictors
     from bgmodel.fitting.likelihood import Likelihood
 
 GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
-"""Tables of a hierarchical fit: parameters of the group and of each participant, and data and model
-of each participant."""
+EFFECTS = "group_effects.csv"
+"""Tables of a hierarchical fit: parameters of the group and of each participant, data and model of
+each participant, and effects of predictors between people."""
 
 
 def fit_hierarchically(
@@ -27,6 +29,7 @@ def fit_hierarchically(
     folder: Path,
     asked: dict[str, Any],
     models: Mapping[str, Mapping[str, Likelihood]],
+    predictors: Mapping[str, Predictors],
     checksum: str,
 ) -> None:
     """Fit each model to all participants, print the group's parameters and write tables and draws.
@@ -41,6 +44,8 @@ def fit_hierarchically(
         Options, for the provenance.
     models : dict of str to dict of str to Likelihood
         Likelihood of each participant's trials under each model.
+    predictors : dict of str to Predictors
+        What differs between people and moves parameters, for each model.
     checksum : str
         Checksum of the trials.
     """
@@ -55,13 +60,17 @@ def fit_hierarchically(
         files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
     found = {
-        name: _fit(command, folder, name, likelihoods, {**asked, "checksum": checksum})
+        name: _fit(
+            command, folder, name, likelihoods, predictors[name], {**asked, "checksum": checksum}
+        )
         for name, likelihoods in models.items()
     }
     group = _table({name: fit.summary().reset_index() for name, fit in found.items()})
     people = _table({name: fit.to_dataframe() for name, fit in found.items()})
     cells = _table({name: fit.cells() for name, fit in found.items()})
-    for table, name in ((group, GROUP), (people, PEOPLE), (cells, CELLS)):
+    between = _table({name: fit.effects().reset_index() for name, fit in found.items()})
+    tables = [(group, GROUP), (people, PEOPLE), (cells, CELLS)]
+    for table, name in tables if between.empty else [*tables, (between, EFFECTS)]:
         files.write_table(table, folder / name, seed=command.seed, **asked)
     if command.compare:
         from bgmodel.fitting.model_comparison import compare_fits
@@ -70,7 +79,9 @@ def fit_hierarchically(
         write_comparison(comparison, folder, command.seed, asked)
         command.output.note("\n" + comparison.summary())
     with pd.option_context("display.width", 160):
-        command.output.show("\n" + group.round(4).to_string(index=False), group)
+        effects = "" if between.empty else "\n\n" + between.round(4).to_string(index=False)
+        shown = "\n" + group.round(4).to_string(index=False) + effects
+        command.output.show(shown, group, effects=between.to_dict("records"))
     command.output.note(
         f"-> {folder}: {GROUP}, {PEOPLE}, {CELLS}; for each model figures of its parameters and of "
         "data and model, and the draws (.nc, for ArviZ)"
@@ -82,6 +93,7 @@ def _fit(
     folder: Path,
     name: str,
     likelihoods: Mapping[str, Likelihood],
+    predictors: Predictors,
     asked: dict[str, Any],
 ) -> GroupFit:
     """Return one model's fit, after writing its draws and its figures."""
@@ -96,11 +108,17 @@ def _fit(
         "people": list(likelihoods),
         "values": [each.start for each in first.freedom.parameters],
         "free": first.freedom.names,
+        "predictors": {
+            name: values.tolist()
+            for name, values in zip(predictors.names, predictors.columns, strict=True)
+        },
     }
     stem = plain(name)
     kept = piece_path(folder / "pieces", stem, key, "chains.npz")
     with stages(name) as tell, collected() as cautions:
-        fit = fit_group(likelihoods, workers=command.workers, path=kept, tell=tell)
+        fit = fit_group(
+            likelihoods, predictors=predictors, workers=command.workers, path=kept, tell=tell
+        )
     for caution in cautions:
         say(f"{name}: {caution}")
     fit.to_netcdf(folder / f"{stem}.nc")

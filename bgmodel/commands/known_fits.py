@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 TABLES = ("known_models.csv", "known_parameters.csv", "known_hazards.csv", "known_kernels.csv")
 """Comparison of models, their parameters, hazards per reading, and kernels."""
-READ = ("participant", "upper", "rt", "response", "participant_column", "rt_unit")
+READ = ("participant", "columns")
 USED = (
     "data", "folder", "models", "evidence", "step_ms", "forced", "runs", *READ, "free", "fix",
     "engine", *UNRECORDED,
@@ -65,7 +65,7 @@ def _people(command: Any) -> dict[str, KnownTrials]:
     given = {name: getattr(command, name) for name in (*READ, "step_ms", "forced")}
     names = [command.participant] if command.participant else None
     found = {}
-    for who in names or people_of(command.data, command.participant_column):
+    for who in names or people_of(command.data, command.columns):
         own = {**given, "participant": who}
         found[who or "all"] = read_known(command.data, command.evidence, **own)
     return found

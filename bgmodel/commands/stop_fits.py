@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PARAMETERS, PEOPLE = "stop_parameters.csv", "stop_people.csv"
 """Tables of a fit: parameters of each model, and estimates of each participant."""
-USED = ("data", "folder", "models", "task", "restore_delays", "noise_nats", *UNRECORDED)
+USED = ("data", "folder", "models", "task", "columns", "noise_nats", *UNRECORDED)
 """Options that have an effect on a fit of stop-signal data, or on its files."""
 DEFAULT_MODELS = ("constant_gap", "macaque")
 """Models of two alternatives that are fitted by default, and of stop signals."""
@@ -64,8 +64,8 @@ def _people(command: Any) -> dict[str, StopTrials]:
     from bgmodel.stopping.people import read_people
     from bgmodel.stopping.restored import restored_delays
 
-    people = read_people(command.data, restore=command.restore_delays)
-    if command.restore_delays:
+    people = read_people(command.data, restore=command.columns.restore_delays)
+    if command.columns.restore_delays:
         people = {who: restored_delays(trials) for who, trials in people.items()}
     return people
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.checks.binned import resolved
 from bgmodel.fitting.checks.cautions import cautions
 from bgmodel.fitting.checks.misfit import Misfit, misfit
 from bgmodel.fitting.checks.slow import warn_of_slow
-from bgmodel.fitting.exact.responses import BIN_S, QUANTILES, moments
+from bgmodel.fitting.exact.responses import QUANTILES, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
@@ -192,7 +193,7 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
     Predictions are for the window of response times.
     """
     mass, _ = design.observed.outcomes(density)
-    said = moments(mass / BIN_S, design.grid)
+    said = moments(mass / design.grid.width_s, design.grid)
     rows = []
     for cell in range(design.cells):
         seen = (design.observed.cell == cell) & (design.observed.response >= 0)
@@ -202,7 +203,7 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
         row |= {"trials": int(design.trials[cell]), "answered": int(seen.sum())}
         row |= _seen(rt_s, response) | observed_quantiles(rt_s, response)
         row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
-        row |= predicted_quantiles(mass[cell])
+        row |= predicted_quantiles(mass[cell], design.grid.width_s)
         row |= {
             f"model_{name}_s": float(mass[cell, side] @ design.grid.middles_s)
             / float(mass[cell, side].sum())
@@ -253,6 +254,8 @@ def fit_likelihood(
     """
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
+    found = resolved(found)
+    likelihood = found.likelihood
     warn_of_slow(found)
     there = directions(likelihood, found.vector)
     tell("simulation error")

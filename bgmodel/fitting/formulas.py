@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.trials.record import MOST_LEVELS
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
-
-MOST_VALUES = 30
-"""Largest number of values of a column in a formula: each may need its own evaluation."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class Formula:
         Parameters
         ----------
         conditions : dict of str to sequence of str (cells,)
-            Level of each cell in each column. Levels that are all numbers are a covariate.
+            Level of each cell in each column. Levels that are all numbers have a slope.
         cell : int array (trials,)
             Cell of each trial: functions such as ``center`` are over trials.
         cells : int
@@ -113,9 +111,9 @@ class Formula:
                 there = ", ".join(conditions) or "none"
                 raise self._refused(f"has the unknown column {column!r}: conditions are {there}")
             values = sorted(set(conditions[column]))
-            if not 1 < len(values) <= MOST_VALUES:
+            if not 1 < len(values) <= MOST_LEVELS:
                 raise self._refused(
-                    f"needs 2 to {MOST_VALUES} values of {column!r}, which has {len(values)}: "
+                    f"needs 2 to {MOST_LEVELS} values of {column!r}, which has {len(values)}: "
                     + ("leave it out" if len(values) < 2 else "round it, or divide it into bins")
                 )
             numbers = pd.to_numeric(pd.Series(list(conditions[column])), errors="coerce")

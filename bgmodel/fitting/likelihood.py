@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 import numpy as np
 
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.exact.responses import Grid, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
 from bgmodel.fitting.trials.design import Design, mirrored
@@ -282,7 +282,7 @@ class BinnedLikelihood(Likelihood):
     def _masses(self, vector: Array) -> Array:
         """Return the probability of each outcome, (cells, outcomes): bins of both, and none."""
         density = self.density(vector)
-        mass = density.reshape(len(density), -1) * BIN_S
+        mass = density.reshape(len(density), -1) * self.design.grid.width_s
         missing = np.maximum(1 - mass.sum(axis=1, keepdims=True), 1e-9)
         return np.concatenate([mass, missing], axis=1)
 
@@ -391,6 +391,9 @@ def likelihood_of(
         return TrialLikelihood(model, design, freed, design.observed.cell)
     if isinstance(model, OwnModel):
         return model.likelihood(design, freed)
+    if design.choices is not None and design.choices.ssd_s is not None:
+        said = "stop-signal trials are fitted by a model of stop signals, not of choices alone"
+        raise InputError(f"{said}: leave stop trials out, or fit the stop process", "ssd")
     return BinnedLikelihood(model, design, freed)
 
 

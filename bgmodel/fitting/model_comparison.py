@@ -258,7 +258,7 @@ def _crossvalidated(people: list[Peak]) -> Score:
     return Score(
         _joined([predicted(likelihood, start=vector) for likelihood, vector in people]),
         _person([likelihood for likelihood, _ in people]),
-        sum(float(likelihood.unbiased(vector).sum()) for likelihood, vector in people),
+        sum(likelihood(vector) for likelihood, vector in people),
         sum(len(vector) for _, vector in people),
     )
 
@@ -289,8 +289,8 @@ def _left_out(fit: GroupFit) -> Score:
     vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
     # The error of simulated trials is that of the log likelihood at everyone's medians.
     parts = [[part.each(at) for part in one.without_parts()] for one, at in vectors]
-    joined = [np.concatenate(people) for people in zip(*parts, strict=True)]
-    without = np.reshape(joined, (len(joined), len(trials)))
+    without = np.array([np.concatenate(row) for row in zip(*parts, strict=True)])
+    without = without.reshape(len(parts[0]), log.shape[2])
     return Score(
         Predicted(np.asarray(trials), without),
         _person(fit.likelihoods.values()),

@@ -1,43 +1,69 @@
-"""The fit of a model to the choices and times of one person."""
+"""The front door to fits: trials of one person or of a group, and a model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, overload
 
+from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.hierarchy.chains import MOST
+from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
+from bgmodel.fitting.hierarchy.group import ALIKE
 from bgmodel.fitting.settings import (
     FitSettings,
     need_fit,
     seconds_of,
     settings_of,
 )
-from bgmodel.support.checks import check_flag, path_of
+from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.trials.reading import OURS, Columns
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.likelihood import TrialModel
+    from bgmodel.trials.record import Trials
     from circuits.circuit import Circuit
 
+READINGS = ("step_ms", "forced", "runs")
+"""Options that need evidence."""
+CHAINS = ("most_draws", "chains_seed", "workers")
+"""Options that need a hierarchy."""
+NOT_KNOWN = (
+    "strength", "pooled", "rt_window", "vary", "formula", "mechanism", "noise_nats", "trials",
+    "folder", "hierarchical",
+)  # fmt: skip
+"""Options without effect if the evidence is known."""
 
+
+@overload
 def fit(
-    data: str | Path | pd.DataFrame,
+    data: str | Path | pd.DataFrame | Trials,
+    model: str | Path | Circuit | TrialModel = ...,
+    *,
+    hierarchical: Literal[True],
+    **options: Any,
+) -> GroupFit: ...
+@overload
+def fit(
+    data: str | Path | pd.DataFrame | Trials,
+    model: str | Path | Circuit | TrialModel = ...,
+    *,
+    hierarchical: Literal[False] = False,
+    **options: Any,
+) -> Fit: ...
+def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
+    data: str | Path | pd.DataFrame | Trials,
     model: str | Path | Circuit | TrialModel = "macaque",
     *,
     strength: str | None = None,
     participant: str | None = None,
+    columns: Columns = OURS,
     pooled: bool = False,
-    upper: str | None = None,
-    deadline_s: float | None = None,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-    rt_unit: str = FitSettings.rt_unit,
-    alternatives: int | None = None,
-    stimulus: str | None = None,
+    hierarchical: bool = False,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
@@ -54,14 +80,17 @@ def fit(
     step_ms: float | None = None,
     forced: bool = False,
     runs: int | None = None,
-) -> Fit:
-    """Fit a model to one person's choices and response times, as ``bgmodel fit`` does.
+    most_draws: int = MOST,
+    chains_seed: int = HIERARCHY_SEED,
+    workers: int = 1,
+) -> Fit | GroupFit:
+    """Fit a model to trials of one person, or of a group in a hierarchy, as ``bgmodel fit`` does.
 
     Parameters
     ----------
-    data : str, path or DataFrame
-        Name of an included data set, a .csv, .tsv or .parquet file, or a table with the columns
-        participant_id, rt (s), response, and those of conditions.
+    data : str, path, DataFrame or Trials
+        Name of a shipped set, a .csv, .tsv or .parquet file, or a table with the columns
+        participant_id, rt (s), response, and those of conditions; or what ``read_trials`` returned.
     model : str, path, Circuit or TrialModel
         constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt, race, lca
         (two or more), a circuit with a channel for each alternative: its name, .toml file or
@@ -70,18 +99,13 @@ def fit(
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
         The participant to fit, if there are several.
+    columns : Columns
+        Names, units and codes of the columns of the table, if they are not ours.
     pooled : bool
         Whether to fit several participants as if they were one.
-    upper : str, optional
-        Name of the response that counts as 1, if responses are not 1 and 0.
-    deadline_s : float, optional
-        Time at which a trial without a response ended, s.
-    rt, response, participant_column : str, optional
-        Names of these columns, if they are not rt, response and participant_id.
-    rt_unit : str
-        Unit of response times in the table: s or ms.
-    alternatives, stimulus :
-        Number of alternatives, and column of the correct one; as for ``read_trials``.
+    hierarchical : bool
+        Whether to fit all participants together, each with parameters from a distribution of the
+        group, which is fitted too (partial pooling).
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
@@ -94,9 +118,11 @@ def fit(
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
     formula : str, or sequence of str
-        Parameters that are linear in conditions: ``"bound ~ instruction * side"``.
+        Parameters that are linear in conditions: ``"bound ~ instruction * side"``. In a hierarchy
+        also in what differs between people: ``"bound ~ group"``, which moves every number of the
+        parameter.
     draws : bool
-        Whether to sample from the posterior as well.
+        Whether to sample from the posterior as well; a hierarchical fit always does.
     engine, noise_nats, trials, seed :
         Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
@@ -110,85 +136,94 @@ def fit(
         Whether the last reading of a trial forces a response.
     runs : int, optional
         Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32.
+    most_draws, chains_seed, workers :
+        Of a hierarchical fit: largest number of draws of each of four chains, their seed, and the
+        number of processes, on which the result does not depend.
 
     Returns
     -------
-    Fit
-        With ``summary()``, ``parameters()``, ``cells()`` and ``plot()``.
+    Fit, or GroupFit if hierarchical
+        With ``summary()``, ``plot()``, ``cells()`` and ``to_dataframe()``.
 
     Raises
     ------
     ValueError
-        For a table that cannot be read or fitted, and for several participants unless ``pooled``.
+        For a table that cannot be read or fitted, for several participants unless they are pooled
+        or in a hierarchy, and for options without effect.
 
     Warns
     -----
     UserWarning
-        As for ``fit_likelihood``, and for tables that may mislead.
+        As for ``fit_likelihood`` and ``fit_group``, and for tables that may mislead.
     """
-    from bgmodel.fitting.fit import fit_likelihood
-
-    if evidence is not None:
-        _check_alone(locals())
-        from bgmodel.fitting.likelihood import TrialModel
-
-        if isinstance(model, TrialModel):
-            raise InputError("a model of trials takes no evidence yet: leave it out", "evidence")
-        from bgmodel.fitting.known.settings import fit_evidence
-        from bgmodel.fitting.known.table import read_known
-
-        check_flag("forced", forced)
-        check_flag("draws", draws)
-        known = read_known(
-            data, evidence, step_ms=step_ms, forced=forced, participant=participant, upper=upper,
-            rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
-        )  # fmt: skip
-        asked = settings_of(free=free, fix=fix, engine=engine, seed=seed)
-        return fit_evidence(known, model, asked, runs=runs, draws=draws)
-    unused = (("step_ms", step_ms, None), ("forced", forced, False), ("runs", runs, None))
-    for option, value, default in unused:
-        if value is not default:
-            raise InputError(f"{option} needs evidence, the readings of each trial", option)
+    given = locals()
     need_fit()
+    check_flag("draws", draws)
+    check_flag("hierarchical", hierarchical)
+    check_flag("forced", forced)
+    for name, value in (("most_draws", most_draws), ("workers", workers)):
+        whole(name, value, 1)
+    whole("chains_seed", chains_seed, 0)
+    if evidence is not None:
+        _check_unused(given, (*NOT_KNOWN, *CHAINS), "with evidence")
+        return _fit_known(given)
+    _check_unused(given, READINGS, "without evidence, the readings of each trial")
+    if hierarchical:
+        _check_unused(given, ("draws", "pooled"), "in a hierarchy")
+    else:
+        _check_unused(given, CHAINS, "without a hierarchy")
     asked = settings_of(
-        strength=strength, participant=participant, pooled=pooled, upper=upper,
-        deadline_s=deadline_s,
-        rt=rt, response=response, participant_column=participant_column, rt_unit=rt_unit,
-        alternatives=alternatives, stimulus=stimulus, rt_window=rt_window, mechanism=mechanism,
-        engine=engine, free=free, fix=fix, vary=vary,
+        strength=strength, participant=participant, columns=columns, pooled=pooled,
+        hierarchical=hierarchical,
+        rt_window=rt_window, mechanism=mechanism, engine=engine, free=free, fix=fix, vary=vary,
         formula=formula, noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
-    check_flag("draws", draws)
     # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
-    choices = asked.read(data)
-    number = choices.alternatives
-    people = asked.people(choices)
-    if len(people) > 1:
+    found = asked.read(data)
+    asked, between = asked.split(found)
+    people = asked.people(found)
+    if len(people) > 1 and not hierarchical:
         names = ", ".join(who for who, _ in people)
         raise InputError(
-            f"a fit is of one person, and these trials are of {names}: give participant=NAME, or "
-            "pooled=True to fit them as if they were one; fit_people fits a group",
+            f"a fit is of one person, and these trials are of {names}: give participant=NAME, "
+            "hierarchical=True to fit them as a group, or pooled=True to fit them as if they were "
+            "one",
             "participant",
         )
-    design = asked.design(people[0][1])
+    designs = {who: asked.design(some) for who, some in people}
     kept = None if folder is None else path_of(folder, "folder")
-    chosen = asked.model(model, seconds=seconds_of([design]), folder=kept, alternatives=number)
-    return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
+    chosen = asked.model(
+        model, seconds=seconds_of(designs.values()), folder=kept, alternatives=found.alternatives
+    )
+    if hierarchical:
+        likelihoods = asked.likelihoods(designs, chosen)
+        predictors = asked.predictors(between, found, likelihoods) if between else ALIKE
+        return fit_group(
+            likelihoods, predictors=predictors, seed=chains_seed, workers=workers,
+            most_draws=most_draws,
+        )  # fmt: skip
+    return fit_likelihood(asked.likelihood(designs[people[0][0]], chosen), draws=draws)
 
 
-NOT_KNOWN = {
-    "strength": None, "pooled": False, "deadline_s": None, "alternatives": None, "stimulus": None,
-    "rt_window": None, "vary": None,
-    "formula": (),
-    "mechanism": FitSettings.mechanism, "noise_nats": FitSettings.noise_nats,
-    "trials": FitSettings.trials, "folder": None,
-}  # fmt: skip
-"""Options of ``fit`` without effect if the evidence is known, and their defaults."""
+def _fit_known(given: Mapping[str, Any]) -> Fit:
+    """Return the fit to trials whose evidence is known."""
+    from bgmodel.fitting.known.settings import fit_evidence
+    from bgmodel.fitting.known.table import read_known
+    from bgmodel.fitting.likelihood import TrialModel
+
+    model = given["model"]
+    if isinstance(model, TrialModel):
+        raise InputError("a model of trials takes no evidence yet: leave it out", "evidence")
+    names = ("step_ms", "forced", "participant", "columns")
+    known = read_known(given["data"], given["evidence"], **{name: given[name] for name in names})
+    asked = settings_of(**{name: given[name] for name in ("free", "fix", "engine", "seed")})
+    return fit_evidence(known, model, asked, runs=given["runs"], draws=given["draws"])
 
 
-def _check_alone(given: Mapping[str, object]) -> None:
-    """Raise ValueError for an option that has no effect if the evidence is known."""
-    for name, default in NOT_KNOWN.items():
-        if given[name] != default:
-            raise InputError(f"{name} has no effect with evidence: leave it out", name)
+def _check_unused(given: Mapping[str, object], names: Sequence[str], reason: str) -> None:
+    """Raise ValueError for an option that was given though it has no effect."""
+    usual = {each.name: each.default for each in signature(fit).parameters.values()}
+    for name in names:
+        if repr(given[name]) != repr(usual[name]):
+            raise InputError(f"{name} has no effect {reason}: leave it out", name)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
+from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.support.arrays import Array, Integers
 
 if TYPE_CHECKING:
@@ -57,13 +57,15 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
     return found
 
 
-def predicted_quantiles(mass: Array) -> dict[str, float]:
+def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
     """Return quantiles of all, of correct and of wrong times under a model, s.
 
     Parameters
     ----------
     mass : array (2, bins)
         Probability of response 0 and 1 in each bin of a grid.
+    width_s : float, s
+        Width of a bin.
 
     Returns
     -------
@@ -72,7 +74,7 @@ def predicted_quantiles(mass: Array) -> dict[str, float]:
     """
     parts = {"model_": mass.sum(axis=0)}
     parts |= {f"model_{name}_": mass[side] for name, side in SIDES.items()}
-    edges = np.arange(mass.shape[1] + 1) * BIN_S
+    edges = np.arange(mass.shape[1] + 1) * width_s
     return {
         f"{name}q{percent}_s": float(np.interp(q, _below(one), edges))
         for name, one in parts.items()

@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bgmodel.support.checks import check_flag, check_positive, whole
-from circuits.errors import InputError
+from bgmodel.tables.columns import named_participant
+from bgmodel.trials.reading import OURS, Columns, read_trials
+from bgmodel.trials.record import Trials, is_covariate
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.fitting.formulas import Formula
+    from bgmodel.fitting.hierarchy.group import Predictors
     from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
-    from bgmodel.trials.record import Trials
     from circuits.circuit import Circuit
 
 ADDED = "+"
@@ -34,23 +37,10 @@ class FitSettings:
     """The participant to fit; by default each is fitted separately."""
     pooled: bool = False
     """Fit all participants as if they were one."""
-    upper: str | None = None
-    """Name of the response that counts as 1, if responses are not 1 and 0."""
-    deadline_s: float | None = None
-    """Time at which a trial without a response ended, s."""
-    rt: str | None = None
-    """Column of response times, if it is not called rt."""
-    response: str | None = None
-    """Column of responses, if it is not called response."""
-    participant_column: str | None = None
-    """Column of participants, if it is not called participant_id."""
-    rt_unit: str = "s"
-    """Unit of response times in the table: s or ms."""
-    alternatives: int | None = None
-    """Number of alternatives, if there are more than two and the table does not name them."""
-    stimulus: str | None = None
-    """Column of the correct alternative, in the words of the responses, which are then coded as
-    correct or wrong."""
+    hierarchical: bool = False
+    """Fit all participants together, with a distribution of the group."""
+    columns: Columns = OURS
+    """Names, units and codes of the columns of the table."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; 0 and inf keep all. By default, and without a
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command prints how
@@ -81,13 +71,11 @@ class FitSettings:
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-        from bgmodel.tables.alternatives import check_number
         from circuits.engines import engine_of
 
         engine_of(self.engine)
         check_flag("pooled", self.pooled)
-        if self.alternatives is not None:
-            check_number(self.alternatives)
+        require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
         check_positive(noise_nats=self.noise_nats)
@@ -96,10 +84,10 @@ class FitSettings:
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
 
     @property
-    def columns(self) -> list[str]:
+    def by(self) -> list[str]:
         """Columns of the table that define conditions."""
         varied = {each.partition("/")[0] for each in self.varied.values()}
-        return sorted(varied.union(*(each.columns for each in self.formulas.values())))
+        return sorted(varied.union(*(each.columns for each in self._parsed)))
 
     @property
     def varied(self) -> dict[str, str]:
@@ -118,16 +106,82 @@ class FitSettings:
         return [*varied, *self.formulas]
 
     @property
-    def formulas(self) -> dict[str, Formula]:
-        """Formulas, by the name of their parameter."""
+    def _parsed(self) -> list[Formula]:
+        """All formulas, those between people too."""
         from bgmodel.fitting.formulas import formula_of
 
+        return [formula_of(each) for each in self.formula]
+
+    @property
+    def formulas(self) -> dict[str, Formula]:
+        """Formulas, by the name of their parameter."""
         found: dict[str, Formula] = {}
-        for each in map(formula_of, self.formula):
+        for each in self._parsed:
             if each.parameter in found:
                 raise InputError(f"{each.parameter} has two formulas", "formula", self.formula)
             found[each.parameter] = each
         return found
+
+    def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
+        """Return the settings without the formulas of predictors between people, and these.
+
+        Raises
+        ------
+        ValueError
+            For a predictor that differs between people, and within none of them, without a
+            hierarchy, in ``vary``, or in a formula with others.
+        """
+        apart = set() if self.pooled else _between(trials)
+        between = [each for each in self._parsed if apart & set(each.columns)]
+        for name, column in self.varied.items():
+            if column.partition("/")[0] in apart:
+                said = "differs between people alone, and vary is for conditions within them"
+                raise InputError(f"{column} {said}: give a formula, {name} ~ {column}", column)
+        for each in between:
+            column = sorted(apart & set(each.columns))[0]
+            if not self.hierarchical:
+                said = "must differ between trials of a person: here it differs between people"
+                raise InputError(
+                    f"{column} {said} alone. Fit them as a group (hierarchical=True, at the "
+                    "terminal --people hierarchical)", column,
+                )  # fmt: skip
+            if set(each.columns) - apart:
+                said = f"{column} differs between people, and other columns within them"
+                instead = f"give {each.parameter} two formulas, one of each kind"
+                raise InputError(f"{said}: {instead}", "formula", self.formula)
+        written = zip(self._parsed, self.formula, strict=True)
+        kept = tuple(text for each, text in written if not apart & set(each.columns))
+        return replace(self, formula=kept), between
+
+    def predictors(
+        self, between: Sequence[Formula], trials: Trials, likelihoods: Mapping[str, Likelihood]
+    ) -> Predictors:
+        """Return the predictors between people for every number of their parameters."""
+        import numpy as np
+
+        from bgmodel.fitting.hierarchy.group import Predictors
+
+        first = next(iter(likelihoods.values()))
+        rows = [int(np.argmax(trials.participant == who)) for who in likelihoods]
+        given = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
+                 for name in trials.conditions}  # fmt: skip
+        names: list[str] = []
+        columns, of = [], []
+        for each in between:
+            own = getattr(first.model, "threshold_name", each.parameter)
+            own = own if each.parameter == "threshold" else each.parameter
+            made = each.matrix(given, np.arange(len(rows)), len(rows))
+            if made.pop("Intercept", None) is None:
+                must = "must have an intercept: the group's mean"
+                raise InputError.of("formula", must, f"{each.parameter} ~ {each.terms}")
+            places = [k for k, x in enumerate(first.freedom.moved) if x.parameter.name == own]
+            require(places, "formula", "must be of a parameter that is fitted", each.parameter)
+            for label, column in made.items():
+                for k in places:
+                    names.append(f"{first.freedom.names[k]} by {label}")
+                    columns.append(column - column.mean())
+                    of.append(k)
+        return Predictors(tuple(names), np.array(columns), np.array(of))
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -160,27 +214,35 @@ class FitSettings:
         default = default if any(added) else []
         return list(dict.fromkeys([*default, *named])) or None
 
-    def read(self, data: str | Path | pd.DataFrame) -> Trials:
-        """Return the trials of a table; arguments as for ``tables.choices.read_trials``."""
-        from bgmodel.trials.reading import read_trials
+    def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
+        """Return the trials of a table, with the conditions of the fit, or those that are given.
 
-        choices = read_trials(
-            data,
-            strength=self.strength,
-            conditions=self.columns,
-            participant=self.participant,
-            deadline_s=self.deadline_s,
-            upper=self.upper,
-            rt=self.rt,
-            response=self.response,
-            participant_column=self.participant_column,
-            rt_unit=self.rt_unit,
-            alternatives=self.alternatives,
-            stimulus=self.stimulus,
-        )
-        if not self.pooled:
-            _check_within(choices)
-        return choices
+        Raises
+        ------
+        ValueError
+            As for ``read_trials``, and for options of reading that trials, once read, ignore.
+        """
+        if isinstance(data, Trials):
+            for name, usual in (("strength", None), ("columns", OURS)):
+                said = f"{name} has no effect on trials that are read: give it to read_trials"
+                if getattr(self, name) != usual:
+                    raise InputError(said, name)
+            lacking = [name for name in self.by if name not in data.conditions]
+            must = "must be read with the trials: read_trials(..., conditions=...)"
+            require(not lacking, "conditions", must, lacking)
+            who = data.participant
+            mine = who == (named_participant(self.participant, who) if self.participant else who)
+            trials = data.where(mine)
+        else:
+            trials = read_trials(
+                data, strength=self.strength, conditions=self.by, participant=self.participant,
+                columns=self.columns,
+            )  # fmt: skip
+        for name, column in self.varied.items():
+            if is_covariate(trials.conditions[column.partition("/")[0]]):
+                instead = f"give it a formula, {name} ~ {column}"
+                raise InputError(f"{column} has too many values for vary: {instead}", "vary")
+        return trials
 
     def people(self, choices: Trials) -> list[tuple[str, Trials]]:
         """Return the trials of each person to fit, or of all pooled."""
@@ -196,7 +258,7 @@ class FitSettings:
         named = {*self.named, *self.varied, *self.fixed, *self.formulas}
         sides = not named.isdisjoint(SIDED)
         return design_of(
-            choices, self.columns, rt_window=self.rt_window, pooled=self.pooled, sides=sides
+            choices, self.by, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )
 
     def model(
@@ -234,7 +296,7 @@ class FitSettings:
 
         if isinstance(model, TrialModel):
             return model
-        number = alternatives or self.alternatives or 2
+        number = alternatives or self.columns.alternatives or 2
         if number > 2:
             named = (*self.named, *self.fixed, *self.varied, *self.formulas)
             check_many(model, self.mechanism, named, number)
@@ -271,7 +333,7 @@ class FitSettings:
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (
             ("free", self.named), ("fix", self.fixed), ("vary", self.varied),
-            ("formula", self.formulas),
+            ("formula", [each.parameter for each in self._parsed]),
         ):  # fmt: skip
             for name in names:
                 if name not in known and name != "threshold":
@@ -336,24 +398,46 @@ class FitSettings:
             must = "must be 2 in a hierarchical fit: fit each person separately"
             raise InputError.of("alternatives", must, number)
         largest = max(float(each.strength.max()) for each in designs.values())
-        return {who: self.likelihood(each, model, largest) for who, each in designs.items()}
+        found = {who: self.likelihood(each, model, largest) for who, each in designs.items()}
+        return shared_ranges(found)
+
+
+def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood]:
+    """Return likelihoods whose coefficients have one range: the widest of any person.
+
+    The range of a slope follows from the values of its covariate, which differ between people.
+    """
+    import numpy as np
+
+    every = [each.freedom for each in likelihoods.values()]
+    if len({tuple(each.names) for each in every}) > 1:
+        return dict(likelihoods)  # people with other levels, which the hierarchy refuses
+    low, high = (
+        np.min([each.low for each in every], axis=0),
+        np.max([each.high for each in every], axis=0),
+    )
+    found = {}
+    for who, each in likelihoods.items():
+        moved = tuple(
+            replace(one, parameter=replace(one.parameter, low=float(a), high=float(b)))
+            for one, a, b in zip(each.freedom.moved, low, high, strict=True)
+        )
+        found[who] = replace(each, freedom=replace(each.freedom, moved=moved))
+    return found
 
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Examples of mappings of parameters for ``fit``."""
 
 
-def _check_within(choices: Trials) -> None:
-    """Raise ValueError for a condition that differs between people, and within none of them."""
-    for name, levels in choices.conditions.items():
-        kinds = levels.groupby(choices.participant).nunique()
+def _between(trials: Trials) -> set[str]:
+    """Return the conditions that differ between people, and within none of them."""
+    found = set()
+    for name, levels in trials.conditions.items():
+        kinds = levels.groupby(trials.participant).nunique()
         if len(kinds) > 1 and (kinds == 1).all() and levels.nunique() > 1:
-            said = (
-                f"{name} must differ between trials of a person: here it differs between people "
-                "alone, and predictors between people are not supported. Fit each group on its own "
-                "and compare its parameters"
-            )
-            raise InputError(said, name)
+            found.add(str(name))
+    return found
 
 
 def settings_of(
@@ -411,11 +495,6 @@ def names_of(given: str | Iterable[str], option: str = "free") -> tuple[str, ...
         kind = "the name of a parameter" if option == "free" else "a formula"
         raise InputError.of(option, f"must be {kind}, or a list of them", given)
     return (given,) if isinstance(given, str) else tuple(given)
-
-
-def numbers_of(fix: Mapping[str, float] | None) -> dict[str, float]:
-    """Return fixed parameters as numbers."""
-    return {str(name): _number(str(value)) for name, value in _pairs("fix", fix)}
 
 
 def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:

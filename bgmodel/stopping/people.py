@@ -10,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
-from bgmodel.stopping.events import is_events, read_events
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import path_of
@@ -19,6 +18,7 @@ from bgmodel.tables.columns import code, delays, names_of, silent
 from bgmodel.tables.foreign import named
 from bgmodel.tables.shipped import STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
+from bgmodel.trials.events import is_events, read_events
 from circuits.errors import DataWarning, InputError, collected, require, within
 
 SHIPPED = STOP_SET
@@ -44,7 +44,7 @@ def read_people(
         empty without a response, ssd in go trials; without participant_id all trials belong to one,
         "all". A response is correct where a column ``correct`` is 1 rather than 0, or else where
         ``stimulus`` and ``response`` are equal, if there are these columns. A folder, or a
-        file that ends in ``_events.tsv``, holds BIDS events: see ``bgmodel.stopping.events``. By
+        file that ends in ``_events.tsv``, holds BIDS events: see ``bgmodel.trials.events``. By
         default the set that ships.
     columns : mapping, optional
         Other names of columns, such as ``{"rt": "RT", "ssd": "delay"}``; in BIDS events also of

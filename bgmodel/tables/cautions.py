@@ -58,7 +58,7 @@ SAME = 1e-6
 
 DELAYS = ("ssd", "stop_signal_delay", "stopsignaldelay")
 """Names of a column of stop-signal delays, without capitals."""
-FIT_STOPS = "use bgmodel fit --task stop"
+STOPS = "Columns(ssd=...), at the terminal --columns ssd="
 
 
 def check_no_stops(table: pd.DataFrame) -> None:
@@ -68,13 +68,14 @@ def check_no_stops(table: pd.DataFrame) -> None:
         if delays is not False and (stops := int(delays.notna().sum())):
             raise InputError(
                 f"column {str(name)!r} has the stop-signal delays of {stops} trials, which are no "
-                f"choices: {FIT_STOPS}, or leave these trials out",
+                f"choices: name the column to read them as such ({STOPS}), or leave these trials "
+                "out",
                 name,
             )
 
 
 def people_and_times(
-    table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str]
+    table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str], unit: str = "s"
 ) -> tuple[npt.NDArray[np.str_], Array]:
     """Return the participant and the response time, s, of each row of a table of any trials.
 
@@ -84,6 +85,8 @@ def people_and_times(
         A user's table, its rows numbered from 0.
     wanted, used : names
         Required columns, and those besides ``OURS`` that tell copies of trials.
+    unit : str
+        Unit of the times.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def people_and_times(
     who = participants(table)
     check_alike("participant_id", who)
     warn_of_copies(table, used)
-    rt_s = times(table["rt"])
+    rt_s = times(table["rt"], unit)
     check_one_unit(rt_s)
     warn_of_mixed_units(rt_s, who)
     return who, rt_s

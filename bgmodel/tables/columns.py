@@ -80,15 +80,15 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
             check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
             held = "seems to hold participants: rename it to participant_id, or name it"
-            held += " (participant_column, at the terminal --columns participant_column=)"
+            held += " (Columns(participant=...), at the terminal --columns participant=)"
             raise InputError(f"column {name!r} {held}", "participant")
     if missing := [name for name in wanted if name not in names]:
         hint = ""
         if "response" in missing and "correct" in names:
             hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
         if own := [name for name in missing if name in ("rt", "response")]:
-            options = " and ".join(f"--{name}" for name in own)
-            hint += f"; name yours ({' and '.join(own)}, at the terminal {options})"
+            record, words = (end.join(f"{name}=..." for name in own) for end in (", ", " "))
+            hint += f"; name yours: Columns({record}), at the terminal --columns {words}"
         absent = " or ".join(missing)
         said = f"there is no column {absent}; there are {', '.join(names)}{hint}"
         raise InputError(said, missing[0])
@@ -113,8 +113,8 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         )
         raise InputError(
             f"column {each} may hold participants, whose trials would be pooled: rename it to "
-            "participant_id, name it (participant_column, at the terminal --columns "
-            "participant_column=), or name it as a condition",
+            "participant_id, name it (Columns(participant=...), at the terminal --columns "
+            "participant=), or name it as a condition",
             "participant",
         )
 
@@ -135,11 +135,16 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     check_alike("participant_id", who)
     if participant is None:
         return table
-    participant = str(participant) if is_whole(participant) else participant
-    if not isinstance(participant, str) or participant not in who:
+    return pd.DataFrame(table[who == named_participant(participant, who)])
+
+
+def named_participant(participant: object, who: npt.NDArray[np.str_]) -> str:
+    """Return the name of a participant, given as text or as a whole number."""
+    name = str(participant) if is_whole(participant) else participant
+    if not isinstance(name, str) or name not in who:
         known = ", ".join(sorted(set(who.tolist())))
         raise InputError.of("participant", f"must be one of {known}", participant)
-    return pd.DataFrame(table[who == participant])
+    return name
 
 
 def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
@@ -330,8 +335,10 @@ def code(column: pd.Series) -> npt.NDArray[np.int8]:
     return values.astype(np.int8)
 
 
-def delays(column: pd.Series) -> Array:
+def delays(column: pd.Series, unit: str = "s") -> Array:
     """Return stop-signal delays, (rows,), s; NaN in go trials, whose cell is empty or infinite.
+
+    ``unit`` is that of the column, a name in ``UNITS``.
 
     Raises
     ------
@@ -341,6 +348,7 @@ def delays(column: pd.Series) -> Array:
     check_numeric(column)
     cells = [_number(value) for value in column]
     values = numbers(column.mask(np.isinf(cells)))
+    values = values * UNITS[unit]
     given = values[np.isfinite(values)]
     median = float(np.median(given)) if len(given) else 0.0
     require(median <= SLOWEST_DELAY_S, column.name, "must be in seconds", median)

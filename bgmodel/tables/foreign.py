@@ -12,18 +12,14 @@ from circuits.errors import InputError, require
 
 PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})
 """Columns of a sample of PyDDM, by its own default and as exported here."""
+OTHER = {"participant": "participant_id"}
+"""Columns that are named in short."""
 HSSM = {"1", "-1"}
 """Responses of HSSM: to the upper and to the lower boundary."""
 
 
-def renamed(
-    table: pd.DataFrame,
-    *,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-) -> pd.DataFrame:
-    """Return a table with columns rt, response and participant_id, whatever their names were.
+def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
+    """Return a table with our names of columns, whatever theirs were.
 
     A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
     is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
@@ -32,21 +28,16 @@ def renamed(
     ----------
     table : DataFrame
         A user's table.
-    rt, response, participant_column : str, optional
-        Names of the columns of response times, responses and participants.
+    **given : str, optional
+        Its names of rt, response, participant, ...; None for those that are ours.
 
     Raises
     ------
     ValueError
         If a named column does not exist, is named twice, or its new name belongs to another column.
     """
-    options = {
-        "rt": ("rt", rt),
-        "response": ("response", response),
-        "participant_column": ("participant_id", participant_column),
-    }
-    table = named(table, options)
-    if rt is None and response is None:
+    table = named(table, {name: (OTHER.get(name, name), own) for name, own in given.items()})
+    if given.get("rt") is None and given.get("response") is None:
         table = _of_pyddm(table)
     return _of_hssm(table)
 

@@ -1,20 +1,25 @@
-"""The reader of trials: tables, files, shipped sets."""
+"""The reader of trials: tables, files, BIDS events, shipped sets; one set of guards for all."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.checks import Problems, path_of
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import Problems, check_flag, check_positive, path_of
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.cautions import (
-    FIT_STOPS,
+    LEAST_RIGHT,
     check_deadline,
     check_no_stops,
     check_signs,
     check_times,
+    people_and_times,
     warn_of_copies,
     warn_of_far,
     warn_of_mixed_units,
@@ -26,19 +31,95 @@ from bgmodel.tables.cautions import (
 from bgmodel.tables.columns import (
     FEWEST,
     NO_RESPONSE,
+    UNITS,
     check_answers,
+    code,
+    delays,
     levels,
+    named_participant,
+    names_of,
     participants,
+    refuse,
     responses,
     rows,
+    silent,
     strengths,
     times,
 )
 from bgmodel.tables.foreign import renamed
-from bgmodel.tables.shipped import SETS, STOP_SET, shipped
+from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
-from bgmodel.trials.record import Trials
-from circuits.errors import InputError, require, within
+from bgmodel.trials.events import is_events, read_events
+from bgmodel.trials.record import Trials, is_covariate
+from circuits.errors import DataWarning, InputError, require, within
+
+MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
+"""If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
+these delays are probably missing."""
+READ = (*SETS, STOP_SET)
+"""Shipped sets of trials, by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """How a table of trials is read: names of its columns, their units and codes.
+
+    Names are needed only where the table does not have ours, which are given in parentheses.
+
+    Parameters
+    ----------
+    rt, response, participant : str, optional
+        Columns of times (rt), of responses (response) and of participants (participant_id).
+    ssd : str, optional
+        Column of stop-signal delays, empty in go trials (ssd).
+    trial_type : str, optional
+        Column that tells go from stop trials in BIDS events.
+    rt_unit : str
+        Unit of rt and ssd: s or ms.
+    upper : str, optional
+        The response that counts as 1, if responses are two names instead of 1 and 0.
+    stimulus : str, optional
+        Column of the correct alternative, in the words of the responses. A response is then coded
+        1 if it is correct and 0 if it is wrong, whichever of the others it is.
+    alternatives : int, optional
+        Number of alternatives, 2 to 12, if it is more than 2 and neither a column ``alternatives``
+        nor ``stimulus`` gives it.
+    deadline_s : float, optional
+        Time at which a trial without a response ended, s.
+    restore_delays : bool
+        Whether stop-signal delays of exactly 0 are missing: fits infer them from the staircases
+        (``stopping.restored``). Otherwise they are kept, with a warning if they look missing.
+    """
+
+    rt: str | None = None
+    response: str | None = None
+    participant: str | None = None
+    ssd: str | None = None
+    trial_type: str | None = None
+    rt_unit: str = "s"
+    upper: str | None = None
+    stimulus: str | None = None
+    alternatives: int | None = None
+    deadline_s: float | None = None
+    restore_delays: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("rt", "response", "participant", "ssd", "trial_type", "stimulus"):
+            given = getattr(self, name)
+            named = given is None or isinstance(given, str)
+            require(named, name, "must be the name of a column", given)
+        named = self.upper is None or isinstance(self.upper, str)
+        require(named, "upper", "must be the name of a response", self.upper)
+        known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
+        require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
+        check_flag("restore_delays", self.restore_delays)
+        if self.alternatives is not None:
+            several.check_number(self.alternatives)
+        if self.deadline_s is not None:
+            check_positive(deadline_s=self.deadline_s)
+
+
+OURS = Columns()
 
 
 def read_trials(
@@ -47,52 +128,40 @@ def read_trials(
     strength: str | None = None,
     conditions: str | Sequence[str] = (),
     participant: str | None = None,
-    deadline_s: float | None = None,
-    upper: str | None = None,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-    rt_unit: str = "s",
-    alternatives: int | None = None,
-    stimulus: str | None = None,
+    columns: Columns = OURS,
 ) -> Trials:
-    """Read a table of choices and response times; no trial is left out.
+    """Read a table of trials; none is left out.
+
+    The columns say what kind of trials they are. With ``ssd`` they are stop-signal trials; with
+    ``pair`` and ``reward`` they are choices between the items of a pair that are rewarded; others
+    are choices and their times.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
     possible errors: units of time, a deadline far beyond all responses, coarse times,
     anticipations, many times exactly equal to the longest, duplicate rows, two participants with
-    the same trials, names that differ only in capitals, a strength far beyond all others, and a
-    column that may hold the strength.
+    the same trials, names that differ only in capitals, a strength far beyond all others, a column
+    that may hold the strength, and stop-signal delays that are probably missing.
 
     Parameters
     ----------
     source : path, str or DataFrame
-        ``.csv``, ``.tsv`` or ``.parquet``, the name of a shipped set, or a table with one row per
-        trial: ``rt``, s from the onset of evidence, and ``response``, 1 or 0; optionally
-        ``participant_id``, without which all trials belong to one participant, "all". A trial
-        without a response has neither ``rt`` nor ``response``; if ``rt`` is -999, as written for
-        HSSM, ``response`` is ignored. Tables of HSSM (responses 1 and -1) and of PyDDM (columns RT
-        and choice) are recognised.
+        ``.csv``, ``.tsv`` or ``.parquet``, the name of a shipped set, a folder or file of BIDS
+        events with stop signals, or a table with one row per trial: ``rt``, s from the onset of
+        evidence, and ``response``, 1 or 0; optionally ``participant_id``, without which all trials
+        belong to one participant, "all". A trial without a response has neither ``rt`` nor
+        ``response``; if ``rt`` is -999, as written for HSSM, ``response`` is ignored. Tables of
+        HSSM (responses 1 and -1) and of PyDDM (columns RT and choice) are recognised. Stop-signal
+        trials have ``ssd``, s, in stop trials, and are correct where a column ``correct`` is 1
+        rather than 0, or else where ``stimulus`` and ``response`` are equal, if there are these.
+        With rewards, response 1 is the item of the pair that is rewarded more often.
     strength : str, optional
         Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
         Columns of conditions, read as text.
     participant : str, optional
         The participant whose trials are read; all by default.
-    deadline_s : float, optional
-        Time at which a trial without a response ended, s.
-    upper : str, optional
-        The response that counts as 1, if responses are two names instead of 1 and 0.
-    rt, response, participant_column : str, optional
-        Names of the columns of times, responses and participants, if they have others.
-    rt_unit : str
-        Unit of the times: s or ms.
-    alternatives : int, optional
-        Number of alternatives, 2 to 12, if it is more than 2 and neither a column ``alternatives``
-        nor ``stimulus`` gives it.
-    stimulus : str, optional
-        Column of the correct alternative, in the words of the responses. A response is then coded
-        1 if it is correct and 0 if it is wrong, whichever of the others it is.
+    columns : Columns
+        Names, units and codes of the columns, if they are not ours.
 
     Returns
     -------
@@ -105,84 +174,185 @@ def read_trials(
         With the name of the source and, for a wrong value, its column, value and row, counted
         from 0; problems of several columns are in one message.
     """
-    name, table = _table(source)
+    require(isinstance(columns, Columns), "columns", "must be Columns(...)", columns)
     if not isinstance(conditions, (str, list, tuple)):
         raise InputError.of("conditions", "must be names of columns", conditions)
-    named = stimulus is None or isinstance(stimulus, str)
-    require(named, "stimulus", "must be the name of a column", stimulus)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
+    name, table = _table(source, columns)
     try:
-        used = [each for each in (*wanted, strength, stimulus) if each is not None]
-        check_no_stops(table)
-        table = renamed(table, rt=rt, response=response, participant_column=participant_column)
-        table = rows(table, used, participant)
-        warn_of_copies(table, used)
-        problems, held = Problems(), {}
-        with problems.caught():
-            rt_s = times(table["rt"], rt_unit)
-        with problems.caught():
-            number = several.number_of(table, alternatives, stimulus)
-            if stimulus is None:
-                chosen = responses(table["response"], table["rt"], upper)
-            else:
-                require(upper is None, "upper", "has no effect with stimulus: leave it out", upper)
-                chosen = several.correctness(table, stimulus)
-        signed = None
-        if strength is not None:
-            with problems.caught():
-                signed = without_rounding(strengths(table[strength]))
-        for column in wanted:
-            with problems.caught():
-                held[column] = levels(table[column])
-        problems.refuse()
-        check_answers(table, rt_s, chosen, deadline_s)
-        check_times(rt_s)
-        warn_of_mixed_units(rt_s, participants(table))
-        if deadline_s is not None:
-            check_deadline(rt_s, deadline_s)
-        if signed is not None:
-            warn_of_far(signed)
-            warn_of_units(signed)
-        found = Trials(
-            participants(table),
-            rt_s,
-            chosen,
-            signed,
-            pd.DataFrame(held, index=range(len(table))),
-            deadline_s,
-            name,
-            number,
-        )
-        warn_of_twins(found.participant, rt_s, chosen)
-        _check_cells(found)
-        _check_both_chosen(found)
-        if number == 2:
-            check_signs(signed, chosen)
-        if strength is None:
-            warn_without_strength(table, [*used, several.COLUMN], chosen, number)
+        named = {"rt": columns.rt, "response": columns.response, "ssd": columns.ssd}
+        table = renamed(table, **named, participant=columns.participant)
+        kind = _choices
+        if "ssd" in table:
+            kind = _stop_signals
+        elif {"pair", "reward"} <= set(table):
+            kind = _rewarded
+        if kind is not _choices:
+            require(strength is None, "strength", f"has no effect on {kind.__doc__}", strength)
+        found = kind(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
+    return replace(found, source=name)
+
+
+def _choices(
+    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
+    columns: Columns,
+) -> Trials:  # fmt: skip
+    """Choices."""
+    stimulus, upper = columns.stimulus, columns.upper
+    used = [each for each in (*wanted, strength, stimulus) if each is not None]
+    check_no_stops(table)
+    table = rows(table, used, participant)
+    warn_of_copies(table, used)
+    problems, held = Problems(), {}
+    with problems.caught():
+        rt_s = times(table["rt"], columns.rt_unit)
+    with problems.caught():
+        number = several.number_of(table, columns.alternatives, stimulus)
+        if stimulus is None:
+            chosen = responses(table["response"], table["rt"], upper)
+        else:
+            require(upper is None, "upper", "has no effect with stimulus: leave it out", upper)
+            chosen = several.correctness(table, stimulus)
+    signed = None
+    if strength is not None:
+        with problems.caught():
+            signed = without_rounding(strengths(table[strength]))
+    for column in wanted:
+        with problems.caught():
+            held[column] = levels(table[column])
+    problems.refuse()
+    check_answers(table, rt_s, chosen, columns.deadline_s)
+    check_times(rt_s)
+    warn_of_mixed_units(rt_s, participants(table))
+    if columns.deadline_s is not None:
+        check_deadline(rt_s, columns.deadline_s)
+    if signed is not None:
+        warn_of_far(signed)
+        warn_of_units(signed)
+    found = Trials(
+        participants(table), rt_s, chosen, signed, pd.DataFrame(held, index=range(len(table))),
+        columns.deadline_s, alternatives=number,
+    )  # fmt: skip
+    warn_of_twins(found.participant, rt_s, chosen)
+    _check_cells(found)
+    _check_both_chosen(found)
+    if number == 2:
+        check_signs(signed, chosen)
+    if strength is None:
+        warn_without_strength(table, [*used, several.COLUMN], chosen, number)
     return found
 
 
-def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
+def _others(
+    table: pd.DataFrame, needed: list[str], wanted: list[str], participant: str | None,
+    columns: Columns,
+) -> tuple[pd.DataFrame, npt.NDArray[np.str_], Array, pd.DataFrame]:  # fmt: skip
+    """Return the rows, participants, times and conditions of trials with further columns."""
+    used = [name for name in (*needed, *wanted) if name != "response"]
+    who, rt_s = people_and_times(table, ["rt", *needed, *wanted], used, columns.rt_unit)
+    held = pd.DataFrame({each: levels(table[each]) for each in wanted}, index=range(len(table)))
+    if participant is None:
+        return table, who, rt_s, held
+    own = who == named_participant(participant, who)
+    return (part.loc[own].reset_index(drop=True) if isinstance(part, pd.DataFrame) else part[own]
+            for part in (table, who, rt_s, held))  # type: ignore[return-value]  # fmt: skip
+
+
+def _stop_signals(
+    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
+    columns: Columns,
+) -> Trials:  # fmt: skip
+    """stop-signal trials."""
+    table, who, rt_s, held = _others(table, ["ssd"], wanted, participant, columns)
+    ssd_s, correct = delays(table["ssd"], columns.rt_unit), _correct(table, rt_s)
+    warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
+    for each in np.unique(who).tolist():
+        go = np.isnan(ssd_s[who == each]).any()
+        require(go, "ssd", f"must be empty in some trials of {each}, the go trials", "none")
+    right = np.ones(len(rt_s), bool) if correct is None else correct
+    chosen = np.where(np.isnan(rt_s), NO_RESPONSE, right).astype(np.int8)
+    if not columns.restore_delays:
+        _warn_of_zeros(rt_s, ssd_s)
+    return Trials(who, rt_s, chosen, None, held, columns.deadline_s, ssd_s=ssd_s)
+
+
+def _rewarded(
+    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
+    columns: Columns,
+) -> Trials:  # fmt: skip
+    """Choices that are rewarded."""
+    more = [name for name in wanted if name != "pair"]
+    table, who, rt_s, held = _others(
+        table, ["response", "pair", "reward"], more, participant, columns
+    )
+    held.insert(0, "pair", levels(table["pair"]))
+    refuse(np.isnan(rt_s), table["rt"], "given for every trial")
+    response, reward = (code(table[column]) for column in ("response", "reward"))
+    warn_of_twins(who, rt_s, response)
+    few = pd.DataFrame({"who": who, "pair": held["pair"]}).value_counts()
+    must = "must have two trials or more in every pair: values are learned from earlier ones"
+    require((few > 1).all(), "pair", must, few[few < 2].index.tolist()[:3])
+    return Trials(who, rt_s, response, None, held, reward=reward.astype(np.float64))
+
+
+def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
+    """Return which responses are correct; None if the table does not say which are right."""
+    if "correct" in table:
+        return np.asarray(code(table["correct"]) == 1)
+    if not {"stimulus", "response"} <= set(table):
+        return None
+    stimulus, response = (names_of(table[name]) for name in ("stimulus", "response"))
+    correct = np.asarray(stimulus == response) & ~silent(table[["rt", "response"]])
+    answered = np.isfinite(rt_s)
+    share = float(correct[answered].mean()) if answered.any() else 1.0
+    if share < LEAST_RIGHT:
+        DataWarning.warn(
+            f"{share:.0%} of responses are correct, equal to the stimulus: are both columns in "
+            f"the same words? Responses are {_some(response[answered])}, stimuli {_some(stimulus)}"
+        )
+    return correct
+
+
+def _some(names: npt.NDArray[np.object_]) -> str:
+    return ", ".join(sorted({str(name) for name in names})[:4])
+
+
+def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
+    """Warn if delays of 0 are probably those of signals that came too late to be given."""
+    at_zero = np.isfinite(rt_s[ssd_s == 0])
+    if len(at_zero) >= FEWEST_AT_ZERO and at_zero.mean() > MOST_AT_ZERO:
+        DataWarning.warn(
+            f"{at_zero.sum()} of {len(at_zero)} stop trials with a delay of 0 have a response: the "
+            "signal was probably not given because the response came first. Columns("
+            "restore_delays=True), at the terminal --columns restore_delays=true, infers the "
+            "delays from the staircases"
+        )
+
+
+def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd.DataFrame]:
     """Return the name of a source and its unchanged table."""
     if isinstance(source, pd.DataFrame):
-        return "a table", source
+        return "a table", source.reset_index(drop=True)
     path = path_of(source, "source")
-    if str(source) == STOP_SET:
-        raise InputError(f"it holds stop-signal trials, not choices: {FIT_STOPS}", "source")
-    if source in SETS:
-        return str(source), shipped()[str(source)].table
+    if str(source) in READ:
+        return str(source), shipped_table(str(source))[0]
+    if is_events(path):
+        given = {name: getattr(columns, name) for name in ("trial_type", "rt", "ssd")}
+        events = read_events(path, {n: each for n, each in given.items() if each is not None})
+        ours = {ours: theirs for theirs, ours in given.items() if ours is not None}
+        return path.name, events.rename(columns={v: k for k, v in ours.items()})
     if not path.suffix:
-        must = f"must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}"
+        must = f"must be a .csv, .tsv or .parquet or one of {', '.join(READ)}"
         raise InputError.of("source", must, str(source))
-    return path.name, read_rows(path)
+    return path.name, read_rows(path).reset_index(drop=True)
 
 
 def _check_cells(choices: Trials) -> None:
     """Raise ValueError if a participant has too few trials in a condition."""
-    keys = pd.DataFrame({"participant": choices.participant}).join(choices.conditions)
+    levels = choices.conditions.loc[:, [not is_covariate(c) for _, c in choices.conditions.items()]]
+    keys = pd.DataFrame({"participant": choices.participant}).join(levels)
     for _, cell in keys.groupby(list(keys), sort=False):
         if len(cell) < FEWEST:
             named = (f"{name} {cell[name].iloc[0]!r}" for name in cell)

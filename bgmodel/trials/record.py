@@ -14,8 +14,17 @@ import pandas as pd
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables import alternatives as several
-from bgmodel.tables.columns import NO_RESPONSE
+from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
 from circuits.errors import InputError, require
+
+MOST_LEVELS = 30
+"""A condition with more values than this, all of them numbers, is a covariate."""
+
+
+def is_covariate(column: pd.Series) -> bool:
+    """Whether a condition is a covariate, such as a physiological signal, and has no levels."""
+    many = column.nunique() > MOST_LEVELS
+    return bool(many and pd.to_numeric(column, errors="coerce").notna().all())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +44,8 @@ class Trials(Facts):
         Signed strength of the evidence: positive favours response 1. With more than two
         alternatives it favours the correct one, and is 0 or more.
     conditions : DataFrame
-        One row per trial, columns of text; possibly without columns.
+        One row per trial, columns of text; possibly without columns. One with more than 30 values,
+        all of them numbers, is a covariate.
     deadline_s : float or None
         Time at which a trial without a response ended, s.
     source : str
@@ -144,6 +154,43 @@ class Trials(Facts):
             f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
             f"{known['no response']}, times {known['rt_s']} s"
         )
+
+    def to_pyddm(self) -> pd.DataFrame:
+        """Return them for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``.
+
+        Columns rt (s) and choice (1 or 0; both NaN without a response), strength, conditions, and
+        participant_id if there are several participants.
+        """
+        coded = np.where(np.isnan(self.rt_s), np.nan, self.response)
+        who = {"participant_id": self.participant} if len(self.people()) > 1 else {}
+        return pd.DataFrame({"rt": self.rt_s, "choice": coded, **who, **self._given("choice")})
+
+    def to_hssm(self) -> pd.DataFrame:
+        """Return them for ``hssm.HSSM(data=table)``.
+
+        Columns participant_id, trial, rt (s), response (1 or -1), strength and conditions. Without
+        a response, rt is -999, which HSSM treats as missing with ``missing_data=True``, and
+        response is -1, which it then ignores.
+        """
+        who = pd.Series(self.participant)
+        return pd.DataFrame(
+            {
+                "participant_id": who,
+                "trial": who.groupby(who).cumcount(),
+                "rt": np.where(np.isnan(self.rt_s), MISSING_RT, self.rt_s),
+                "response": np.where(self.response == 1, 1, -1),
+                **self._given("participant_id", "trial", "response"),
+            }
+        )
+
+    def _given(self, *taken: str) -> dict[str, Any]:
+        """Return strength and conditions as columns; ValueError for a name that is taken."""
+        found: dict[str, Any] = {} if self.strength is None else {"strength": self.strength}
+        both = sorted({*taken, "rt", "participant_id", *found} & {*self.conditions})
+        if both:
+            said = f"conditions must be other columns than {', '.join(both)}"
+            raise InputError(said, "conditions")
+        return found | {str(name): self.conditions[name].to_numpy() for name in self.conditions}
 
     def _digest(self) -> str:
         texts = {name: self.conditions[name].tolist() for name in self.conditions}

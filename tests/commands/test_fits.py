@@ -106,7 +106,7 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--vary", "bound=day"], "mine.csv: there is no column day; there are"),
         (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
         (["--columns", "deadline_s=0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
-        (["--columns", "deadline_s=-1"], "mine.csv: deadline_s must be > 0 and finite"),
+        (["--columns", "deadline_s=-1"], "deadline_s must be > 0 and finite"),
         (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
         (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
         (["--simulation", "engine=abacus"], "engine must be one of "),

@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains
-from bgmodel.fitting.hierarchy.people import fit_people
+from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning
 from tests.drawn import drawn
 
@@ -54,4 +54,11 @@ def short_chains():
 def group():
     """Return the fit of the group, whose chains are too short to agree."""
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
-        return fit_people(table(), "constant_gap", strength="strength", fix=FIXED, most_draws=MOST)
+        return fit(
+            table(),
+            "constant_gap",
+            strength="strength",
+            fix=FIXED,
+            most_draws=MOST,
+            hierarchical=True,
+        )

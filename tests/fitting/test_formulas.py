@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.hierarchy.fit import check_people
@@ -17,6 +18,7 @@ from bgmodel.fitting.settings import settings_of
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError
 from tests.drawn import drawn
+from tests.helpers import refused
 
 pytest.importorskip("formulaic", reason="formulas need formulaic: pip install '.[fit]'")
 
@@ -170,7 +172,7 @@ def checked(data, **options):
 )
 def test_formulas_that_cannot_be_fitted_are_refused(formula, field):
     data = table(200)
-    data["many"] = np.arange(len(data)) // 20
+    data["many"] = [f"m{k}" for k in np.arange(len(data)) // 20]
     with pytest.raises(InputError) as error:
         checked(data, formula=formula)
     assert field or error.value.field == "formula"
@@ -201,3 +203,30 @@ def test_noise_of_the_search_does_not_leave_the_range():
         if not one.freedom.inside(vector):
             assert one(vector) == -np.inf
         assert np.isfinite(one.each(vector)).all()
+
+
+def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():
+    """Bounds rise by 0.15 per unit of a Gaussian covariate, which takes 60 values."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(size=60)
+    some = [
+        drawn(GapModel(), [0.3], 50, k, sensitivity=6.0, bound=max(0.8 + 0.15 * value, 0.3))
+        for k, value in enumerate(values)
+    ]
+    names = {"rt": "rt_s", "response": "response", "x": "strength"}
+    columns = {ours: np.concatenate([getattr(e, own) for e in some]) for ours, own in names.items()}
+    theta = np.repeat(values, 50)
+    table = pd.DataFrame({**columns, "theta": theta})
+    made = bg.fit(table, "constant_gap", strength="x", formula="bound ~ theta", fix={"lapse": 0.01})
+    row = made.parameters().set_index("parameter").loc["bound[theta]"]
+    assert abs(row["value"] - 0.15) < 3 * row["standard_error"]
+    assert row["standard_error"] < 0.015
+    assert made.optimum.likelihood.design.cells == 10
+    shuffled = table.assign(theta=rng.permutation(theta))
+    still = bg.fit(
+        shuffled, "constant_gap", strength="x", formula="bound ~ theta", fix={"lapse": 0.01}
+    )
+    none = still.parameters().set_index("parameter").loc["bound[theta]"]
+    assert abs(none["value"]) < 3 * none["standard_error"]
+    with refused("vary"):
+        bg.fit(table, "constant_gap", strength="x", vary={"bound": "theta"})

@@ -137,7 +137,7 @@ def test_conditions_change_a_parameter():
 
 
 def test_people_are_fitted_in_a_hierarchy():
-    found = bg.fit_people(people(8, 60, seed=5, spread=0.2), MODEL, strength="strength")
+    found = bg.fit(people(8, 60, seed=5, spread=0.2), MODEL, strength="strength", hierarchical=True)
     table = found.summary()
     assert found.agreement.reached
     assert table.loc["level", "low"] < TRUTH["level"] < table.loc["level", "high"]

@@ -62,7 +62,7 @@ def test_errors_of_the_data_are_not_those_of_correct_responses():
 def test_predicted_quantiles_of_an_exponential_time_are_its_own():
     edges = np.arange(1001) * BIN_S
     mass = np.stack([np.diff(-np.exp(-edges / 0.5)), 0.2 * np.diff(-np.exp(-edges / 1.0))])
-    found = predicted_quantiles(mass)
+    found = predicted_quantiles(mass, BIN_S)
     for q in QUANTILES:
         percent = round(100 * q)
         assert found[f"model_wrong_q{percent}_s"] == pytest.approx(-0.5 * np.log(1 - q), abs=2e-3)

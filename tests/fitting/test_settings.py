@@ -144,7 +144,9 @@ def test_a_predictor_between_people_is_named_as_that():
     })  # fmt: skip
     asked = settings_of(formula="bound ~ group")
     with refused("group between people alone"):
-        asked.read(table)
-    assert settings_of(formula="bound ~ group", pooled=True).read(table).trials == 80
-    own = settings_of(formula="bound ~ group", participant="a")
-    assert own.read(table).trials == 40
+        asked.split(asked.read(table))
+    pooled = settings_of(formula="bound ~ group", pooled=True)
+    assert pooled.split(pooled.read(table)) == (pooled, [])
+    together = settings_of(formula="bound ~ group", hierarchical=True)
+    within, (between,) = together.split(together.read(table))
+    assert (within.formula, between.columns) == ((), ["group"])

@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reading import Columns, read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
+from tests.read import read
 
 NAMES = np.array(["up", "left", "down", "right"])
 
@@ -30,7 +31,7 @@ def coded(**columns):
 def test_responses_are_coded_by_the_column_of_correct_ones():
     some = table(4)
     with unwarned():
-        found = read_trials(some, stimulus="shown")
+        found = read_trials(some, columns=Columns(stimulus="shown"))
     assert found.alternatives == 4
     assert np.array_equal(found.response == 1, some["response"] == some["shown"])
     assert np.nanmean(found.correct) == np.mean(found.response)
@@ -38,22 +39,22 @@ def test_responses_are_coded_by_the_column_of_correct_ones():
 
 def test_the_number_is_given_held_by_a_column_or_two():
     plain = coded().drop(columns="shown")
-    assert read_trials(plain, alternatives=5).alternatives == 5
+    assert read_trials(plain, columns=Columns(alternatives=5)).alternatives == 5
     assert read_trials(plain.assign(alternatives=4)).alternatives == 4
-    assert read_trials(table(), stimulus="shown", alternatives=3).alternatives == 3
+    assert read_trials(table(), columns=Columns(stimulus="shown", alternatives=3)).alternatives == 3
     assert read_trials(plain).alternatives == 2
 
 
 def test_the_number_is_part_of_the_checksum():
     plain = coded().drop(columns="shown")
-    three, four = (read_trials(plain, alternatives=n).checksum for n in (3, 4))
+    three, four = (read_trials(plain, columns=Columns(alternatives=n)).checksum for n in (3, 4))
     assert three != four
 
 
 def test_missing_responses_are_neither_correct_nor_a_name():
     some = table()
     some.loc[:2, ["rt", "response"]] = np.nan
-    found = read_trials(some, stimulus="shown", deadline_s=3.0)
+    found = read_trials(some, columns=Columns(stimulus="shown", deadline_s=3.0))
     assert (found.response[:3] == -1).all()
     assert found.alternatives == 3
 
@@ -82,7 +83,7 @@ def test_what_is_wrong_is_named(some, options, field):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with refused(field):
-            read_trials(some, **options)
+            read(some, **options)
 
 
 def test_a_stimulus_of_another_accuracy_is_warned_of():
@@ -91,14 +92,14 @@ def test_a_stimulus_of_another_accuracy_is_warned_of():
     some.loc[easy, "response"] = "up"
     some.loc[some.index[easy][:5], "response"] = "left"
     with pytest.warns(DataWarning, match="treat all of them alike"):
-        read_trials(some, stimulus="shown")
+        read_trials(some, columns=Columns(stimulus="shown"))
 
 
 def test_a_response_that_is_never_correct_is_doubted():
     some = table()
     some.loc[some.index[::10], "response"] = "timeout"
     with pytest.warns(DataWarning, match="'timeout' is never correct, and counts as one of 4"):
-        assert read_trials(some, stimulus="shown").alternatives == 4
+        assert read_trials(some, columns=Columns(stimulus="shown")).alternatives == 4
     words = {"response": some["response"].str.upper()}
     with refused("response same words"):
-        read_trials(some.assign(**words), stimulus="shown")
+        read_trials(some.assign(**words), columns=Columns(stimulus="shown"))

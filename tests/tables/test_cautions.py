@@ -20,6 +20,7 @@ from bgmodel.tables.shipped import shipped
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
+from tests.read import read
 
 TRIALS = 400
 
@@ -45,7 +46,7 @@ def said(source, **options):
     """Return the warnings of reading a table."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        read_trials(source, **options)
+        read(source, **options)
     assert all(issubclass(each.category, UserWarning) for each in caught)
     return [str(each.message) for each in caught]
 
@@ -67,7 +68,7 @@ def missed(deadline_s, rows=(3, 40)):
 def test_a_deadline_in_another_unit_is_refused(deadline_s):
     bad, options = missed(deadline_s)
     with refused("deadline_s") as raised:
-        read_trials(bad, **options)
+        read(bad, **options)
     assert f"got {deadline_s:g}," in str(raised.value)
 
 
@@ -218,10 +219,10 @@ def test_few_times_say_nothing_of_their_steps():
 def test_columns_that_may_hold_participants_are_not_pooled(name):
     who = np.where(np.arange(TRIALS) < 150, "b", "n")
     with refused("participant"):
-        read_trials(table(**{name: who}), **NAMED)
-    read_trials(table(**{name: who, "participant_id": who}), **NAMED)
-    read_trials(table(**{name: who}), **NAMED, conditions=[name])
-    read_trials(table(**{name: "b"}), **NAMED)
+        read(table(**{name: who}), **NAMED)
+    read(table(**{name: who, "participant_id": who}), **NAMED)
+    read(table(**{name: who}), **NAMED, conditions=[name])
+    read(table(**{name: "b"}), **NAMED)
 
 
 def test_ids_of_trials_and_other_columns_are_no_participants():
@@ -257,7 +258,7 @@ def test_strengths_that_differ_by_rounding_only_are_one():
     at = GOOD.index % 7 == 0
     rounded = GOOD["coherence"] * np.where(at, 1 + 1e-7, 1.0)
     with pytest.warns(DataWarning, match="4 strengths are merged to 2"):
-        found = read_trials(table(coherence=rounded), **NAMED)
+        found = read(table(coherence=rounded), **NAMED)
     assert found.strength.tolist() == GOOD["coherence"].tolist()
 
 

@@ -5,13 +5,14 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.trials.exports import to_hssm, to_pyddm
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.record import Trials
 from tests.helpers import refused, run, unwarned
+from tests.read import read
 from tests.trials.test_reading import READ, people, silent
 
 OTHER = {"rt": "latency", "response": "key", "participant_id": "who"}
-NAMED = {"rt": "latency", "response": "key", "participant_column": "who"}
+NAMED = {"rt": "latency", "response": "key", "participant": "who"}
 
 
 def same(found, expected):
@@ -22,38 +23,38 @@ def same(found, expected):
 def test_columns_of_other_names_are_the_same_trials():
     table = people()
     with unwarned():
-        found = read_trials(table.rename(columns=OTHER), **READ, **NAMED)
+        found = read(table.rename(columns=OTHER), **READ, **NAMED)
     assert same(found, read_trials(table, **READ))
     other = table.assign(rt=table["rt"] + 0.01).rename(columns=OTHER)
-    assert not same(read_trials(other, **READ, **NAMED), found)
+    assert not same(read(other, **READ, **NAMED), found)
 
 
 def test_milliseconds_are_the_same_times():
     table = people()
-    found = read_trials(table.assign(rt=1000 * table["rt"]), **READ, rt_unit="ms")
+    found = read_trials(table.assign(rt=1000 * table["rt"]), **READ, columns=Columns(rt_unit="ms"))
     assert found.rt_s == pytest.approx(table["rt"].to_numpy(), rel=1e-12)
     with refused(r"rt must be in seconds, .*rt_unit='ms'"):
         read_trials(table.assign(rt=1000 * table["rt"]), **READ)
     with refused("rt must be in ms, got a median of"):
-        read_trials(table, **READ, rt_unit="ms")
+        read_trials(table, **READ, columns=Columns(rt_unit="ms"))
     with refused("rt_unit must be one of s, ms, got 'min'"):
-        read_trials(table, **READ, rt_unit="min")
+        read_trials(table, **READ, columns=Columns(rt_unit="min"))
     with refused("rt must be above 0 ms, got '-5.0' in row 3"):
         wrong = (1000 * table["rt"]).where(table.index != 3, -5.0)
-        read_trials(table.assign(rt=wrong), **READ, rt_unit="ms")
+        read_trials(table.assign(rt=wrong), **READ, columns=Columns(rt_unit="ms"))
 
 
 def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
     table = silent(people(), [4, 9])
     coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
-    found = read_trials(coded, **READ, rt_unit="ms", deadline_s=4.0)
+    found = read_trials(coded, **READ, columns=Columns(rt_unit="ms", deadline_s=4.0))
     assert np.flatnonzero(found.response == -1).tolist() == [4, 9]
 
 
-@pytest.mark.parametrize("to", [to_pyddm, to_hssm])
+@pytest.mark.parametrize("to", [Trials.to_pyddm, Trials.to_hssm])
 @pytest.mark.parametrize("missing", [[], [4, 9]])
 def test_frames_of_other_tools_come_back_as_they_were(to, missing):
-    options = {**READ, "deadline_s": 4.0} if missing else READ
+    options = {**READ, "columns": Columns(deadline_s=4.0)} if missing else READ
     expected = read_trials(silent(people(), missing), **options)
     frame = to(expected).rename(columns={"strength": "coherence"})
     assert same(read_trials(frame, **options), expected)
@@ -90,19 +91,19 @@ def test_minus_one_without_a_time_or_beside_0_is_no_response_of_hssm():
     [
         ({"rt": "lag"}, "rt must be one of the columns who, trial, latency, key"),
         ({"rt": "latency", "response": "latency"}, "columns must be named once each"),
-        ({"response": 3}, "response must be one of the columns"),
-        ({"participant_column": "name"}, "participant_column must be one of the columns"),
+        ({"response": 3}, "response must be the name of a column"),
+        ({"participant": "name"}, "participant must be one of the columns"),
     ],
 )
 def test_a_column_that_there_is_not_is_refused(options, says):
     with refused(says):
-        read_trials(people().rename(columns=OTHER), **READ, **{**NAMED, **options})
+        read(people().rename(columns=OTHER), **{**READ, **NAMED, **options})
 
 
 def test_a_column_that_has_our_name_already_is_not_overwritten():
     table = people().assign(latency=1.0)
     with refused("rt is 'latency', but there is also a column rt"):
-        read_trials(table, **READ, rt="latency")
+        read_trials(table, **READ, columns=Columns(rt="latency"))
 
 
 def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, capsys):
@@ -111,10 +112,10 @@ def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, cap
     odd = table.assign(rt=1000 * table["rt"]).rename(columns=OTHER)
     odd.to_csv("odd.csv", index=False)
     quick = {"free": ["sensitivity", "t0_s"], "participant": "8", "strength": "coherence"}
-    fit = bg.fit(odd, "constant_gap", **NAMED, rt_unit="ms", **quick)
+    fit = bg.fit(odd, "constant_gap", columns=bg.Columns(**NAMED, rt_unit="ms"), **quick)
     expected = bg.fit(table, "constant_gap", **quick)
     assert fit.optimum.values == expected.optimum.values
-    options = ["--columns", "rt=latency", "response=key", "participant_column=who", "rt_unit=ms"]
+    options = ["--columns", "rt=latency", "response=key", "participant=who", "rt_unit=ms"]
     asked = ["odd.csv", *options, "--strength", "coherence"]
     asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
     assert run("fit", *asked) == 0

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.support.checks import Problems
-from bgmodel.trials.exports import MISSING_RT, to_hssm
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.record import Trials
 from bgmodel.trials.statistics import statistics
 from circuits.errors import InputError
 from tests.helpers import refused
+from tests.read import read
 
 TRIALS = 60
 
@@ -88,7 +88,7 @@ def test_some_of_the_trials_keep_what_belongs_to_them():
 
 
 def test_trials_without_a_response_are_values():
-    found = read_trials(silent(people(), [3, 40]), deadline_s=9.0)
+    found = read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
     assert np.flatnonzero(np.isnan(found.rt_s)).tolist() == [3, 40]
     assert np.flatnonzero(found.response == -1).tolist() == [3, 40]
     assert np.isnan(found.correct[[3, 40]]).all()
@@ -98,7 +98,7 @@ def test_trials_without_a_response_are_values():
 def test_a_response_at_the_deadline_is_one():
     table = people()
     latest = float(table["rt"].max())
-    assert read_trials(table, deadline_s=latest).trials == TRIALS
+    assert read_trials(table, columns=Columns(deadline_s=latest)).trials == TRIALS
 
 
 @pytest.mark.parametrize(("median", "seconds"), [(50.0, True), (50.5, False)])
@@ -112,15 +112,9 @@ def test_times_are_taken_for_seconds_up_to_a_median_of_50(median, seconds):
 
 
 def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
-    table, known = people(), read_trials(silent(people(), [3, 40]), deadline_s=9.0)
-    table.loc[[3, 40], "rt"] = MISSING_RT
-    assert read_trials(table, deadline_s=9.0).checksum == known.checksum
-    decided = silent(people(), [3, 40], undecided=people().index.isin([3, 40]))
-    exported = to_hssm(
-        decided.assign(forced=False, correct=decided["response"]), conditions=("cue",)
-    )
-    assert (exported["rt"] == MISSING_RT).sum() == 2
-    assert read_trials(exported, upper="1", deadline_s=9.0).checksum == known.checksum
+    table, known = people(), read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
+    table.loc[[3, 40], "rt"] = -999.0
+    assert read_trials(table, columns=Columns(deadline_s=9.0)).checksum == known.checksum
 
 
 @pytest.mark.parametrize(
@@ -129,7 +123,10 @@ def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
 def test_two_names_of_responses_are_as_good_as_0_and_1(names, upper):
     table = people()
     named = table.assign(response=np.array(names)[table["response"]])
-    assert read_trials(named, **READ, upper=upper).checksum == read_trials(table, **READ).checksum
+    assert (
+        read_trials(named, **READ, columns=Columns(upper=upper)).checksum
+        == read_trials(table, **READ).checksum
+    )
 
 
 def test_right_is_the_side_of_the_strength():
@@ -267,7 +264,7 @@ def test_a_missing_code_is_no_level_of_a_condition(code):
 )
 def test_options_that_do_not_fit_the_table_get_one_sentence(options, says):
     with refused(says):
-        read_trials(people(), **options)
+        read(people(), **options)
 
 
 def test_a_third_name_of_a_response_is_found():
@@ -275,9 +272,12 @@ def test_a_third_name_of_a_response_is_found():
     names = np.array(["left", "right"], dtype=object)[table["response"]]
     names[50] = "Left"
     with refused("response must be one of two names, such as .* got 'Left' in row 50"):
-        read_trials(table.assign(response=names), upper="left")
+        read_trials(table.assign(response=names), columns=Columns(upper="left"))
     with refused("upper"):
-        read_trials(table.assign(response=np.where(table["response"], "left", "right")), upper="L")
+        read_trials(
+            table.assign(response=np.where(table["response"], "left", "right")),
+            columns=Columns(upper="L"),
+        )
 
 
 def test_the_row_of_an_error_is_that_of_the_users_table():

@@ -1,4 +1,4 @@
-"""Whether bins of time move the parameters of a fit: fast decisions change within a bin."""
+"""Bins of time as narrow as a fit needs: fast decisions change within a bin."""
 
 from __future__ import annotations
 
@@ -7,20 +7,45 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel.fitting.exact.responses import Grid
-from bgmodel.fitting.identify import Directions
+from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
+from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.support.arrays import Array
 
 LARGE = 1 / 3
 """A fit warns if bins move a parameter by more than this share of its standard error."""
 PARTS = 4
 """Number of parts of a bin, by which the error of bins is estimated."""
+LARGE_NATS, MOST_TIMES = 0.3, 3
+"""A fit is repeated with narrower bins if these change its log likelihood by more, nats, or move a
+parameter by more than ``LARGE``; and how often that may be."""
+
+
+def resolved(found: Optimum) -> Optimum:
+    """Return the optimum with bins as narrow as the density of decisions needs."""
+    for _ in range(MOST_TIMES):
+        likelihood, at = found.likelihood, found.vector
+        if not _has_bins(likelihood):
+            break
+        there = directions(likelihood, at)
+        share = np.abs(moved_by_bins(likelihood, there)) / there.standard_errors
+        off = abs(finer(likelihood).each(at).sum() - found.log_likelihood)
+        if off <= LARGE_NATS and not (share > LARGE).any():
+            break
+        found = optimum(finer(likelihood), starts=[at])
+    return found
+
+
+def _has_bins(likelihood: Likelihood) -> bool:
+    """Whether densities are computed in bins of any width."""
+    return isinstance(likelihood, BinnedLikelihood) and hasattr(likelihood.model, "any_width")
 
 
 def finer(likelihood: Likelihood) -> Likelihood:
     """Return a likelihood with ``PARTS`` bins in place of each."""
     design = likelihood.design
-    grid = Grid(PARTS * design.grid.bins, design.grid.width_s / PARTS)
+    lapses = design.grid.lapse_bins
+    grid = Grid(PARTS * design.grid.bins, design.grid.width_s / PARTS, lapses and PARTS * lapses)
     return replace(likelihood, design=replace(design, observed=replace(design.observed, grid=grid)))
 
 
@@ -31,8 +56,7 @@ def moved_by_bins(likelihood: Likelihood, there: Directions) -> Array:
     of an error in proportion to their width; 0 if the model has bins of one width only, or
     parameters are not identifiable.
     """
-    exact = isinstance(likelihood, BinnedLikelihood) and hasattr(likelihood.model, "any_width")
-    if not (exact and np.isfinite(there.standard_errors).all()):
+    if not (_has_bins(likelihood) and np.isfinite(there.standard_errors).all()):
         return np.zeros(len(there.vector))
     fine = finer(likelihood)
     low, high = likelihood.freedom.low, likelihood.freedom.high

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
+from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.error import jackknifed
@@ -217,7 +217,7 @@ def _split(values: Array, cells: int) -> tuple[Array, Array, Array]:
 def _edges_s(design: Design, density: Array) -> Array:
     """Return the quantiles of response times of each cell, s, between 0 and infinity."""
     mass = design.observed.outcomes(density)[0].sum(axis=1)
-    ends_s = np.arange(mass.shape[1] + 1) * BIN_S
+    ends_s = np.arange(mass.shape[1] + 1) * design.grid.width_s
     below = np.pad(mass.cumsum(axis=1) / mass.sum(axis=1, keepdims=True), ((0, 0), (1, 0)))
     inner = np.array([np.interp(QUANTILES, one, ends_s) for one in below])
     return np.pad(inner, ((0, 0), (1, 1)), constant_values=((0, 0), (0, np.inf)))
@@ -229,7 +229,7 @@ def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
     answered = mass.sum(axis=(1, 2))
     share = mass[:, 1].sum(axis=1) / answered
     mean_s = mass.sum(axis=1) @ design.grid.middles_s / answered
-    ends_s = np.arange(mass.shape[2] + 1) * BIN_S
+    ends_s = np.arange(mass.shape[2] + 1) * design.grid.width_s
     below = np.pad(mass.cumsum(axis=2), ((0, 0), (0, 0), (1, 0)))
     parts = np.array(
         [

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.likelihood import BinnedLikelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.arrays import Array
@@ -43,7 +42,8 @@ def slow_trials(found: Optimum) -> Slow:
     log = observed.each(density)
     best = Slow(0.0, 0.0, 0.0)
     for tail_s in TAILS_S:
-        ratio = np.exp(observed.each(_delayed(density, tail_s)) - log)
+        delayed = _delayed(density, tail_s / observed.grid.width_s)
+        ratio = np.exp(observed.each(delayed) - log)
         for share in SHARES:
             gain = float(np.log1p(share * (ratio - 1)).sum())
             best = max(best, Slow(gain, share, tail_s))
@@ -77,11 +77,11 @@ def warn_of_slow(found: Optimum) -> None:
     )
 
 
-def _delayed(density: Array, tail_s: float) -> Array:
-    """Return densities (cells, 2, bins) with an exponential delay added."""
+def _delayed(density: Array, tail: float) -> Array:
+    """Return densities (cells, 2, bins) with an exponential delay, its mean in bins, added."""
     bins = density.shape[2]
-    delay = np.exp(-np.arange(bins) * BIN_S / tail_s)
-    delay *= -np.expm1(-BIN_S / tail_s)
+    delay = np.exp(-np.arange(bins) / tail)
+    delay *= -np.expm1(-1 / tail)
     size = 2 * bins
     spectrum = np.fft.rfft(density, size, axis=2) * np.fft.rfft(delay, size)
     return np.maximum(np.fft.irfft(spectrum, size, axis=2)[:, :, :bins], 0.0)

@@ -90,9 +90,11 @@ class Expansion:
     def times(self, group: Group) -> Proposal:
         """Return the product with the group's distribution: a Gaussian for each person."""
         precision = self.precision + np.diag(1 / group.variance)
-        return proposal_of(precision, self.pull + group.mean / group.variance)
+        return proposal_of(precision, self.pull + group.means / group.variance)
 
-    def shared(self, scores: Array, now: Array, which: Integers) -> Proposal:
+    def shared(
+        self, scores: Array, now: Array, which: Integers, offsets: Array | float = 0.0
+    ) -> Proposal:
         """Return the proposal for a group's means and standard deviations, given standard scores.
 
         With standard scores z of its people, parameters are linear in the group's mean m and
@@ -106,13 +108,16 @@ class Expansion:
             Present means and standard deviations: those that are not drawn keep them.
         which : int array
             Places in it that are drawn.
+        offsets : array (people, parameters) or float
+            What is added to ``m + s z`` for each person.
         """
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
         precision = np.einsum("pai,pij,pbj->aibj", both, self.precision, both).reshape(size, size)
         prior = np.repeat([1 / FLAT, 1 / SPREAD**2], scores.shape[1])
         precision += np.diag(prior)
-        pull = np.einsum("pai,pi->ai", both, self.pull).ravel()
+        away = np.einsum("pij,pj->pi", self.precision, np.broadcast_to(offsets, scores.shape))
+        pull = np.einsum("pai,pi->ai", both, self.pull - away).ravel()
         rest = np.setdiff1d(np.arange(size), which)
         pull = pull[which] - precision[np.ix_(which, rest)] @ now[rest]
         return proposal_of(precision[np.ix_(which, which)], pull)

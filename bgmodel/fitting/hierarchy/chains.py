@@ -41,7 +41,8 @@ class Agreement:
     ----------
     rhat, effective : array (numbers,)
         R-hat and effective sample size (bulk and tail, the smaller) of the mean and of the standard
-        deviation of the group in each parameter, then of each person's parameters.
+        deviation of the group in each parameter, then of each person's parameters, and of slopes
+        of predictors between people.
     """
 
     rhat: Array
@@ -59,7 +60,7 @@ def agreement(chains: list[Draws]) -> Agreement:
 
     parts = [
         np.stack([getattr(each, name) for each in chains]).reshape(len(chains), len(chains[0]), -1)
-        for name in ("mean", "sd", "scaled")
+        for name in ("mean", "sd", "scaled", *(["slopes"] if chains[0].slopes.size else []))
     ]
     numbers = np.moveaxis(np.concatenate(parts, axis=2), 2, 0)
     axes = {"chain_axis": 1, "draw_axis": 2}
@@ -227,7 +228,7 @@ def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
     """Return the last state of a chain."""
     rng = np.random.default_rng()
     rng.bit_generator.state = numbers
-    last = replace(group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2)
+    last = replace(group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2, slopes=draws.slopes[-1])
     return State(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
 
 

@@ -23,6 +23,7 @@ from bgmodel.fitting.hierarchy.chains import (
     agreement,
     sampled,
 )
+from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
 from bgmodel.fitting.hierarchy.pooled import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
@@ -59,11 +60,14 @@ class GroupFit(Facts):
         The scale on which people are Gaussian.
     chains : list of Draws
         Draws from the posterior, on the scale.
+    predictors : Predictors
+        What differs between people and moves their parameters.
     """
 
     likelihoods: dict[str, Likelihood]
     scale: Scale
     chains: list[Draws]
+    predictors: Predictors = ALIKE
 
     @property
     def people(self) -> list[str]:
@@ -96,6 +100,35 @@ class GroupFit(Facts):
         return np.asarray(sd * self.scale.slope(mean))
 
     @cached_property
+    def slopes(self) -> dict[str, Array]:
+        """Change of the median person's parameter by each predictor, (chains, draws) by name.
+
+        Per unit of the predictor, in units of the parameter: for two groups of people it is their
+        difference.
+        """
+        mean = np.stack([each.mean for each in self.chains])
+        slope = np.stack([each.slopes for each in self.chains])
+        found = {}
+        for n, (name, k) in enumerate(zip(self.predictors.names, self.predictors.of, strict=True)):
+            values = np.unique(self.predictors.columns[n])
+            ends = values if len(values) == 2 else np.array([-0.5, 0.5])
+            every = np.repeat(mean[None], 2, axis=0)
+            every[..., k] += slope[None, ..., n] * ends[:, None, None]
+            low, high = self.scale.back(every)[..., k]
+            found[name] = high - low
+        return found
+
+    def effects(self) -> pd.DataFrame:
+        """Return what predictors between people do: median, low, high (0.9), above_zero."""
+        rows = {}
+        for name, draws in self.slopes.items():
+            middle = {key: float(x[0]) for key, x in _middle(draws[..., None], MIDDLE).items()}
+            rows[name] = middle | {"above_zero": float((draws > 0).mean())}
+        columns = [*MIDDLE, "above_zero"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return Readable(table.rename_axis("predictor"))
+
+    @cached_property
     def individual(self) -> Array:
         """Each person's parameters, (chains, draws, people, parameters)."""
         return self.scale.back(np.stack([each.scaled for each in self.chains]))
@@ -124,6 +157,8 @@ class GroupFit(Facts):
         trials = sum(each.design.trials.sum() for each in self.likelihoods.values())
         found = {"people": f"{len(self.people)}", "trials": f"{trials}"}
         for row in self.summary().itertuples():
+            found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
+        for row in self.effects().itertuples():
             found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
         return found | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
 
@@ -204,6 +239,7 @@ class GroupFit(Facts):
         names = [f"mean of {each}" for each in self.parameters]
         names += [f"spread of {each}" for each in self.parameters]
         names += [f"{each} of {who}" for who in self.people for each in self.parameters]
+        names += self.predictors.names
         worst = np.argsort(self.agreement.effective)[:3]
         told = ", ".join(f"{names[k]} ({self.agreement.effective[k]:.0f})" for k in worst)
         return [
@@ -225,6 +261,7 @@ class GroupFit(Facts):
         names = self.parameters
         group = {name: self.group[..., k] for k, name in enumerate(names)}
         group |= {f"{name}_between_people": self.between[..., k] for k, name in enumerate(names)}
+        group |= self.slopes
         own = {name: self.individual[..., k] for k, name in enumerate(names)}
         return labelled(group, own, self.log_likelihood, self.likelihoods)
 
@@ -302,6 +339,7 @@ def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
 def fit_group(
     likelihoods: Mapping[str, Likelihood],
     *,
+    predictors: Predictors = ALIKE,
     seed: int = HIERARCHY_SEED,
     workers: int = 1,
     most_draws: int = MOST,
@@ -320,6 +358,8 @@ def fit_group(
     ----------
     likelihoods : dict of str to Likelihood
         Likelihood of each person's trials, with the same free parameters and ranges.
+    predictors : Predictors
+        What differs between people and moves their parameters; nothing by default.
     seed : int
         Seed of the chains.
     workers : int
@@ -357,12 +397,15 @@ def fit_group(
     with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
         group, expansion = started(over_people, scale.to(first))
         highest = scale.to(scale.high)
-        group = replace(group, mean=np.minimum(group.mean, highest), highest=highest)
+        group = replace(
+            group, mean=np.minimum(group.mean, highest), highest=highest,
+            slopes=np.zeros(len(predictors.names)), predictors=predictors,
+        )  # fmt: skip
         chains = sampled(
             Sampler(people, expansion), group,
             seed=seed, over_people=over_people, most=most_draws, path=path, tell=tell,
         )  # fmt: skip
-    found = GroupFit(dict(likelihoods), scale, chains)
+    found = GroupFit(dict(likelihoods), scale, chains, predictors)
     for caution in found.cautions():
         FitWarning.warn(caution)
     return found

@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bgmodel.fitting.hierarchy.scale import log_uniform
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 
 SPREAD, FREEDOM = 2.0, 3.0
 """Scale and degrees of freedom of the half-t prior of standard deviations between people: on the
 scale, where the default value of a parameter is 4 above its lower bound."""
+
+
+@dataclass(frozen=True)
+class Predictors:
+    """What differs between people and moves their parameters, such as patients and controls.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Name of each slope, such as ``bound[group[T.patient]]``.
+    columns : array (slopes, people)
+        Value of each person, with mean 0 over people, so that slopes do not depend on means.
+    of : int array (slopes,)
+        Which parameter it moves.
+    """
+
+    names: tuple[str, ...]
+    columns: Array
+    of: Integers
+
+    def offsets(self, slopes: Array, size: int) -> Array:
+        """Return by how much each person's mean differs from the group's, (people, parameters)."""
+        found = np.zeros((self.columns.shape[1], size))
+        for slope, column, k in zip(slopes, self.columns, self.of, strict=True):
+            found[:, k] += slope * column
+        return found
+
+
+ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64))
+"""No predictors: everyone has the mean of the group."""
 
 
 @dataclass(frozen=True)
@@ -24,15 +54,33 @@ class Group:
         Mean and variance between people, on the scale.
     highest : array (parameters,) or float
         Upper end of the range of each mean, on the scale.
+    slopes : array (slopes,), optional
+        Change of a person's mean, on the scale, per unit of each predictor.
+    predictors : Predictors
+        The predictors between people.
     """
 
     mean: Array
     variance: Array
     highest: Array | float = np.inf
+    slopes: Array = field(default_factory=lambda: np.zeros(0))
+    predictors: Predictors = ALIKE
+
+    @property
+    def offsets(self) -> Array | float:
+        """By how much each person's mean differs from that of the group, (people, parameters)."""
+        if not len(self.slopes):
+            return 0.0
+        return self.predictors.offsets(self.slopes, len(self.mean))
+
+    @property
+    def means(self) -> Array:
+        """Each person's mean, (people, parameters), or (parameters,) without predictors."""
+        return np.asarray(self.mean + self.offsets)
 
     def log_prior(self, scaled: Array) -> Array:
         """Return the log density of people's parameters (people, parameters), up to a constant."""
-        return np.asarray(-0.5 * ((scaled - self.mean) ** 2 / self.variance).sum(axis=-1))
+        return np.asarray(-0.5 * ((scaled - self.means) ** 2 / self.variance).sum(axis=-1))
 
     def drawn(self, scaled: Array, rng: np.random.Generator) -> Group:
         """Return a draw from the conditional posterior given people's parameters.
@@ -49,8 +97,10 @@ class Group:
         The prior of each mean is uniform over the range of the parameter; that of each standard
         deviation is half-t with ``FREEDOM`` degrees of freedom and scale ``SPREAD`` (Gelman 2006),
         a mixture of inverse gammas (Wand et al. 2011). The prior of the mean, which is not uniform
-        on the scale, accepts or rejects a draw under one that is.
+        on the scale, accepts or rejects a draw under one that is. That of slopes is Gaussian with
+        standard deviation ``SPREAD``.
         """
+        every, scaled = scaled, scaled - self.offsets
         people, size = scaled.shape
         asked = scaled.mean(axis=0) + np.sqrt(self.variance / people) * rng.normal(size=size)
         ratio = log_uniform(asked) - log_uniform(self.mean)
@@ -61,7 +111,20 @@ class Group:
         squares = ((scaled - mean) ** 2).sum(axis=0)
         shape = (FREEDOM + people) / 2
         variance = (FREEDOM / mixing + squares / 2) / rng.gamma(shape, size=size)
-        return Group(mean, variance, self.highest)
+        found = replace(self, mean=mean, variance=variance)
+        for n in range(len(self.slopes)):
+            found = found._slope_drawn(n, every, rng)
+        return found
+
+    def _slope_drawn(self, n: int, scaled: Array, rng: np.random.Generator) -> Group:
+        """Return the group with a draw of one slope, given people and the rest of the group."""
+        k, column = self.predictors.of[n], self.predictors.columns[n]
+        rest = (scaled - self.means)[:, k] + self.slopes[n] * column
+        precision = (column**2).sum() / self.variance[k] + 1 / SPREAD**2
+        middle = (column @ rest) / self.variance[k] / precision
+        slopes = self.slopes.copy()
+        slopes[n] = middle + rng.normal() / np.sqrt(precision)
+        return replace(self, slopes=slopes)
 
     def log_own_prior(self) -> float:
         """Return the log prior density of means and standard deviations, up to a constant."""

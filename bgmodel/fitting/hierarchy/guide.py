@@ -9,13 +9,13 @@ surrogate L* by ``L(y) L*(x) / (L(x) L*(y))``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
 from bgmodel.fitting.hierarchy.surrogate import Surrogate, value, values
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
 
 MOVES_OF_PEOPLE, MOVES_OF_ALL = 20, 500
@@ -67,53 +67,84 @@ class Guide:
         tuple of array (people, parameters) and array (people,)
             People's parameters, and the rise of everyone's log likelihood under the surrogate.
         """
-        _, _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
+        _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
         return now, rise
 
     def all_moved(
         self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
     ) -> tuple[Group, Array, Array]:
         """Move people and group; return the group, and people and rise as ``people_moved``."""
-        mean, sd, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_ALL, PEOPLE)
-        return Group(mean, sd**2, group.highest), now, rise
+        return self._moved(group, scaled, vague, rng, MOVES_OF_ALL, PEOPLE)
 
     def _moved(
         self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator, moves: int,
         share: float,
-    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    ) -> tuple[Group, Array, Array]:  # fmt: skip
         mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
         highest = np.broadcast_to(group.highest, mean.shape).astype(float)
         given = (self.step, np.cumsum(vague)[:-1], highest, self.surrogate.arrays, rng)
-        rise = _wander(mean, sd, now, moves, share, *given)
-        return mean, sd, now, rise
+        slopes, offsets = group.slopes.copy(), np.zeros(now.shape) + group.offsets
+        between = (slopes, group.predictors.columns, group.predictors.of)
+        rise = _wander(mean, sd, now, offsets, moves, share, between, *given)
+        return replace(group, mean=mean, variance=sd**2, slopes=slopes), now, rise
 
 
 @compiled
 def _wander(
-    mean: Array, sd: Array, scaled: Array, moves: int, share: float, step: Array,
-    cumulative: Array, highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, moves: int, share: float,
+    between: tuple[Array, Array, Integers], step: Array, cumulative: Array, highest: Array,
+    surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """Move a group (parameters,) and its people (people, parameters) in place.
 
     ``share`` of the moves are of people; ``cumulative`` holds the cumulative probabilities of all
-    parameters but the last to be moved alone. Returns the rise of everyone's log likelihood.
+    parameters but the last to be moved alone. ``offsets`` (people, parameters) are those of slopes
+    in ``between``. Returns the rise of everyone's log likelihood.
     """
+    slopes = between[0]
     logs = values(scaled, surrogate)
     before = logs.copy()
     for _ in range(moves):
         kind = rng.random()
         if kind < share:
-            _move_people(mean, sd, scaled, logs, cumulative, surrogate, rng)
+            _move_people(mean, sd, scaled, offsets, logs, cumulative, surrogate, rng)
         elif kind < share + GROUP:
-            _move_group(mean, sd, scaled, highest, rng)
+            _move_group(mean, sd, scaled, offsets, highest, rng)
+        elif len(slopes) and share < 1 and rng.random() < 0.5:
+            _move_slope(scaled, offsets, logs, between, step, surrogate, rng)
         else:
-            _move_together(mean, sd, scaled, logs, step, cumulative, highest, surrogate, rng)
+            _move_together(
+                mean, sd, scaled, offsets, logs, step, cumulative, highest, surrogate, rng
+            )
     return logs - before
 
 
 @compiled
+def _move_slope(
+    scaled: Array, offsets: Array, logs: Array, between: tuple[Array, Array, Integers],
+    step: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+) -> None:  # fmt: skip
+    """Move one slope, and everyone with it at fixed distances from their means."""
+    slopes, columns, of = between
+    n = int(rng.random() * len(slopes))
+    k, column = of[n], columns[n]
+    reach = LONGEST * SHORTEST ** rng.random() * step[0, k] / np.sqrt((column**2).mean())
+    change = reach * rng.normal()
+    asked = scaled.copy()
+    asked[:, k] += change * column
+    new = values(asked, surrogate)
+    gain = (new - logs).sum()
+    gain += (slopes[n] ** 2 - (slopes[n] + change) ** 2) / (2 * SPREAD**2)
+    if np.log(rng.random()) < gain:
+        slopes[n] += change
+        offsets[:, k] += change * column
+        scaled[:] = asked
+        logs[:] = new
+
+
+@compiled
 def _move_people(
-    mean: Array, sd: Array, scaled: Array, logs: Array, cumulative: Array,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, cumulative: Array,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move each person given the group: one parameter to a draw from the group, or all by a step.
@@ -122,18 +153,18 @@ def _move_people(
     """
     size, root = len(mean), surrogate[0]
     for person in range(len(scaled)):
-        now = scaled[person]
+        now, middle = scaled[person], mean + offsets[person]
         asked = now.copy()
         gain = 0.0
         if rng.random() < SINGLE:
             alone = np.searchsorted(cumulative, rng.random())
-            asked[alone] = mean[alone] + sd[alone] * rng.normal()
+            asked[alone] = middle[alone] + sd[alone] * rng.normal()
         else:
             reach = LONGEST / np.sqrt(size) * SHORTEST ** rng.random()
             for i in range(size):
                 asked += reach * rng.normal() * root[person, :, i]
             for k in range(size):
-                gain += ((now[k] - mean[k]) ** 2 - (asked[k] - mean[k]) ** 2) / (2 * sd[k] ** 2)
+                gain += ((now[k] - middle[k]) ** 2 - (asked[k] - middle[k]) ** 2) / (2 * sd[k] ** 2)
         log = value(asked, person, surrogate)
         if np.log(rng.random()) < gain + log - logs[person]:
             scaled[person] = asked
@@ -142,31 +173,33 @@ def _move_people(
 
 @compiled
 def _move_group(
-    mean: Array, sd: Array, scaled: Array, highest: Array, rng: np.random.Generator
-) -> None:
+    mean: Array, sd: Array, scaled: Array, offsets: Array, highest: Array,
+    rng: np.random.Generator,
+) -> None:  # fmt: skip
     """Draw the mean or the standard deviation of each parameter given people; see ``Group.drawn``.
 
     One of the two, since a draw of one after the other would not be reversible.
     """
     people, size = scaled.shape
     for k in range(size):
+        own = scaled[:, k] - offsets[:, k]
         if rng.random() < 0.5:
-            asked = scaled[:, k].mean() + sd[k] / np.sqrt(people) * rng.normal()
+            asked = own.mean() + sd[k] / np.sqrt(people) * rng.normal()
             gain = np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked)
             if asked <= highest[k] and np.log(rng.random()) < gain:
                 mean[k] = asked
         else:
             rate = FREEDOM / sd[k] ** 2 + 1 / SPREAD**2
             mixing = rate / rng.standard_gamma((FREEDOM + 1) / 2)
-            squares = ((scaled[:, k] - mean[k]) ** 2).sum()
+            squares = ((own - mean[k]) ** 2).sum()
             shape = (FREEDOM + people) / 2
             sd[k] = np.sqrt((FREEDOM / mixing + squares / 2) / rng.standard_gamma(shape))
 
 
 @compiled
 def _move_together(
-    mean: Array, sd: Array, scaled: Array, logs: Array, step: Array, cumulative: Array,
-    highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, step: Array,
+    cumulative: Array, highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move mean and standard deviation of one parameter, and everyone at fixed standard scores."""
     k = np.searchsorted(cumulative, rng.random())
@@ -177,7 +210,8 @@ def _move_together(
     if middle > highest[k]:
         return
     asked = scaled.copy()
-    asked[:, k] = middle + spread * (scaled[:, k] - mean[k]) / sd[k]
+    own = scaled[:, k] - offsets[:, k]
+    asked[:, k] = offsets[:, k] + middle + spread * (own - mean[k]) / sd[k]
     new = values(asked, surrogate)
     gain = (new - logs).sum() + np.logaddexp(0, -mean[k]) - np.logaddexp(0, -middle)
     unit = FREEDOM * SPREAD**2

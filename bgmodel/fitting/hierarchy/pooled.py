@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.exact.responses import Grid, Observed
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Optimum
 
@@ -49,8 +49,8 @@ def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
         np.concatenate([place[one.cell] for place, one in zip(places, seen, strict=True)]),
         np.concatenate([one.response for one in seen]),
         np.concatenate([one.rt_s for one in seen]),
-        Grid(mass.shape[2]),
+        Grid(mass.shape[2], seen[0].grid.width_s),
         alternatives=seen[0].alternatives,
     )
-    density = mass / trials[:, None, None] / BIN_S
+    density = mass / trials[:, None, None] / seen[0].grid.width_s
     return cells_of(replace(designs[0], observed=together), density)

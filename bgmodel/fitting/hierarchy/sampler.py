@@ -6,7 +6,7 @@ After a warm-up, proposals follow a surrogate of the likelihood (``guide``).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,12 +37,19 @@ class Draws:
         People's parameters on the scale.
     log_likelihood : array (draws, people), nats
         Log likelihood of each person's trials.
+    slopes : array (draws, slopes)
+        Slopes of the predictors between people.
     """
 
     mean: Array
     sd: Array
     scaled: Array
     log_likelihood: Array
+    slopes: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if len(self.slopes) != len(self.mean):
+            object.__setattr__(self, "slopes", np.zeros((len(self.mean), 0)))
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -140,7 +147,7 @@ class Sampler:
             sd = np.sqrt(state.group.variance)
             # The square of the kept root, so that a chain continues from it with the same bytes.
             state = replace(state, group=replace(state.group, variance=sd**2))
-            kept.append((state.group.mean, sd, state.scaled, state.log))
+            kept.append((state.group.mean, sd, state.scaled, state.log, state.group.slopes))
         return state, Draws(*(np.array(each) for each in zip(*kept, strict=True)))
 
     def logs(self, scaled: Array) -> Array:
@@ -167,22 +174,23 @@ class Sampler:
         which = rng.choice(len(self.vague), size=len(places), p=self.vague)
         asked = state.scaled.copy()
         sd = np.sqrt(group.variance[which])
-        asked[places, which] = group.mean[which] + sd * rng.normal(size=len(places))
+        means = np.broadcast_to(group.means, asked.shape)[places, which]
+        asked[places, which] = means + sd * rng.normal(size=len(places))
         return asked
 
     def _together(self, state: State) -> State:
         """Draw the group given everyone's standard scores."""
         mean, sd, rng = state.group.mean, np.sqrt(state.group.variance), state.rng
-        scores, now, size = (state.scaled - mean) / sd, np.concatenate([mean, sd]), len(mean)
+        scores, now, size = (state.scaled - state.group.means) / sd, np.append(mean, sd), len(mean)
         which = np.arange(2 * size)
         if rng.random() < ALONE:
             which = rng.choice(size, p=self.vague) + np.array([0, size])
-        proposal = self.expansion.shared(scores, now, which)
+        proposal = self.expansion.shared(scores, now, which, state.group.offsets)
         asked = now.copy()
         asked[which] = proposal.draw(rng)
         # A negative standard deviation is a positive one with scores of the other sign.
         group = replace(state.group, mean=asked[:size], variance=asked[size:] ** 2)
-        scaled = group.mean + asked[size:] * scores
+        scaled = group.means + asked[size:] * scores
         log = self.logs(scaled)
         gain = log.sum() + group.log_own_prior() - proposal.log_density(asked[which])
         gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now[which])

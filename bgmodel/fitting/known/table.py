@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from bgmodel.tables.columns import (
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import SEPARATORS, read_rows
+from bgmodel.trials.reading import OURS, Columns
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
@@ -70,11 +71,7 @@ def read_known(
     step_ms: float | None = None,
     forced: bool = False,
     participant: str | None = None,
-    upper: str | None = None,
-    rt: str | None = None,
-    response: str | None = None,
-    participant_column: str | None = None,
-    rt_unit: str = "s",
+    columns: Columns = OURS,
 ) -> KnownTrials:
     """Read choices, response times and the readings of each trial.
 
@@ -97,12 +94,10 @@ def read_known(
         Whether the last reading of a trial forces a response.
     participant : str, optional
         The participant, if there are several.
-    upper : str, optional
-        The alternative coded as response 1, if there are two and responses are 1 and 0.
-    rt, response, participant_column : str, optional
-        Names of these columns of ``data``, if they have others.
-    rt_unit : str
-        Unit of response times: s or ms. Times of readings are in s.
+    columns : Columns
+        Names, unit and codes of the columns of ``data``: rt, response, participant, rt_unit and
+        upper (the alternative coded as response 1, if there are two and responses are 1 and 0).
+        Times of readings are in s.
 
     Raises
     ------
@@ -116,9 +111,10 @@ def read_known(
         If the evidence has trials that are not in ``data``.
     """
     name, table = _table(data, "data")
-    table = renamed(table, rt=rt, response=response, participant_column=participant_column)
-    with _named(name, "data"):
-        table = rows(table, ["trial"], participant)
+    _check_used(columns)
+    own = {each: getattr(columns, each) for each in ("rt", "response", "participant")}
+    with _within(name, "data"):
+        table = rows(renamed(table, **own), ["trial"], participant)
         people = sorted(set(participants(table)))
     if len(people) > 1:
         said = f"these trials are of {', '.join(people)}: give participant=NAME"
@@ -126,9 +122,9 @@ def read_known(
     participant = participant if "participant_id" in table else None
     readings = _read_evidence(evidence, step_ms, participant)
     order = _matched(table, readings)
-    rt_s = times(table["rt"], rt_unit)
+    rt_s = times(table["rt"], columns.rt_unit)
     check_one_unit(rt_s)
-    choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
+    choice = _choices(table["response"], np.isnan(rt_s), readings.names, columns.upper)
     _check_sides(readings.log_likelihood[order], readings.time_s[order], choice, rt_s)
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
@@ -153,13 +149,22 @@ def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: A
         )
 
 
-def people_of(data: Source, participant_column: str | None = None) -> Sequence[str | None]:
+def _check_used(columns: Columns) -> None:
+    """Raise ValueError for a setting of columns that has no effect."""
+    used = ("rt", "response", "participant", "rt_unit", "upper")
+    for each in fields(columns):
+        if each.name not in used and getattr(columns, each.name) != each.default:
+            said = f"{each.name} has no effect with evidence: leave it out"
+            raise InputError(said, each.name)
+
+
+def people_of(data: Source, columns: Columns = OURS) -> Sequence[str | None]:
     """Return the participants of a table of trials; one None if it names none."""
     name, table = _table(data, "data")
-    table = renamed(table, participant_column=participant_column)
+    table = renamed(table, participant=columns.participant)
     if "participant_id" not in table:
         return [None]
-    with _named(name, "participant_id"):
+    with _within(name, "participant_id"):
         return sorted(set(participants(table)))
 
 
@@ -240,12 +245,12 @@ def _table(source: Source, field: str) -> tuple[str, pd.DataFrame]:
     if isinstance(source, pd.DataFrame):
         return "a table", source.reset_index(drop=True)
     path = path_of(source, field)
-    with _named(path.name, field):
+    with _within(path.name, field):
         return path.name, read_rows(path).reset_index(drop=True)
 
 
 @contextmanager
-def _named(name: str, field: str) -> Iterator[None]:
+def _within(name: str, field: str) -> Iterator[None]:
     """Put the name of a table before the messages of errors in it."""
     try:
         yield
@@ -265,7 +270,7 @@ def _read_evidence(source: Source, step_ms: float | None, participant: str | Non
         table = read_csv_table(path) if plain else _table(path, "evidence")[1]
     if participant is not None and "participant_id" in table:
         table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
-    with _named(name, "evidence"):
+    with _within(name, "evidence"):
         return readings_of(table, step_ms)
 
 

@@ -5,13 +5,12 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.alternatives.msprt import MsprtModel
-from bgmodel.fitting.hierarchy.people import fit_people
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reading import Columns, read_trials
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
 from tests.helpers import refused
@@ -106,13 +105,13 @@ def test_a_circuit_of_another_number_of_channels_is_refused(trials):
 def test_a_hierarchy_is_of_two_alternatives(trials):
     people = pd.concat([trials.assign(participant_id=who) for who in ("a", "b")])
     with refused("alternatives"), pytest.warns(DataWarning):
-        fit_people(people, "msprt", **SMALL)
+        fit(people, "msprt", **SMALL, hierarchical=True)
 
 
 def test_responses_below_chance_are_refused(trials):
     shifted = trials.assign(shown=trials["shown"].map({"a": "b", "b": "c", "c": "a"}))
     with refused("response"):
-        design_of(read_trials(shifted, stimulus="shown"))
+        design_of(read_trials(shifted, columns=Columns(stimulus="shown")))
 
 
 def test_a_simulated_model_has_as_many_parts_as_simulations(fits):
@@ -122,6 +121,6 @@ def test_a_simulated_model_has_as_many_parts_as_simulations(fits):
 
 
 def test_settings_pass_the_number_on():
-    asked = settings_of(alternatives=4, trials=1000)
+    asked = settings_of(columns=Columns(alternatives=4), trials=1000)
     assert asked.model("msprt").alternatives == 4
     assert asked.model("macaque").circuit.channels == 4

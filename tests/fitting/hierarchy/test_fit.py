@@ -1,13 +1,16 @@
 """The record of a hierarchical fit, and what it refuses."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
-from bgmodel.fitting.hierarchy.people import fit_people
+from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning, InputError
+from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
 
 GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
@@ -74,7 +77,7 @@ def test_guesses_are_warned_of():
     some.loc[guess, "rt"] = rng.uniform(0.15, 0.25, guess.sum())
     some.loc[guess, "response"] = rng.integers(0, 2, guess.sum())
     with short_chains(), pytest.warns(FitWarning) as warned:
-        fit_people(some, **GAP, most_draws=MOST)
+        fit(some, **GAP, most_draws=MOST, hierarchical=True)
     assert [str(each.message) for each in warned if "does not fit" in str(each.message)]
 
 
@@ -89,11 +92,10 @@ def test_same_seed_same_bytes(group):
 def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
     """Blocks do not differ here: the data cannot make the difference large."""
     with short_chains(), pytest.warns(FitWarning, match="converged"):
-        found = fit_people(
+        found = fit(
             table({"anna": 8.0, "ben": 9.0, "cleo": 10.0}, trials=40), "constant_gap",
             strength="strength", fix={**FIXED, "t0_s": 0.3},
-            formula="bound ~ C(block, contr.sum)", most_draws=MOST,
-        )  # fmt: skip
+            formula="bound ~ C(block, contr.sum)", most_draws=MOST, hierarchical=True)  # fmt: skip
     assert found.parameters == ["sensitivity", "bound[Intercept]", *found.parameters[2:]]
     assert len(found.parameters) == 3
     half = found.group[..., 2]
@@ -105,7 +107,7 @@ def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
 def test_too_few_people_are_refused():
     few = table({"anna": 8.0, "ben": 9.0}, trials=20)
     with pytest.raises(InputError) as error:
-        fit_people(few, **GAP)
+        fit(few, **GAP, hierarchical=True)
     assert error.value.field == "participant"
 
 
@@ -114,18 +116,61 @@ def test_people_with_too_few_trials_are_named():
     number = some.groupby("participant_id").cumcount()
     few = some["participant_id"].map({"ben": 12, "cleo": 16}).fillna(60)
     with pytest.raises(InputError, match=r"ben \(12\), cleo \(16\)"):
-        fit_people(some[number < few], **GAP)
+        fit(some[number < few], **GAP, hierarchical=True)
 
 
 def test_people_who_lack_a_level_are_named():
     some = table(trials=40)
     some = some[(some["participant_id"] != "dora") | (some["block"] == "early")]
     with pytest.raises(InputError, match="dora") as error:
-        fit_people(some, **GAP, vary={"bound": "block"})
+        fit(some, **GAP, vary={"bound": "block"}, hierarchical=True)
     assert error.value.field == "vary"
 
 
 def test_pooling_makes_no_sense_here():
     with pytest.raises(InputError) as error:
-        fit_people(table(trials=20), **GAP, pooled=True)
+        fit(table(trials=20), **GAP, pooled=True, hierarchical=True)
     assert error.value.field == "pooled"
+
+
+def two_groups(shift, seed=11):
+    """Return people of two groups, whose bounds differ by a shift."""
+    parts = []
+    rng = np.random.default_rng(seed)
+    for k in range(10):
+        kind = "patient" if k % 2 else "control"
+        bound = 0.8 + shift * (kind == "patient") + 0.06 * rng.standard_normal()
+        some = drawn(GapModel(), [0.2], 60, 500 + k, seconds=2.0, sensitivity=8.0, bound=bound)
+        columns = {"rt": some.rt_s, "response": some.response, "strength": some.strength}
+        parts.append(pd.DataFrame(columns).assign(participant_id=f"p{k}", kind=kind))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_a_predictor_between_people_finds_the_difference_of_their_groups():
+    table = two_groups(0.3)
+    given = {"strength": "strength", "fix": FIXED, "hierarchical": True}
+    found = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **given)
+    assert found.agreement.reached
+    effects = found.effects()
+    bound = effects.loc["bound by kind[T.patient]"]
+    assert bound["low"] < 0.3 < bound["high"]
+    assert bound["above_zero"] > 0.99
+    none = effects.loc["sensitivity by kind[T.patient]"]
+    assert none["low"] < 0 < none["high"]
+    assert "bound by kind[T.patient]" in found.to_datatree()["posterior"]
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({"formula": "bound ~ kind"}, "kind"),
+        ({"vary": {"bound": "kind"}, "hierarchical": True}, "kind"),
+        ({"formula": "bound ~ kind * block", "hierarchical": True}, "formula"),
+        ({"formula": "bound ~ 0 + kind", "hierarchical": True}, "formula"),
+    ],
+)
+def test_predictors_between_people_that_cannot_be_fitted_are_refused(given, field):
+    table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
+    with pytest.raises(InputError) as error:
+        fit(table, "constant_gap", strength="strength", fix=FIXED, **given)
+    assert error.value.field == field

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.hierarchy.group import Group, group_of
+from bgmodel.fitting.hierarchy.group import SPREAD, Group, Predictors, group_of
 from bgmodel.support.seeds import stream
 
 SEED = 24_312
@@ -47,3 +47,17 @@ def test_means_stay_within_their_range():
         seen.append(group.mean)
     assert max(mean[0] for mean in seen) <= 0.3 < max(mean[1] for mean in seen)
     assert replace(group, mean=np.array([0.31, 0.0])).log_own_prior() == -np.inf
+
+
+def test_a_slope_is_drawn_from_its_regression():
+    """Given people, mean and variance it is Gaussian; precisions of data and prior add up."""
+    rng = np.random.default_rng(4)
+    column = np.array([-0.5, -0.5, 0.5, 0.5, 0.5, -0.5])
+    scaled = 1.0 + 0.8 * column[:, None] + rng.normal(0, 0.3, (6, 1))
+    predictors = Predictors(("x",), column[None], np.array([0]))
+    group = Group(np.array([1.0]), np.array([0.09]), slopes=np.zeros(1), predictors=predictors)
+    seen = np.array([group._slope_drawn(0, scaled, rng).slopes[0] for _ in range(20_000)])
+    precision = (column**2).sum() / 0.09 + 1 / SPREAD**2
+    middle = column @ (scaled[:, 0] - 1.0) / 0.09 / precision
+    assert seen.mean() == pytest.approx(middle, abs=4 / np.sqrt(precision * len(seen)))
+    assert seen.std() == pytest.approx(1 / np.sqrt(precision), rel=0.03)

@@ -6,7 +6,7 @@ import xarray
 
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, new_trials
-from bgmodel.fitting.hierarchy.people import fit_people
+from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
 
@@ -48,14 +48,13 @@ def test_data_are_those_of_every_trial(tree):
 
 def test_each_trial_has_its_strength_and_conditions():
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
-        fit = fit_people(
+        found = fit(
             table(), "constant_gap", strength="strength", fix=FIXED | {"t0_s": 0.3},
-            vary={"bound": "block"}, most_draws=MOST,
-        )  # fmt: skip
-    given = fit.to_datatree()["constant_data"].to_dataset()
+            vary={"bound": "block"}, most_draws=MOST, hierarchical=True)  # fmt: skip
+    given = found.to_datatree()["constant_data"].to_dataset()
     assert set(given["strength"].to_numpy()) == {0.2}
     for who in PEOPLE:
-        design = fit.likelihoods[who].design
+        design = found.likelihoods[who].design
         block = given["block"][(given["participant_of"] == who).to_numpy()].to_numpy()
         levels = np.array(design.conditions["block"])
         assert np.array_equal(block, levels[design.observed.cell])

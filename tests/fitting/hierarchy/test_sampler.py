@@ -7,7 +7,7 @@ import pytest
 from arviz_stats.base import array_stats
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
+from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group, Predictors
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
 from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
@@ -184,3 +184,46 @@ def test_people_given_the_group_have_their_exact_posterior(people, astray, step)
     z = (draws_.mean(axis=0) - exact) / (sd / np.sqrt(size))
     # Twelve numbers, each within 4 errors.
     assert np.abs(z).max() < 4
+
+
+def with_slope(estimates, errors, column):
+    """Return mean and sd of mean, sd and slope of a group, by quadrature; a flat scale."""
+    mean = np.mean(estimates) + np.linspace(-4, 4, 81)[:, None, None]
+    sd = np.exp(np.linspace(-4, 2, 80))[:, None]
+    slope = np.linspace(-5, 5, 101)
+    log = log_uniform(mean) - (FREEDOM + 1) / 2 * np.log1p(sd**2 / (FREEDOM * SPREAD**2))
+    log = log + np.log(sd) - 0.5 * (slope / SPREAD) ** 2
+    for estimate, error, x in zip(estimates, errors, column, strict=True):
+        variance = sd**2 + error**2
+        log = log - 0.5 * (estimate - mean - slope * x) ** 2 / variance - 0.5 * np.log(variance)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    found = []
+    for each in (mean, sd, slope):
+        middle = (weight * each).sum()
+        found += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
+    return found
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_a_predictor_between_people_has_its_posterior(guided):
+    column = np.array([-0.5, -0.5, 0.5, 0.5, 0.5, -0.5])
+    some = [Gaussian(np.array([x]), np.array([e])) for x, e in zip(ESTIMATES, ERRORS, strict=True)]
+    for each in some:
+        each.scale = wide(1)
+    predictors = Predictors(("x",), column[None], np.array([0]))
+    group = Group(MIDDLE[:1], np.ones(1), slopes=np.zeros(1), predictors=predictors)
+    sampler = Sampler(some, expansion(some))
+    state, warm = sampler.run(sampler.first(group, stream(SEED, "slope")), 400)
+    if guided:
+        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
+    kept = sampler.run(state, 3_000)[1]
+    numbers = np.stack([kept.mean[:, 0], kept.sd[:, 0], kept.slopes[:, 0]])
+    size = array_stats.ess(numbers[:, None], chain_axis=1, draw_axis=2)
+    expected = with_slope(ESTIMATES, ERRORS, column)
+    for draws, effective, middle, spread in zip(
+        numbers, size, expected[::2], expected[1::2], strict=True
+    ):
+        assert effective > 300
+        assert draws.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(effective))
+        assert draws.std() == pytest.approx(spread, rel=0.15)

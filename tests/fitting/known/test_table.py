@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.known.table import people_of, read_known, readings_of
+from bgmodel.trials.reading import Columns
 from circuits.errors import DataWarning, InputError
 from tests.helpers import refused
 from tests.known_trials import few
@@ -100,13 +101,13 @@ def test_participants_may_share_ids_of_trials():
 def test_responses_1_and_0_need_a_name():
     data, evidence = tables()
     coded = data.assign(response=[int(r == "b") for r in data["response"]])
-    found = read_known(coded, evidence, upper="b")
+    found = read_known(coded, evidence, columns=Columns(upper="b"))
     np.testing.assert_array_equal(found.choice, read_known(data, evidence).choice)
     with pytest.raises(InputError) as error:
         read_known(coded, evidence)
     assert error.value.field == "response"
     with pytest.raises(InputError) as error:
-        read_known(coded, evidence, upper="c")
+        read_known(coded, evidence, columns=Columns(upper="c"))
     assert error.value.field == "upper"
 
 
