@@ -5,22 +5,27 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from statistics import NormalDist
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from bgmodel import Evidence, gaussian_evidence, stream
 from bgmodel.comparison.designed import RISE_NATS_S, STEP_MS, designs
+from bgmodel.fitting.identify import directions
 from bgmodel.fitting.known.circuit import KnownCircuit
-from bgmodel.fitting.known.comparison import compared, trials_needed, verdict
-from bgmodel.fitting.known.fit import KnownFit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, KnownModel
-from bgmodel.fitting.known.observers import observed, observed_circuit, readings_from
-from bgmodel.fitting.known.optimum import known_optimum
+from bgmodel.fitting.known.observers import observed, readings_from, responding, waiting
 from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 
@@ -46,6 +51,89 @@ OBSERVERS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     },
 }
 """Parameters of the observers; the circuit has its default gain and its own noise."""
+STRONG_NATS = 3.0
+"""Log Bayes factor, 20 to 1, from which a model is preferred (Kass & Raftery 1995)."""
+SURE = NormalDist().inv_cdf(0.95)
+UNKNOWN = "cannot tell"
+EVIDENCE = ("log_likelihood", "time_s", "lengths")
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The optimum of a model on known evidence, with what Bayes factors need."""
+
+    optimum: Optimum
+
+    @cached_property
+    def each(self) -> Array:
+        """Log likelihood of each trial without the bias of simulated runs, nats."""
+        return self.optimum.likelihood.unbiased(self.optimum.vector)
+
+    @cached_property
+    def error(self) -> float:
+        """Standard error of the log likelihood due to simulated runs, nats."""
+        parts = self.optimum.likelihood.without_parts()
+        return float(jackknifed([part(self.optimum.vector) for part in parts]))
+
+    @property
+    def log_evidence(self) -> float:
+        """Approximate log marginal likelihood, -BIC / 2, nats (Schwarz 1978)."""
+        return float(self.each.sum() - len(self.optimum.vector) * np.log(len(self.each)) / 2)
+
+    @cached_property
+    def errors(self) -> dict[str, float]:
+        """Standard error of each free parameter."""
+        there = directions(self.optimum.likelihood, self.optimum.vector)
+        return dict(zip(there.names, there.standard_errors.tolist(), strict=True))
+
+
+def verdict(fits: Mapping[str, Fitted]) -> str:
+    """Return the preferred model, or "cannot tell".
+
+    It is preferred if its log Bayes factor over every other exceeds 3 nats (20 to 1), with 1.64
+    standard errors of simulation subtracted.
+    """
+    first, *others = sorted(fits, key=lambda name: -fits[name].log_evidence)
+    best = fits[first]
+    low = [
+        best.log_evidence - fits[name].log_evidence - SURE * np.hypot(best.error, fits[name].error)
+        for name in others
+    ]
+    return first if min(low) > STRONG_NATS else UNKNOWN
+
+
+def trials_needed(
+    log_ratio: npt.ArrayLike, more_parameters: int = 0, *, least: float = STRONG_NATS
+) -> float:
+    """Return the number of trials at which a true model is preferred with probability 0.95.
+
+    The sum of log ratios over n trials is about Gaussian with mean n m and standard deviation
+    s sqrt(n); BIC subtracts k ln(n) / 2. The answer is the least n with
+    ``n m - 1.64 s sqrt(n) - k ln(n) / 2 >= least``.
+
+    Parameters
+    ----------
+    log_ratio : array (trials,), nats
+        Log likelihood of each trial under the true model minus that under a rival, both at the
+        parameters that fit many trials best.
+    more_parameters : int
+        Parameters of the true model minus those of the rival.
+    least : float, nats
+        Log Bayes factor to be exceeded.
+
+    Returns
+    -------
+    float
+        Infinite if the mean is not above 0 by two standard errors: the two are not told apart.
+    """
+    values = np.asarray(log_ratio, dtype=np.float64)
+    mean, spread = float(values.mean()), float(values.std(ddof=1))
+    if mean <= 2 * spread / np.sqrt(len(values)):
+        return np.inf
+    count: Array = np.unique(np.round(np.geomspace(10, 1e6, 4000)))
+    sure = mean * count - SURE * spread * np.sqrt(count) - more_parameters * np.log(count) / 2
+    enough = count[sure >= least]
+    return float(enough[0]) if len(enough) else np.inf
 
 
 def evidence_of(kind: str, trials: int, seed: int) -> Evidence:
@@ -77,9 +165,11 @@ def trials_of(kind: str, who: str, trials: int, seed: int, **more: float) -> Kno
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if who == CIRCUIT:
-            return observed_circuit(
-                BasalGanglia(circuit_of(kind), seed=seed), evidence, values, seed
-            )
+            model = BasalGanglia(circuit_of(kind), seed=seed)
+            found = model.decided(evidence, values["threshold"])
+            rng = stream(seed, "known evidence", model.circuit.name)
+            blank = waiting(readings_from(evidence))
+            return responding(blank, found.choice, found.time_ms / 1000, values, rng)
         return observed(EXACT[who], readings_from(evidence), values, seed)
 
 
@@ -88,11 +178,9 @@ def models_of(kind: str) -> dict[str, KnownModel]:
     return {TEST: EXACT[TEST], LEAKY: EXACT[LEAKY], CIRCUIT: KnownCircuit(circuit_of(kind))}
 
 
-def fitted(model: KnownModel, trials: KnownTrials, free: tuple[str, ...] = ()) -> KnownFit:
-    """Return the fit of a model, without its warnings."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return KnownFit(known_optimum(known_likelihood(model, trials, free=free)))
+def fitted(model: KnownModel, trials: KnownTrials, free: tuple[str, ...] = ()) -> Fitted:
+    """Return the fit of a model."""
+    return Fitted(optimum(known_likelihood(model, trials, free=free)))
 
 
 def expected(kind: str, who: str, trials: int, seed: int) -> pd.DataFrame:
@@ -110,12 +198,10 @@ def expected(kind: str, who: str, trials: int, seed: int) -> pd.DataFrame:
     for name, fit in fits.items():
         if name == who:
             continue
-        apart = own.likelihood.each(own.optimum.vector) - fit.likelihood.each(fit.optimum.vector)
-        bias = [each.score.log_likelihood - each.optimum.log_likelihood for each in (own, fit)]
-        apart = apart + (bias[0] - bias[1]) / trials
+        apart = own.each - fit.each
         more = len(own.optimum.vector) - len(fit.optimum.vector)
-        error = np.hypot(apart.std(ddof=1) / np.sqrt(trials), fit.score.error / trials)
-        error = np.hypot(error, own.score.error / trials)
+        error = np.hypot(apart.std(ddof=1) / np.sqrt(trials), fit.error / trials)
+        error = np.hypot(error, own.error / trials)
         needed = trials_needed(apart, more)
         rows.append((kind, who, name, trials, apart.mean(), error, apart.std(ddof=1), needed))
     names = ["evidence", "observer", "rival", "trials", "per_trial", "error", "sd", "needed"]
@@ -137,12 +223,11 @@ def preferred(kind: str, who: str, trials: int, observers: int, seed: int) -> pd
             begun = time.process_time()
             fits[name] = fitted(model, data)
             cpu_s = time.process_time() - begun if name == CIRCUIT else cpu_s
-        table = compared(fits)
-        evidence = {name: fit.score.log_evidence for name, fit in fits.items()}
+        evidence = {name: fit.log_evidence for name, fit in fits.items()}
         row = {"evidence": kind, "observer": who, "number": number, "trials": trials}
-        row |= {"verdict": verdict(table), "cpu_s": cpu_s}
+        row |= {"verdict": verdict(fits), "cpu_s": cpu_s}
         row |= {f"over_{name}": evidence[who] - evidence[name] for name in fits}
-        rows.append(row | fits[who].values)
+        rows.append(row | fits[who].optimum.values)
     return pd.DataFrame(rows)
 
 
@@ -156,9 +241,9 @@ def recovered(kind: str, trials: int, observers: int, seed: int) -> pd.DataFrame
     true = {**RESPONSE, **OBSERVERS[kind][TEST]}
     for number in range(observers):
         fit = fitted(EXACT[TEST], trials_of(kind, TEST, trials, seed + number))
-        names = fit.likelihood.freedom.names
+        names = list(fit.errors)
         found.append(fit.optimum.vector)
-        errors.append(fit.optimum.standard_errors)
+        errors.append(list(fit.errors.values()))
     values, error = np.array(found), np.array(errors)
     rows = []
     for k, name in enumerate(names):
@@ -183,14 +268,13 @@ def runs_found(kind: str, effect: float, trials: int, observers: int, seed: int)
     for number in range(observers):
         data = trials_of(kind, TEST, trials, seed + number, run_effect=effect)
         without, with_it = (fitted(EXACT[TEST], data, free) for free in ((), ("+run_effect",)))
-        place = with_it.likelihood.freedom.names.index("run_effect")
         found = {
             "effect": effect,
             "number": number,
             "trials": trials,
-            "run_effect": float(with_it.optimum.vector[place]),
-            "standard_error": float(with_it.optimum.standard_errors[place]),
-            "log_bayes_factor": with_it.score.log_evidence - without.score.log_evidence,
+            "run_effect": with_it.optimum.values["run_effect"],
+            "standard_error": with_it.errors["run_effect"],
+            "log_bayes_factor": with_it.log_evidence - without.log_evidence,
         }
         rows.append(found)
     return pd.DataFrame(rows)
@@ -205,15 +289,12 @@ def shuffled(kind: str, trials: int, observers: int, seed: int) -> pd.DataFrame:
     for number in range(observers):
         data = trials_of(kind, TEST, trials, seed + number)
         other = stream(seed + number, "shuffled").permutation(trials)
-        mixed = KnownTrials(
-            data.log_likelihood[other], data.time_s[other], data.lengths[other], data.names,
-            data.choice, data.rt_s, data.ids, data.forced, data.source,
-        )  # fmt: skip
+        evidence = {name: getattr(data, name)[other] for name in EVIDENCE}
+        mixed = replace(data, **evidence)
         row: list[float] = [number, trials]
         for some in (data, mixed):
             fit = fitted(EXACT[TEST], some, ("+gain",))
-            place = fit.likelihood.freedom.names.index("gain")
-            row += [float(fit.optimum.vector[place]), float(fit.optimum.standard_errors[place])]
+            row += [fit.optimum.values["gain"], fit.errors["gain"]]
         rows.append((kind, *row))
     names = ["evidence", "number", "trials", "gain", "standard_error"]
     return pd.DataFrame(rows, columns=[*names, "shuffled_gain", "shuffled_error"])

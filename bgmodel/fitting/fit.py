@@ -68,6 +68,11 @@ class Fit(Facts):
     misfit: Misfit
     posterior: Posterior | None = None
 
+    @property
+    def log_likelihood(self) -> float:
+        """Log likelihood of the data, nats, without the bias of simulated runs."""
+        return float(self.optimum.likelihood.unbiased(self.optimum.vector).sum())
+
     def facts(self) -> dict[str, str]:
         """Return log likelihood, each number with its standard error, and largest residuals."""
         likelihood, table = self.optimum.likelihood, self.parameters()
@@ -76,7 +81,7 @@ class Fit(Facts):
         found = {
             "data": likelihood.design.who,
             "trials": f"{likelihood.design.trials.sum()}",
-            "log likelihood": f"{self.optimum.log_likelihood:.1f}{said} nats",
+            "log likelihood": f"{self.log_likelihood:.1f}{said} nats",
         }
         for row in table.itertuples():
             found[str(row.parameter)] = f"{row.value:.4g} +- {row.standard_error:.2g}"
@@ -111,11 +116,10 @@ class Fit(Facts):
         -------
         Figure
             Five panels; markers are data with 95 % intervals, lines the model. The last shows
-            quantiles of correct and wrong times. The title has the number of trials.
+            quantiles of correct and wrong times. The title has the number of trials. With known
+            evidence there are three: hazards per reading, and psychophysical kernels.
         """
-        from bgmodel.fitting.drawing import draw_fits
-
-        return draw_fits({"Model": self.cells()}, self.optimum.likelihood.design.who)
+        return self.optimum.likelihood.draw(self)
 
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BEYOND, MOST_S = 1e-4, 60.0
 """Share of the responses that predictions may leave out, and their latest time, s."""
@@ -61,7 +64,19 @@ class TrialModel(Protocol):
         """Return as many new trials, with the same strengths and conditions."""
 
 
-AnyModel = Model | TrialModel
+@runtime_checkable
+class OwnModel(Protocol):
+    """A model that makes its own likelihood, such as one on known evidence."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters, with their ranges."""
+
+    def likelihood(self, design: Design, freedom: ParameterSpace) -> Likelihood:
+        """Return the likelihood of a design's trials."""
+
+
+AnyModel = Model | TrialModel | OwnModel
 
 
 @dataclass(frozen=True)
@@ -83,6 +98,8 @@ class Likelihood:
     freedom: ParameterSpace
     rough: ClassVar[bool] = False
     """Whether it has steps, as with simulated trials, so that no search may follow its slope."""
+    sized: ClassVar[tuple[str, ...]] = ()
+    """Parameters that can't be near 0: a fit says if the data hardly identify them."""
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats, at a vector of the fit."""
@@ -92,9 +109,19 @@ class Likelihood:
         """Return ``each`` at several vectors, (vectors, trials)."""
         return np.array([self.each(vector) for vector in vectors])
 
+    def unbiased(self, vector: Array) -> Array:
+        """Return ``each`` without the bias of simulated runs, where there is one."""
+        return self.each(vector)
+
     def density(self, vector: Array) -> Array:
         """Return the predicted density of responses (cells, 2, bins), 1/s."""
         raise NotImplementedError
+
+    def draw(self, fit: Any) -> Figure:
+        """Draw data and a fitted model; see ``Fit.plot``."""
+        from bgmodel.fitting.drawing import draw_fits
+
+        return draw_fits({"Model": fit.cells()}, self.design.who)
 
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf outside the bounds."""
@@ -362,6 +389,8 @@ def likelihood_of(
     )
     if isinstance(model, TrialModel):
         return TrialLikelihood(model, design, freed, design.observed.cell)
+    if isinstance(model, OwnModel):
+        return model.likelihood(design, freed)
     if design.choices is not None and design.choices.ssd_s is not None:
         said = "stop-signal trials are fitted by a model of stop signals, not of choices alone"
         raise InputError(f"{said}: leave stop trials out, or fit the stop process", "ssd")

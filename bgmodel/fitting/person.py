@@ -13,9 +13,7 @@ from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE
 from bgmodel.fitting.settings import (
     FitSettings,
-    names_of,
     need_fit,
-    numbers_of,
     seconds_of,
     settings_of,
 )
@@ -36,7 +34,7 @@ CHAINS = ("most_draws", "chains_seed", "workers")
 """Options that need a hierarchy."""
 NOT_KNOWN = (
     "strength", "pooled", "rt_window", "vary", "formula", "mechanism", "noise_nats", "trials",
-    "folder", "hierarchical", "draws",
+    "folder", "hierarchical",
 )  # fmt: skip
 """Options without effect if the evidence is known."""
 
@@ -219,10 +217,8 @@ def _fit_known(given: Mapping[str, Any]) -> Fit:
         raise InputError("a model of trials takes no evidence yet: leave it out", "evidence")
     names = ("step_ms", "forced", "participant", "columns")
     known = read_known(given["data"], given["evidence"], **{name: given[name] for name in names})
-    return fit_evidence(
-        known, model, free=names_of(given["free"]), fix=numbers_of(given["fix"]),
-        engine=given["engine"], runs=given["runs"], seed=given["seed"],
-    )  # fmt: skip
+    asked = settings_of(**{name: given[name] for name in ("free", "fix", "engine", "seed")})
+    return fit_evidence(known, model, asked, runs=given["runs"], draws=given["draws"])
 
 
 def _check_unused(given: Mapping[str, object], names: Sequence[str], reason: str) -> None:

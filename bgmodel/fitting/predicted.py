@@ -88,7 +88,7 @@ def predicted(
         left = likelihood.part(np.flatnonzero(part != fold))
         rest = likelihood.part(np.flatnonzero(part == fold))
         vector = optimum(left, starts=starts).vector
-        each[part == fold] = rest.each(vector)
+        each[part == fold] = rest.unbiased(vector)
         if len(without):
             moved = without_parts(left, directions(left, vector))
             for row, less, (_, at) in zip(without, rest.without_parts(), moved, strict=True):

@@ -497,11 +497,6 @@ def names_of(given: str | Iterable[str], option: str = "free") -> tuple[str, ...
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def numbers_of(fix: Mapping[str, float] | None) -> dict[str, float]:
-    """Return fixed parameters as numbers."""
-    return {str(name): _number(str(value)) for name, value in _pairs("fix", fix)}
-
-
 def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:
     if not isinstance(given, Mapping | None):
         raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", given)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from bgmodel.fitting.checks.binned import of_bins
 from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Optimum
@@ -10,6 +12,8 @@ from bgmodel.fitting.simulated.error import Simulation
 
 SMALL_SHARE = 1 / 3
 """A fit warns if the simulation error over the error from the data exceeds this ratio."""
+VAGUE_SHARE = 0.5
+"""A number that can't be near 0 is hardly identified if its error exceeds this share of it."""
 LATEST_T0_S = 1.0
 """A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
 
@@ -31,7 +35,7 @@ def cautions(
         Posterior samples.
     """
     own = [*_rough(there, simulated), *of_bins(found.likelihood, there)]
-    return [*own, *_ended(found), *_late(found), *_short(drawn)]
+    return [*own, *_ended(found), *_vague(found, there), *_late(found), *_short(drawn)]
 
 
 def _ended(found: Optimum) -> list[str]:
@@ -40,6 +44,17 @@ def _ended(found: Optimum) -> list[str]:
         f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
         for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
         if ends
+    ]
+
+
+def _vague(found: Optimum, there: Directions) -> list[str]:
+    """Return a warning for each number that can't be near 0, and hardly differs from it."""
+    errors = zip(found.values.items(), there.standard_errors, found.at_bound, strict=True)
+    return [
+        f"these trials hardly identify {name} ({value:.3g} +- {error:.2g}): fix it, or add trials "
+        "with other evidence"
+        for (name, value), error, ends in errors
+        if name in found.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
     ]
 
 

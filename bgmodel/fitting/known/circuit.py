@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.known.accumulation import leaky_sums
-from bgmodel.fitting.known.models import LEAK, Outputs, Values, read
+from bgmodel.fitting.known.hazard import lowest_between
+from bgmodel.fitting.known.models import LEAK, Outputs, Values, leaky_sums, read, sizes
 from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
@@ -31,6 +31,8 @@ SIMULATED, FEWEST, MOST = 6000, 8, 32
 GRID_S = 0.01
 """Times of readings without a common step are rounded to this, s."""
 NEVER_NATS = -1e3
+PARTS = 8
+"""Number of parts of the runs, from which the error of simulation is estimated."""
 CHUNKS = 8
 """Trials are simulated in this many parts of similar length."""
 
@@ -81,13 +83,11 @@ class KnownCircuit:
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return gain, leak (fixed: it would need other simulations), threshold and noise."""
         low, high = self.circuit.readable_nats
-        about = "drive of the circuit, nats, per nat of evidence"
-        gains = self.gains
+        about, gains = "drive of the circuit, nats, per nat of evidence", self.gains
         return (
             Parameter("gain", float(gains[0]), float(gains[-1]), gain_of(self.circuit), about),
             LEAK,
-            Parameter("threshold", low, high, 0.3 * high, "OUT at a decision, nats"),
-            Parameter("noise", 0.01, 2 * high, 0.05 * high, "scale of further noise of OUT, nats"),
+            *sizes((low, high, 0.3 * high), (0.01, 2 * high, 0.05 * high), "OUT, nats"),
         )
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
@@ -132,8 +132,6 @@ class KnownCircuit:
 
     def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
         """Return OUT (runs, seen readings, alternatives) at one gain."""
-        from bgmodel.fitting.known.hazard import lowest_between
-
         evidence, step_s = on_grid(trials, leak_hz)
         starts, ends = intervals(trials)
         runs = self.runs_of(trials.trials)
@@ -178,11 +176,10 @@ class Simulated:
         return np.tensordot(weights, self.stored, axes=1)
 
     def parts(self) -> list[Outputs]:
-        """Return the outputs without each run in turn."""
+        """Return the outputs without each of ``PARTS`` parts of the runs in turn."""
         runs = self.stored.shape[1]
-        if runs < 2:
-            return []
-        return [replace(self, stored=np.delete(self.stored, k, axis=1)) for k in range(runs)]
+        left = np.array_split(np.arange(runs), min(runs, PARTS)) if runs > 1 else []
+        return [replace(self, stored=np.delete(self.stored, some, axis=1)) for some in left]
 
 
 def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.fitting.known.kernels import ALIGNED, DATA
+from bgmodel.fitting.known.hazards import hazards
+from bgmodel.fitting.known.kernels import ALIGNED, DATA, kernels
 from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from bgmodel.fitting.optimum import Optimum
 
 LOOK: dict[str, Any] = {"color": "k", "marker": "o", "ls": "", "ms": 3, "elinewidth": 0.8}
 TITLES = (
@@ -22,18 +24,13 @@ TITLES = (
 
 
 @styled
-def draw_known(
-    hazards: Mapping[str, pd.DataFrame], kernels: Mapping[str, pd.DataFrame], title: str
-) -> Figure:
+def draw_known(fits: Mapping[str, Optimum]) -> Figure:
     """Draw data and models: hazards per reading and psychophysical kernels.
 
     Parameters
     ----------
-    hazards, kernels : dict of str to DataFrame
-        Tables of ``KnownFit.hazards`` and ``kernels`` of each model on the same trials, the best
-        first.
-    title : str
-        Data and numbers of trials.
+    fits : dict of str to Optimum
+        Optima of likelihoods of known evidence (``Fit.optimum``) on the same trials.
 
     Returns
     -------
@@ -43,18 +40,23 @@ def draw_known(
         position in the choice, from the first reading and backward from the response. Markers are
         the data with 95 % intervals, lines the models.
     """
+    design = next(iter(fits.values())).likelihood.design
+    shares, kerns = (
+        {name: table(each.likelihood, each.vector) for name, each in fits.items()}
+        for table in (hazards, kernels)
+    )
     figure, grid = panels(1, 3, size=(7.2, 2.9))
     axes: list[Axes] = list(grid.ravel())
-    share, weight = next(iter(hazards.values())), next(iter(kernels.values()))
+    share, weight = next(iter(shares.values())), next(iter(kerns.values()))
     bars = 1.96 * share["standard_error"]
     axes[0].errorbar(share["reading"], share["observed"], bars, label="Data", **LOOK)
     for ax, align in zip(axes[1:], ALIGNED, strict=True):
         own = weight[(weight["of"] == DATA) & (weight["align"] == align)]
         ax.errorbar(own["position"], own["weight"], 1.96 * own["standard_error"], **LOOK)
         ax.axhline(0, color=GREY, lw=0.6, zorder=0)
-    for k, name in enumerate(hazards):
+    for k, name in enumerate(fits):
         colour = PALETTE[k % len(PALETTE)]
-        found, weights = hazards[name], kernels[name]
+        found, weights = shares[name], kerns[name]
         axes[0].plot(found["reading"], found["predicted"], color=colour, label=name)
         for ax, align in zip(axes[1:], ALIGNED, strict=True):
             own = weights[(weights["of"] != DATA) & (weights["align"] == align)]
@@ -67,5 +69,7 @@ def draw_known(
         ax.set_title(text)
         ax.locator_params(axis="x", integer=True)
     figure.legend(loc="outside lower center", ncols=5)
-    figure.suptitle(f"{title}; bars: 95 % intervals", x=0.01, ha="left")
+    figure.suptitle(
+        f"{design.who}: {design.trials.sum()} trials; bars: 95 % intervals", x=0.01, ha="left"
+    )
     return figure

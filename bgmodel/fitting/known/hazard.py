@@ -13,6 +13,8 @@ reading to the next is no part of it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
@@ -115,6 +117,37 @@ def delayed(
                 late = np.exp(-0.5 * z * z) / (sd_s * SQRT_2PI)
                 for i in range(count):
                     found[trial, i] += decided[k, i] * late
+    return found
+
+
+@compiled
+def answered(
+    decided: Array, at_s: Array, by_s: Array, offsets: Integers, t0_s: float, sd_s: float
+) -> Array:
+    """Return the probability of each response by some times in each trial.
+
+    Parameters
+    ----------
+    decided, at_s, offsets, t0_s, sd_s :
+        As for ``delayed``.
+    by_s : array (trials, times), s
+        The times.
+
+    Returns
+    -------
+    array (trials, times, alternatives)
+    """
+    (trials, times), count = by_s.shape, decided.shape[1]
+    found = np.zeros((trials, times, count))
+    for trial in range(trials):
+        for j in range(times):
+            for k in range(offsets[trial], offsets[trial + 1]):
+                z = (by_s[trial, j] - at_s[k] - t0_s) / sd_s
+                if z < -FARTHEST:
+                    break
+                share = math.erfc(-z / np.sqrt(2.0)) / 2 if z < FARTHEST else 1.0
+                for i in range(count):
+                    found[trial, j, i] += decided[k, i] * share
     return found
 
 

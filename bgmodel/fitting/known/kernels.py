@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,25 @@ STEPS, SMALL = 50, 1e-8
 ALIGNED = FROM_ONSET, BEFORE = "onset", "response"
 DATA = "data"
 """Name of the kernel of the data."""
+
+
+def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
+    """Return psychophysical kernels of the data and of a model, a ``KnownLikelihood``.
+
+    The model's is of its choices given the response times of the data. Columns as for ``kernel``;
+    ``of``, "data" or the name of the model; and ``align``, "onset" or "response".
+    """
+    import pandas as pd
+
+    of = {DATA: None, likelihood.model.name: likelihood.chosen(vector)}
+    tables = [
+        kernel(likelihood.trials, chosen, positions=positions, align=align).assign(
+            of=name, align=align
+        )
+        for align in ALIGNED
+        for name, chosen in of.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
 
 
 def kernel(

@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from bgmodel.fitting.exact.responses import TINY
-from bgmodel.fitting.known.accumulation import runs_of_cues
-from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read
+from bgmodel.fitting.known.hazard import answered, decisions, delayed
+from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials
-from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
-from bgmodel.support.arrays import Array
+from bgmodel.fitting.likelihood import RESPONSES, Likelihood
+from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
+from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.trials.design import Design
+from bgmodel.support.arrays import Array, Integers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RUN = Parameter("run_effect", -2.0, 2.0, 0.0, "OUT per further cue of a run, nats", free=False)
 URGENCY = Parameter("urgency", 0.0, 20.0, 0.0, "rise of the threshold on OUT, 1/s", free=False)
@@ -23,30 +30,13 @@ MOST_BIAS = 2.0
 CACHED = 16
 """Number of points at which decisions are kept: derivatives by t0_s, t0_sd_s and lapse need no
 others than those of the point itself."""
-RESPONSES = tuple(each.name for each in RESPONSE)
-
-
-def parameters_of(model: KnownModel, trials: KnownTrials) -> tuple[Parameter, ...]:
-    """Return all parameters of a model on some trials.
-
-    Its own; ``urgency``, by which the threshold on OUT rises per second, so that less evidence is
-    required; ``run_effect``, by which OUT of an alternative falls with each cue of a run after the
-    first; a bias of each alternative but the first, added to its threshold (for two alternatives
-    the same as a start nearer one bound), free if there are two; and those of responses.
-    """
-    own = model.parameters(trials.alternatives)
-    wide = next(each.high for each in own if each.name == "threshold")
-    most = min(MOST_BIAS, wide)
-    free = trials.alternatives == 2
-    bias = tuple(
-        Parameter(f"{BIAS}{name}", -most, most, 0.0, "added to its threshold", free=free)
-        for name in trials.names[1:]
-    )
-    return (*own, URGENCY, RUN, *bias, *RESPONSE)
+T0_SHARES, NOISES = (0.3, 0.7), (0.1, 0.4)
+"""Starts have these shares of the fastest response time as non-decision time, and these shares of
+the spread of OUT at decisions as noise."""
 
 
 @dataclass(frozen=True)
-class KnownLikelihood:
+class KnownLikelihood(Likelihood):
     """The likelihood of trials with known evidence under a model.
 
     A decision at reading k has the probability of ``hazard``. The non-decision time is Gaussian, a
@@ -57,19 +47,26 @@ class KnownLikelihood:
     ----------
     model : KnownModel
         The model.
-    trials : KnownTrials
-        The data.
+    design : Design
+        One cell, with the trials that count; see ``KnownTrials.design``.
     freedom : ParameterSpace
         Free parameters, the same in all trials.
+    trials : KnownTrials
+        All trials.
     outputs : Outputs
         OUT of the model on these trials.
+    kept : int array, optional
+        Which trials count. By default all do.
     """
 
     model: KnownModel
     trials: KnownTrials
-    freedom: ParameterSpace
     outputs: Outputs
-    _kept: dict[tuple[float, ...], tuple[Array, Array]] = field(default_factory=dict, repr=False)
+    kept: Integers | None = None
+    _decided: dict[tuple[float, ...], tuple[Array, Array]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+    sized: ClassVar[tuple[str, ...]] = ("gain", "threshold", "noise")
 
     @cached_property
     def _more_cues(self) -> Array:
@@ -79,8 +76,7 @@ class KnownLikelihood:
 
     def values(self, vector: Array) -> dict[str, float]:
         """Return all parameters by name from the free ones."""
-        found = self.freedom.values(vector)
-        return {name: float(each[0]) for name, each in found.items()}
+        return {name: float(each[0]) for name, each in self.freedom.values(vector).items()}
 
     def decisions(self, values: Values) -> tuple[Array, Array]:
         """Return the probability of a decision at each reading, and of none.
@@ -88,17 +84,14 @@ class KnownLikelihood:
         Shapes as for ``hazard.decisions``: (seen readings, alternatives) and (trials,).
         """
         key = tuple(value for name, value in values.items() if name not in RESPONSES)
-        if key not in self._kept:
-            while len(self._kept) >= CACHED:
-                del self._kept[next(iter(self._kept))]
-            self._kept[key] = self._decisions(values)
-        return self._kept[key]
+        if key not in self._decided:
+            while len(self._decided) >= CACHED:
+                del self._decided[next(iter(self._decided))]
+            self._decided[key] = self._decisions(values)
+        return self._decided[key]
 
     def _decisions(self, values: Values) -> tuple[Array, Array]:
         """Compute ``decisions``."""
-        # Importing Numba takes most of a second: only when it is used.
-        from bgmodel.fitting.known.hazard import decisions
-
         out = self.outputs.out(values)
         if values[RUN.name]:
             out = out - values[RUN.name] * self._more_cues
@@ -109,7 +102,7 @@ class KnownLikelihood:
             self.trials.offsets, self.trials.ends,
         )  # fmt: skip
 
-    def density(self, values: Values) -> tuple[Array, Array]:
+    def responses(self, values: Values) -> tuple[Array, Array]:
         """Return the density of a response at its time, and the probability of none.
 
         Returns
@@ -118,28 +111,68 @@ class KnownLikelihood:
             For each alternative at the trial's response time; 0 in trials without a response.
         none : array (trials,)
         """
-        from bgmodel.fitting.known.hazard import delayed
-
         decided, left = self.decisions(values)
         trials, rt_s = self.trials, self.trials.rt_s
         found = (1 - values["lapse"]) * delayed(
             decided, trials.seen_s, rt_s, trials.offsets, values["t0_s"], values["t0_sd_s"]
         )
         found += values["lapse"] / (trials.alternatives * trials.span_s)
-        answered = np.isfinite(rt_s)
-        return np.where(answered[:, None], found, 0.0), (1 - values["lapse"]) * left
+        return np.where(np.isfinite(rt_s)[:, None], found, 0.0), (1 - values["lapse"]) * left
+
+    def answered(self, values: Values, by_s: Array) -> Array:
+        """Return the probability of each response by some times, (trials, times, alternatives).
+
+        Given the readings before the trial's own response: later ones may not be known. Times have
+        shape (trials, times).
+        """
+        trials, share = self.trials, values["lapse"]
+        lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
+        found = answered(
+            self.decisions(values)[0], trials.seen_s, by_s, trials.offsets,
+            values["t0_s"], values["t0_sd_s"],
+        )  # fmt: skip
+        return np.asarray((1 - share) * found + share * lapsed[:, :, None])
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats (of densities in 1/s)."""
-        density, none = self.density(self.values(vector))
+        density, none = self.responses(self.values(vector))
         choice = self.trials.choice
         chosen = density[np.arange(len(choice)), np.maximum(choice, 0)]
-        return np.asarray(np.log(np.maximum(np.where(choice < 0, none, chosen), TINY)))
+        found = np.log(np.maximum(np.where(choice < 0, none, chosen), TINY))
+        return np.asarray(found if self.kept is None else found[self.kept])
 
-    def __call__(self, vector: Array) -> float:
-        """Return the log likelihood of all trials, nats; -inf outside the bounds."""
-        inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
-        return float(self.each(vector).sum()) if inside.all() else -np.inf
+    def unbiased(self, vector: Array) -> Array:
+        """Return ``each``, corrected for the number of runs (jackknife; Quenouille 1956)."""
+        own, parts = self.each(vector), [one.each(vector) for one in self.without_parts()]
+        return own + (len(parts) - 1) * (own - np.mean(parts, axis=0)) if parts else own
+
+    def density(self, vector: Array) -> Array:
+        """Return the predicted density of responses (1, 2, bins), 1/s.
+
+        Readings after a response need not be known. In each bin of time the trials that are still
+        running have a probability of each response; the product of those of no response is the
+        share that still runs (as in the estimate of Kaplan & Meier 1958). For response 1 see
+        ``KnownTrials.design``.
+        """
+        trials, grid = self.trials, self.design.grid
+        edges_s = np.tile(grid.width_s * np.arange(grid.bins + 1), (trials.trials, 1))
+        by = self.answered(self.values(vector), edges_s)
+        stays = np.maximum(1 - by[:, :-1].sum(axis=2, keepdims=True), TINY)
+        share = np.clip(np.diff(by, axis=1) / stays, 0.0, 1.0)
+        favoured = trials.favoured(edges_s[:, 1:])[:, :, None]
+        right = np.take_along_axis(share, favoured, axis=2)[:, :, 0]
+        both = np.array([share.sum(axis=2) - right, right])
+        running = trials.until_s[:, None] >= edges_s[:, :-1]
+        if self.kept is not None:
+            running &= np.isin(np.arange(trials.trials), self.kept)[:, None]
+        hazard = (both * running).sum(axis=1) / np.maximum(running.sum(axis=0), 1)
+        left = np.cumprod(np.append(1.0, 1 - hazard.sum(axis=0)))[:-1]
+        return np.asarray(left * hazard / grid.width_s)[None]
+
+    def part(self, trials: Array | Integers) -> Self:
+        """Return the likelihood of a subset of the trials; lapses last as long as in all."""
+        kept = np.arange(self.trials.trials) if self.kept is None else self.kept
+        return replace(self, design=self.design.part(trials), kept=kept[trials])
 
     def chosen(self, vector: Array) -> Array:
         """Return the probability of each alternative given the time of the response.
@@ -149,14 +182,86 @@ class KnownLikelihood:
         array (trials, alternatives)
             NaN in trials without a response.
         """
-        density, _ = self.density(self.values(vector))
-        total = density.sum(axis=1, keepdims=True)
-        shares = np.where(total > 0, density / np.where(total > 0, total, 1.0), np.nan)
-        return np.asarray(shares)
+        density, _ = self.responses(self.values(vector))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(density / density.sum(axis=1, keepdims=True))
 
-    def without_parts(self) -> list[KnownLikelihood]:
-        """Return the likelihood without each simulated run in turn."""
-        return [replace(self, outputs=each, _kept={}) for each in self.outputs.parts()]
+    def without_parts(self) -> list[Self]:
+        """Return the likelihood without each part of the simulated runs in turn."""
+        return [replace(self, outputs=each, _decided={}) for each in self.outputs.parts()]
+
+    def starts(self) -> list[Array]:
+        """Return the starts of a search.
+
+        For two values of the non-decision time, the threshold is the median OUT of the chosen
+        alternative at the reading of the decision, and the noise a large or a small share of the
+        spread of that OUT.
+        """
+        freed = self.freedom
+        fastest = float(np.nanquantile(self.trials.rt_s, 0.05))
+        found = []
+        for share in T0_SHARES:
+            t0_s = share * fastest
+            level, spread = self._at_decisions(self.values(freed.start) | {"t0_s": t0_s})
+            for noise in NOISES:
+                given = {"t0_s": t0_s, "threshold": level, "noise": noise * spread}
+                pairs = zip(freed.names, freed.start, strict=True)
+                start = np.array([given.get(name, own) for name, own in pairs])
+                found.append(np.clip(start, freed.low, freed.high))
+        return found
+
+    def _at_decisions(self, values: Values) -> tuple[float, float]:
+        """Return the median level of chosen alternatives when they decided, and half its spread."""
+        trials, out = self.trials, self.outputs.out(values).mean(axis=0)
+        some = np.flatnonzero((trials.choice >= 0) & (trials.seen > 0))
+        before = trials.time_s[some] <= (trials.rt_s[some] - values["t0_s"])[:, None]
+        at = np.clip(before.sum(axis=1), 1, trials.seen[some]) - 1
+        chosen = out[trials.offsets[some] + at, trials.choice[some]]
+        lower, middle, upper = np.quantile(chosen, [0.25, 0.5, 0.75])
+        return self.model.sign * float(middle), max(float(upper - lower) / 2, 1e-3)
+
+    def draw(self, fit: Any) -> Figure:
+        """Draw hazards per reading and psychophysical kernels, data and model."""
+        from bgmodel.fitting.known.drawing import draw_known
+
+        return draw_known({self.model.name: fit.optimum})
+
+
+@dataclass(frozen=True)
+class OnTrials:
+    """A model of decisions on some trials; see ``fitting.likelihood.OwnModel``.
+
+    Parameters
+    ----------
+    model : KnownModel
+        The model.
+    trials : KnownTrials
+        The trials.
+    """
+
+    model: KnownModel
+    trials: KnownTrials
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the model, and those that all models share.
+
+        Its own; ``urgency``, by which the threshold on OUT rises per second, so that less evidence
+        is required; ``run_effect``, by which OUT of an alternative falls with each cue of a run
+        after the first; a bias of each alternative but the first, added to its threshold (for two
+        alternatives the same as a start nearer one bound), free if there are two; and those of
+        responses.
+        """
+        own, count = self.model.parameters(self.trials.alternatives), self.trials.alternatives
+        most = min(MOST_BIAS, next(each.high for each in own if each.name == "threshold"))
+        bias = Parameter(BIAS, -most, most, 0.0, "added to its threshold", free=count == 2)
+        biases = (replace(bias, name=f"{BIAS}{name}") for name in self.trials.names[1:])
+        return (*own, URGENCY, RUN, *biases, *RESPONSE)
+
+    def likelihood(self, design: Design, freedom: ParameterSpace) -> KnownLikelihood:
+        """Return the likelihood of the trials; a circuit is simulated here."""
+        outputs = self.model.on(self.trials, freedom.held)
+        return KnownLikelihood(self.model, design, freedom, self.trials, outputs)
 
 
 def known_likelihood(
@@ -184,10 +289,8 @@ def known_likelihood(
     ValueError
         For an unknown parameter, or a value out of its range.
     """
-    known = parameters_of(model, trials)
-    named = [name.removeprefix("+") for name in free]
-    default = [p.name for p in known if p.free and p.name not in (fixed or {})]
-    added = bool(free) and free[0].startswith("+")
-    chosen = list(dict.fromkeys([*default, *named])) if added or not free else named
-    space = freedom(known, {}, 1, free=chosen, fixed=fixed)
-    return KnownLikelihood(model, trials, space, model.on(trials, space.held))
+    asked, made = settings_of(free=list(free), fix=fixed), OnTrials(model, trials)
+    asked.check_parameters({model.name: made})
+    found = asked.likelihood(trials.design, made)
+    assert isinstance(found, KnownLikelihood)
+    return found

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.known.accumulation import leaky_sums, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.support.arrays import Array
@@ -22,6 +21,16 @@ from bgmodel.support.arrays import Array
 Values = Mapping[str, float]
 GAIN = Parameter("gain", 0.0, 20.0, 1.0, "factor on the evidence")
 LEAK = Parameter("leak_hz", 0.0, 20.0, 0.0, "rate at which sums of evidence decay", free=False)
+
+
+def sizes(
+    threshold: tuple[float, float, float], noise: tuple[float, float, float], what: str
+) -> tuple[Parameter, Parameter]:
+    """Return threshold and noise from their bounds and starts; they differ by factors."""
+    return (
+        Parameter("threshold", *threshold, f"{what}, at a decision", scale="log"),
+        Parameter("noise", *noise, f"scale of the noise of {what}", scale="log"),
+    )
 
 
 class Outputs(Protocol):
@@ -32,11 +41,9 @@ class Outputs(Protocol):
 
         The readings of all trials that come before the response follow one another.
         """
-        ...
 
     def parts(self) -> list[Outputs]:
-        """Return the outputs without each simulated run in turn; empty without simulation."""
-        ...
+        """Return the outputs without each part of simulated runs; empty without simulation."""
 
 
 class KnownModel(Protocol):
@@ -45,40 +52,114 @@ class KnownModel(Protocol):
     @property
     def name(self) -> str:
         """Its name."""
-        ...
 
     @property
     def sign(self) -> int:
         """1 if thresholds are levels of OUT, -1 if they are levels of minus OUT."""
-        ...
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return its own parameters, the threshold and the noise among them."""
-        ...
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
         """Return its OUT on some trials; ``values`` are those of fixed parameters."""
-        ...
 
-    def identity(self) -> dict[str, Any]:
-        """Return what it is, for provenance."""
-        ...
+
+def read(trials: KnownTrials) -> tuple[Array, Array]:
+    """Return the readings before the response and their times; those after it are left out."""
+    most = max(int(trials.seen.max()), 1)
+    unread = np.arange(most) >= trials.seen[:, None]
+    values = np.where(unread[:, :, None], 0.0, trials.log_likelihood[:, :most])
+    return values, np.where(unread, np.inf, trials.time_s[:, :most])
+
+
+def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: float = 0.0) -> Array:
+    """Return sums of readings after each reading, (trials, readings, alternatives) nats.
+
+    The sum falls by ``exp(-leak_hz dt)`` in the time dt since the reading before; without a leak
+    it is the running sum.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, readings, alternatives), nats
+        The readings.
+    time_s : array (trials, readings), s
+        Their times; infinite after the last one.
+    leak_hz : float, 1/s
+        Rate of the leak.
+    """
+    if leak_hz == 0:
+        return np.cumsum(log_likelihood, axis=1)
+    known = np.where(np.isfinite(time_s), time_s, 0.0)
+    kept = np.exp(-leak_hz * np.maximum(np.diff(known, axis=1, prepend=0.0), 0.0))
+    sums = np.empty_like(log_likelihood)
+    total = np.zeros(log_likelihood[:, 0].shape)
+    for k in range(log_likelihood.shape[1]):
+        total = total * kept[:, k, None] + log_likelihood[:, k]
+        sums[:, k] = total
+    return sums
+
+
+def runs_of_cues(log_likelihood: Array) -> Array:
+    """Return the number of readings in a row, up to each, that favour each alternative.
+
+    A reading favours the alternative under which it is most likely; a tie ends every run.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, readings, alternatives), nats
+        The readings.
+
+    Returns
+    -------
+    array (trials, readings, alternatives)
+    """
+    ordered = np.sort(log_likelihood, axis=2)
+    clear = ordered[:, :, -1] > ordered[:, :, -2]
+    favoured = (log_likelihood == ordered[:, :, -1:]) & clear[:, :, None]
+    runs = np.zeros(log_likelihood.shape)
+    length = np.zeros(log_likelihood[:, 0].shape)
+    for k in range(log_likelihood.shape[1]):
+        length = np.where(favoured[:, k], length + 1, 0.0)
+        runs[:, k] = length
+    return runs
+
+
+@dataclass(frozen=True)
+class ExactModel:
+    """A model whose OUT is computed from the readings of each trial, without simulation."""
+
+    name: ClassVar[str]
+    sign: ClassVar[int] = -1
+    sums: ClassVar[bool] = True
+    """Whether readings are added up; otherwise runs of them are counted."""
+
+    def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
+        """Return its own parameters."""
+        raise NotImplementedError
+
+    def of(self, state: Array, values: Values) -> Array:
+        """Return OUT from sums of readings, or from lengths of runs, (..., alternatives)."""
+        raise NotImplementedError
+
+    def on(self, trials: KnownTrials, values: Values) -> Outputs:
+        """Return its OUT on some trials."""
+        return Exact(trials, self)
 
 
 @dataclass(frozen=True)
 class Exact:
-    """OUT computed from the readings of each trial, without simulation.
+    """OUT computed from the readings of each trial.
 
     Parameters
     ----------
     trials : KnownTrials
         The trials.
-    model : Test, LeakySum or Runs
+    model : ExactModel
         The model.
     """
 
     trials: KnownTrials
-    model: Test | LeakySum | Runs
+    model: ExactModel
 
     def out(self, values: Values) -> Array:
         """Return OUT (1, seen readings, alternatives)."""
@@ -100,25 +181,16 @@ class Exact:
         return []
 
 
-def read(trials: KnownTrials) -> tuple[Array, Array]:
-    """Return the readings before the response and their times; those after it are left out."""
-    most = max(int(trials.seen.max()), 1)
-    unread = np.arange(most) >= trials.seen[:, None]
-    values = np.where(unread[:, :, None], 0.0, trials.log_likelihood[:, :most])
-    return values, np.where(unread, np.inf, trials.time_s[:, :most])
-
-
 @dataclass(frozen=True)
-class Test:
+class Test(ExactModel):
     """The optimal test, MSPRT: OUT is minus the log posterior of each alternative.
 
     With two alternatives it stops at a difference of log-likelihoods, which only the ratio of
     threshold and gain determines: the gain is 1 unless it is freed.
     """
 
-    name: str = "msprt"
-    sign: int = 1
-    sums: bool = True
+    name: ClassVar[str] = "msprt"
+    sign: ClassVar[int] = 1
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return gain, leak (0 unless it is freed), threshold and noise."""
@@ -126,25 +198,16 @@ class Test:
         return (
             replace(GAIN, free=alternatives > 2),
             LEAK,
-            Parameter("threshold", 1e-5, 1.5 * top, 0.3 * top, "OUT at a decision, nats"),
-            Parameter("noise", 1e-5, 2 * top, 0.1 * top, "scale of the noise of OUT, nats"),
+            *sizes((1e-5, 1.5 * top, 0.3 * top), (1e-5, 2 * top, 0.1 * top), "OUT, nats"),
         )
 
-    def of(self, sums: Array, values: Values) -> Array:
+    def of(self, state: Array, values: Values) -> Array:
         """Return OUT, nats, from sums of readings (..., alternatives)."""
-        return minus_log_softmax(values["gain"] * sums)
-
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
-        """Return its OUT on some trials."""
-        return Exact(trials, self)
-
-    def identity(self) -> dict[str, Any]:
-        """Return its name."""
-        return {"model": self.name}
+        return minus_log_softmax(values["gain"] * state)
 
 
 @dataclass(frozen=True)
-class LeakySum:
+class LeakySum(ExactModel):
     """Leaky sums, compared with their mean: OUT is the mean of all sums minus that of each.
 
     The limit of strong, balanced leak and inhibition of the leaky competing accumulator
@@ -153,63 +216,36 @@ class LeakySum:
     change the unit of threshold and noise, so there is no gain.
     """
 
-    name: str = "leaky_sum"
-    sign: int = -1
-    sums: bool = True
+    name: ClassVar[str] = "leaky_sum"
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return leak, threshold and noise."""
-        return (
-            Parameter("leak_hz", LEAK.low, LEAK.high, 0.5, LEAK.about),
-            Parameter("threshold", 0.01, 100.0, 1.0, "lead over the mean at a decision, nats"),
-            Parameter("noise", 0.001, 50.0, 0.3, "scale of the noise of the lead, nats"),
-        )
+        leak = replace(LEAK, start=0.5, free=True)
+        return leak, *sizes((0.01, 100.0, 1.0), (0.001, 50.0, 0.3), "the lead over the mean, nats")
 
-    def of(self, sums: Array, values: Values) -> Array:
+    def of(self, state: Array, values: Values) -> Array:
         """Return the mean minus each sum, nats, from sums of readings (..., alternatives)."""
-        return np.asarray(sums.mean(axis=-1, keepdims=True) - sums)
-
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
-        """Return its OUT on some trials."""
-        return Exact(trials, self)
-
-    def identity(self) -> dict[str, Any]:
-        """Return its name."""
-        return {"model": self.name}
+        return np.asarray(state.mean(axis=-1, keepdims=True) - state)
 
 
 @dataclass(frozen=True)
-class Runs:
+class Runs(ExactModel):
     """A run of equal cues: OUT is minus the number of readings in a row that favour a side.
 
     Readings are not added up, and their strength has no effect.
     """
 
-    name: str = "run"
-    sign: int = -1
-    sums: bool = False
+    name: ClassVar[str] = "run"
+    sums: ClassVar[bool] = False
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return threshold and noise, in cues."""
-        return (
-            Parameter("threshold", 0.2, 50.0, 4.0, "length of the run at a decision, cues"),
-            Parameter("noise", 0.02, 50.0, 0.5, "scale of the noise of that length, cues"),
-        )
+        return sizes((0.2, 50.0, 4.0), (0.02, 50.0, 0.5), "the length of the run, cues")
 
-    def of(self, runs: Array, values: Values) -> Array:
+    def of(self, state: Array, values: Values) -> Array:
         """Return minus the lengths of runs (..., alternatives)."""
-        return -runs
-
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
-        """Return its OUT on some trials."""
-        return Exact(trials, self)
-
-    def identity(self) -> dict[str, Any]:
-        """Return its name."""
-        return {"model": self.name}
+        return -state
 
 
-EXACT: dict[str, Test | LeakySum | Runs] = {
-    each.name: each for each in (Test(), LeakySum(), Runs())
-}
+EXACT: dict[str, ExactModel] = {each.name: each for each in (Test(), LeakySum(), Runs())}
 """Models without simulation, by name."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -16,11 +17,11 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_positive, path_of
 from bgmodel.tables.cautions import ENOUGH, check_one_unit
 from bgmodel.tables.columns import (
-    check_alike,
     names_once,
     numbers,
     participants,
     refuse,
+    rows,
     times,
 )
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
@@ -111,8 +112,14 @@ def read_known(
     """
     name, table = _table(data, "data")
     _check_used(columns)
-    table = _named(table, columns)
-    table = _of_participant(_checked(table, name), participant)
+    own = {each: getattr(columns, each) for each in ("rt", "response", "participant")}
+    with _within(name, "data"):
+        table = rows(renamed(table, **own), ["trial"], participant)
+        people = sorted(set(participants(table)))
+    if len(people) > 1:
+        said = f"these trials are of {', '.join(people)}: give participant=NAME"
+        raise InputError(f"a fit on known evidence is of one person, and {said}", "participant")
+    participant = participant if "participant_id" in table else None
     readings = _read_evidence(evidence, step_ms, participant)
     order = _matched(table, readings)
     rt_s = times(table["rt"], columns.rt_unit)
@@ -122,6 +129,7 @@ def read_known(
     return KnownTrials(
         readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
         readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
+        people[0],
     )  # fmt: skip
 
 
@@ -141,12 +149,6 @@ def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: A
         )
 
 
-def _named(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
-    """Return a table of trials with our names of columns."""
-    given = {name: getattr(columns, name) for name in ("rt", "response", "participant")}
-    return renamed(table, **given)
-
-
 def _check_used(columns: Columns) -> None:
     """Raise ValueError for a setting of columns that has no effect."""
     used = ("rt", "response", "participant", "rt_unit", "upper")
@@ -160,9 +162,10 @@ def people_of(data: Source, columns: Columns = OURS) -> Sequence[str | None]:
     """Return the participants of a table of trials; one None if it names none."""
     name, table = _table(data, "data")
     table = renamed(table, participant=columns.participant)
-    if "participant_id" not in _checked(table, name, ()):
+    if "participant_id" not in table:
         return [None]
-    return sorted({_text(each) for each in table["participant_id"]})
+    with _within(name, "participant_id"):
+        return sorted(set(participants(table)))
 
 
 def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
@@ -242,10 +245,17 @@ def _table(source: Source, field: str) -> tuple[str, pd.DataFrame]:
     if isinstance(source, pd.DataFrame):
         return "a table", source.reset_index(drop=True)
     path = path_of(source, field)
-    try:
+    with _within(path.name, field):
         return path.name, read_rows(path).reset_index(drop=True)
+
+
+@contextmanager
+def _within(name: str, field: str) -> Iterator[None]:
+    """Put the name of a table before the messages of errors in it."""
+    try:
+        yield
     except ValueError as error:
-        raise within(path.name, error, field) from None
+        raise within(name, error, field) from None
 
 
 def _read_evidence(source: Source, step_ms: float | None, participant: str | None) -> Readings:
@@ -260,41 +270,8 @@ def _read_evidence(source: Source, step_ms: float | None, participant: str | Non
         table = read_csv_table(path) if plain else _table(path, "evidence")[1]
     if participant is not None and "participant_id" in table:
         table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
-    try:
+    with _within(name, "evidence"):
         return readings_of(table, step_ms)
-    except ValueError as error:
-        raise within(name, error, "evidence") from None
-
-
-def _checked(
-    table: pd.DataFrame, name: str, needed: Sequence[str] = ("trial", "rt", "response")
-) -> pd.DataFrame:
-    """Return a table of trials with the columns that a fit on known evidence needs."""
-    names = names_once(table.columns)
-    for wanted in needed:
-        if wanted not in names:
-            said = f"{name}: there is no column {wanted}; there are {', '.join(names)}"
-            raise InputError(said, wanted)
-    try:
-        check_alike("participant_id", participants(table))
-    except InputError as error:
-        raise within(name, error, "participant_id") from None
-    return table
-
-
-def _of_participant(table: pd.DataFrame, participant: str | None) -> pd.DataFrame:
-    """Return the trials of one participant; ValueError if there are several and none is named."""
-    if "participant_id" not in table:
-        return table
-    who = table["participant_id"].map(_text)
-    people = sorted(set(who))
-    if participant is None and len(people) > 1:
-        said = f"these trials are of {', '.join(people)}: give participant=NAME"
-        raise InputError(f"a fit on known evidence is of one person, and {said}", "participant")
-    if participant is not None and participant not in people:
-        raise InputError.of("participant", f"must be one of {', '.join(people)}", participant)
-    chosen = table if participant is None else table[who == participant]
-    return chosen.reset_index(drop=True)
 
 
 def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.reprs import Facts, span
+from bgmodel.tables.columns import EVERYONE
 from circuits.errors import DataWarning, InputError, require
 
 FEWEST = 20
@@ -42,8 +45,8 @@ class KnownTrials(Facts):
         Id of each trial.
     forced : bool
         Whether the last reading of a trial forces a response.
-    source : str
-        Where the trials come from.
+    source, who : str
+        Where the trials come from, and the participant.
 
     Raises
     ------
@@ -66,6 +69,7 @@ class KnownTrials(Facts):
     ids: tuple[str, ...]
     forced: bool = False
     source: str = "a table"
+    who: str = EVERYONE
 
     def __post_init__(self) -> None:
         self._check_shapes()
@@ -102,12 +106,11 @@ class KnownTrials(Facts):
         if not np.array_equal(answered, np.isfinite(self.rt_s)):
             trial = self.ids[int(np.argmax(answered != np.isfinite(self.rt_s)))]
             raise InputError(f"trial {trial} must have a response and a time, or neither", "rt")
-        if len(np.unique(self.choice[answered])) < 2:
+        if len(np.unique(self.choice[answered])) == 1:  # none at all: yet to be simulated
             raise InputError(
                 "two different responses or more must occur in the trials of a fit", "response"
             )
         early = answered & (self.seen == 0)
-        share = early.sum() / answered.sum()
         if not early.any():
             return
         first = int(np.argmax(early))
@@ -116,7 +119,7 @@ class KnownTrials(Facts):
             f"trial, such as trial {self.ids[first]} (response at {self.rt_s[first]:.3g} s, first "
             f"reading at {self.time_s[first, 0]:.3g} s)"
         )
-        if share > MOST_EARLY:
+        if early.sum() > MOST_EARLY * answered.sum():
             raise InputError(f"{said}: do both tables count time from the same onset?", "time")
         DataWarning.warn(f"{said}: they count as lapses")
 
@@ -133,8 +136,7 @@ class KnownTrials(Facts):
     @cached_property
     def seen(self) -> Integers:
         """Number of readings before the response, (trials,); all of them without a response."""
-        end = np.where(np.isfinite(self.rt_s), self.rt_s, np.inf)
-        before = np.isfinite(self.time_s) & (self.time_s < end[:, None])
+        before = np.isfinite(self.time_s) & (self.time_s < self.until_s[:, None])
         return np.asarray(before.sum(axis=1))
 
     @cached_property
@@ -158,19 +160,49 @@ class KnownTrials(Facts):
         """Whether the last seen reading forces a response, (trials,)."""
         return np.asarray(self.forced & (self.seen == self.lengths))
 
+    @cached_property
+    def until_s(self) -> Array:
+        """Time until which a trial has no response, (trials,), s; infinite without one."""
+        return np.where(np.isfinite(self.rt_s), self.rt_s, np.inf)
+
+    @cached_property
+    def design(self) -> Design:
+        """One cell with all trials, for tests and tables of a fit.
+
+        Response 1 is the second alternative; of more than two it is the alternative that the
+        readings before the response favour, and 0 is any other.
+        """
+        right = np.asarray(
+            self.choice == self.favoured(self.until_s[:, None])[:, 0], dtype=np.int64
+        )
+        grid = Grid(int(np.ceil(self.span_s / BIN_S)) + 1)
+        silent = bool((self.choice < 0).any())
+        observed = Observed(
+            np.zeros(self.trials, dtype=np.int64), np.where(self.choice < 0, -1, right), self.rt_s,
+            grid, grid.bins * BIN_S if silent else None, alternatives=self.alternatives,
+        )  # fmt: skip
+        return Design(np.array([ALONE]), {}, observed, who=self.who)
+
+    def favoured(self, by_s: Array) -> Integers:
+        """Return which alternative is response 1 at times (trials, times); see ``design``."""
+        if self.alternatives == 2:
+            return np.ones(by_s.shape, dtype=np.int64)
+        pairs = zip(self.time_s, by_s, self._leaders, strict=True)
+        return np.array([first[np.searchsorted(time_s, by)] for time_s, by, first in pairs])
+
+    @cached_property
+    def _leaders(self) -> Integers:
+        """The alternative that readings favour before the first, and after each."""
+        sums = np.pad(self.log_likelihood.cumsum(axis=1), ((0, 0), (1, 0), (0, 0)))
+        return np.asarray(sums.argmax(axis=2))
+
     @property
     def span_s(self) -> float:
-        """Time over which lapses are spread, s: up to the latest response."""
-        return float(np.nanmax(self.rt_s))
-
-    def where(self, chosen: Truths | Integers) -> KnownTrials:
-        """Return a subset of the trials."""
-        index = np.arange(self.trials)[chosen]
-        parts = {
-            name: getattr(self, name)[index]
-            for name in ("log_likelihood", "time_s", "lengths", "choice", "rt_s")
-        }
-        return replace(self, **parts, ids=tuple(self.ids[i] for i in index))
+        """Time over which lapses are spread, s: up to the latest response, or reading without."""
+        seen = np.isfinite(self.rt_s)
+        return float(
+            self.rt_s[seen].max() if seen.any() else self.time_s[self.time_s < np.inf].max()
+        )
 
     def facts(self) -> dict[str, str]:
         """Return numbers of trials, readings and responses, and the range of times."""
@@ -187,13 +219,6 @@ class KnownTrials(Facts):
             "no response": f"{(~answered).sum()}",
             "rt_s": span(self.rt_s),
         }
-
-    @property
-    def title(self) -> str:
-        """Source and numbers, for a figure."""
-        return (
-            f"{self.source}: {self.trials} trials, {self.seen.sum()} readings before the response"
-        )
 
     def summary(self) -> str:
         """Return one sentence: trials, readings, responses."""

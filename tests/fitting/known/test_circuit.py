@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bgmodel.evidence import Evidence
+from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
 from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
-from bgmodel.fitting.known.optimum import KnownOptimum, score_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from circuits.anatomy import load_circuit
@@ -93,17 +93,23 @@ def test_runs_differ_in_their_noise_and_repeat_with_the_seed(trials, outputs):
     np.testing.assert_array_equal(again.stored, outputs.stored)
 
 
-def test_the_score_is_corrected_for_runs(trials):
+def test_the_log_likelihood_is_corrected_for_runs(trials):
+    """Few runs have a bias, which the jackknife takes from the mean over parts of them."""
     likelihood = known_likelihood(KnownCircuit(MACAQUE, runs=8), trials)
     vector = likelihood.freedom.start
-    optimum = KnownOptimum(likelihood, vector, float(likelihood(vector)), 1)
-    score = score_of(optimum)
-    assert score.error > 0
-    assert score.log_likelihood != optimum.log_likelihood
-    exact = known_likelihood(EXACT["msprt"], trials)
-    plain = KnownOptimum(exact, exact.freedom.start, float(exact(exact.freedom.start)), 1)
-    assert score_of(plain).error == 0
-    assert score_of(plain).log_likelihood == plain.log_likelihood
+    whole, parts = likelihood(vector), [each(vector) for each in likelihood.without_parts()]
+    corrected = likelihood.unbiased(vector).sum()
+    assert corrected == pytest.approx(8 * whole - 7 * np.mean(parts))
+    many = known_likelihood(KnownCircuit(MACAQUE, runs=200), trials)(vector)
+    assert whole < many
+    assert abs(corrected - many) < abs(whole - many)
+
+
+def test_a_fit_has_the_error_of_its_runs(trials):
+    fixed = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.02, "bias_1": 0.0, "gain": 0.45}
+    found = fit_likelihood(known_likelihood(KnownCircuit(MACAQUE, runs=8), trials, fixed=fixed))
+    assert found.simulation.log_likelihood > 0
+    assert (found.parameters()["simulation_error"] > 0).all()
 
 
 def test_what_a_circuit_can_not_do_is_refused(trials):

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.known.kernels import kernel
+from bgmodel.fitting.known.kernels import kernel, kernels
+from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials
 from circuits.errors import InputError
+from tests.known_trials import TRUTH, simulated
 
 
 def weighted(weights, trials=4000, alternatives=2, seed=1):
@@ -57,3 +60,12 @@ def test_an_unknown_alignment_is_refused():
     with pytest.raises(InputError) as error:
         kernel(weighted(np.ones(2), trials=40), align="middle")
     assert error.value.field == "align"
+
+
+def test_kernels_of_data_and_of_the_true_model_agree():
+    likelihood = known_likelihood(EXACT["msprt"], simulated(400, 41))
+    true = np.array([TRUTH.get(name, 0.0) for name in likelihood.freedom.names])
+    table = kernels(likelihood, true)
+    data, model = (table[table["of"] == of].reset_index(drop=True) for of in ("data", "msprt"))
+    assert len(data) == len(model)
+    assert (abs(data["weight"] - model["weight"]) < 4 * data["standard_error"]).all()

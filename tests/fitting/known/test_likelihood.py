@@ -7,11 +7,16 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.known.accumulation import runs_of_cues
-from bgmodel.fitting.known.likelihood import known_likelihood, parameters_of
-from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.checks.misfit import misfit
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
+from bgmodel.fitting.known.models import EXACT, runs_of_cues
+from bgmodel.fitting.model_comparison import compare_fits
+from bgmodel.fitting.optimum import Optimum, optimum
 from circuits.errors import InputError
-from tests.known_trials import few, simulated
+from tests.known_trials import TRUTH, few, simulated
 
 VALUES = {
     "gain": 0.8, "leak_hz": 0.0, "threshold": 0.5, "noise": 0.2, "urgency": 0.3, "run_effect": 0.1,
@@ -49,12 +54,12 @@ def test_responses_and_none_have_probability_one_in_all():
     total = 0.0
     for rt_s in late[late > 0.3]:
         likelihood = known_likelihood(EXACT["msprt"], replace(trials, rt_s=np.full(20, rt_s)))
-        density, none = likelihood.density(values)
+        density, none = likelihood.responses(values)
         total = total + density.sum(axis=1) * (late[1] - late[0])
     # Responses before the last reading have seen fewer of them.
     for rt_s in late[late <= 0.3][100:]:
         some = replace(trials, rt_s=np.full(20, max(rt_s, 0.1001)))
-        density, _ = known_likelihood(EXACT["msprt"], some).density(values)
+        density, _ = known_likelihood(EXACT["msprt"], some).responses(values)
         total = total + density.sum(axis=1) * (late[1] - late[0])
     np.testing.assert_allclose(total + none, 1.0, atol=0.01)
 
@@ -129,5 +134,147 @@ def test_options_add_to_replace_and_fix_parameters():
 
 
 def test_each_alternative_but_the_first_has_a_bias():
-    names = [each.name for each in parameters_of(EXACT["run"], few())]
+    names = [each.name for each in OnTrials(EXACT["run"], few()).parameters]
     assert [name for name in names if name.startswith("bias_")] == ["bias_b", "bias_c"]
+
+
+def fitted(trials, model="msprt", **options):
+    """Return an optimum, and each parameter with its standard error by name."""
+    found = optimum(known_likelihood(EXACT[model], trials, **options))
+    errors = directions(found.likelihood, found.vector).standard_errors
+    names = found.likelihood.freedom.names
+    return found, dict(zip(names, zip(found.vector, errors, strict=True), strict=True))
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_parameters_of_the_test_are_found_again(channels):
+    found, values = fitted(simulated(300, 11, channels=channels, gain=1.0))
+    for name, true in TRUTH.items():
+        if name in values and name != "lapse":
+            value, error = values[name]
+            assert abs(value - true) < 3.5 * error
+            assert error < 0.5 * true
+    assert found.log_likelihood >= found.likelihood(truth_of(found.likelihood)) - 1e-6
+
+
+def truth_of(likelihood):
+    return np.array([TRUTH.get(name, 0.0) for name in likelihood.freedom.names])
+
+
+def test_a_leak_and_its_absence_are_found():
+    with_it = fitted(simulated(300, 12, "leaky_sum", leak_hz=2.0, threshold=0.8), "leaky_sum")[1]
+    without = fitted(simulated(300, 12, "leaky_sum", leak_hz=0.0, threshold=0.8), "leaky_sum")[1]
+    assert with_it["leak_hz"][0] == pytest.approx(2.0, abs=3.5 * with_it["leak_hz"][1])
+    assert without["leak_hz"][0] < 0.3
+
+
+def test_evidence_of_other_trials_has_no_gain():
+    trials = simulated(300, 13)
+    order = np.roll(np.arange(300), 7)
+    shuffled = replace(trials, log_likelihood=trials.log_likelihood[order])
+    assert fitted(shuffled, free=["+gain"])[1]["gain"][0] < 0.1
+    assert fitted(trials, free=["+gain"])[1]["gain"][0] > 0.4
+
+
+def test_an_effect_of_runs_is_found_and_is_not_where_there_is_none():
+    found = fitted(simulated(300, 14, run_effect=0.03), free=["+run_effect"])[1]["run_effect"]
+    absent = fitted(simulated(300, 14), free=["+run_effect"])[1]["run_effect"]
+    assert found[0] > 3 * found[1]
+    assert abs(absent[0]) < 3 * absent[1]
+
+
+def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density():
+    """After the last reading, which is then seen in every trial."""
+    likelihood, step_s = known_likelihood(EXACT["msprt"], few()), 2e-3
+    span, total = likelihood.trials.span_s, 0.0
+    for at_s in np.arange(0.3 + step_s / 2, span, step_s):
+        rt_s = np.append(np.full(19, at_s), span)
+        total = (
+            total
+            + step_s
+            * replace(likelihood, trials=replace(likelihood.trials, rt_s=rt_s)).responses(VALUES)[0]
+        )
+    ends = likelihood.answered(VALUES, np.tile([0.3, span], (20, 1)))
+    np.testing.assert_allclose(total[:19], np.diff(ends, axis=1)[:19, 0], atol=1e-3)
+
+
+def misfits(channels, ended, threshold=0.12):
+    """Return z scores of accuracy and mean time, and p values, of 30 observers at the truth."""
+    zs, ps = [], []
+    for seed in range(30):
+        trials = simulated(100, 1000 + seed, channels=channels, t_max=150)
+        if ended:
+            trials = shortened(trials)
+        likelihood = known_likelihood(EXACT["msprt"], trials, fixed={"threshold": threshold})
+        found = misfit(Optimum(likelihood, truth_of(likelihood), 0.0, 1))
+        zs.append([found.z_accuracy[0], found.z_mean_rt[0]])
+        ps.append(list(found.p.values()))
+    return np.array(zs), np.array(ps)
+
+
+def shortened(trials):
+    """Return trials without the readings after the response."""
+    read = np.arange(trials.time_s.shape[1]) < np.maximum(trials.seen, 1)[:, None]
+    return replace(
+        trials, lengths=read.sum(axis=1), forced=False,
+        time_s=np.where(read, trials.time_s, np.inf),
+        log_likelihood=np.where(read[:, :, None], trials.log_likelihood, 0.0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("channels", "ended"), [(2, False), (2, True), (4, True)])
+def test_predictions_are_calibrated_even_if_readings_end_with_the_response(channels, ended):
+    zs, ps = misfits(channels, ended)
+    assert (abs(zs.mean(axis=0)) < 3 / np.sqrt(30)).all()
+    assert (zs.std(axis=0) < 1.5).all()
+    assert (ps < 0.05).mean() < 0.15
+
+
+def test_predictions_of_another_threshold_do_not_fit():
+    zs, ps = misfits(2, True, threshold=0.06)
+    assert zs[:, 1].mean() < -2
+    assert (ps[:, 1] < 0.05).mean() > 0.5
+
+
+def test_trials_left_out_keep_their_log_likelihood():
+    likelihood = known_likelihood(EXACT["leaky_sum"], simulated(60))
+    some, start = np.arange(10, 40), likelihood.freedom.start
+    part = likelihood.part(some).part(np.arange(5))
+    np.testing.assert_array_equal(part.each(start), likelihood.each(start)[10:15])
+    assert part.design.trials.sum() == 5
+
+
+def test_models_are_compared_by_the_trials_left_out():
+    trials = simulated(200, 31, "leaky_sum", leak_hz=3.0, threshold=0.7, noise=0.05)
+    fits = {name: fit_likelihood(known_likelihood(EXACT[name], trials))
+            for name in ("msprt", "leaky_sum")}  # fmt: skip
+    found = compare_fits(fits)
+    assert found.best == "leaky_sum"
+    assert found.table.loc["msprt", "verdict"] == "leaky_sum predicts better"
+    own = found.table.loc["leaky_sum"]
+    assert own["log_likelihood"] - 20 < own["score"] < own["log_likelihood"]
+
+
+def test_a_group_is_fitted():
+    fixed = {"noise": 0.03, "t0_sd_s": 0.05, "lapse": 0.02, "bias_1": 0.0}
+    people = {
+        f"p{k}": known_likelihood(
+            EXACT["msprt"], simulated(40, 60 + k, threshold=level), fixed=fixed
+        )
+        for k, level in enumerate((0.08, 0.12, 0.16))
+    }
+    found = fit_group(people, most_draws=25)
+    table = found.to_dataframe().set_index(["participant", "parameter"])["median"]
+    assert table["p0", "threshold"] < table["p1", "threshold"] < table["p2", "threshold"]
+    assert found.cells()["participant"].tolist() == list(people)
+
+
+def test_new_trials_have_the_times_that_are_predicted():
+    likelihood = known_likelihood(EXACT["msprt"], simulated(400, 16))
+    at, rng = truth_of(likelihood), np.random.default_rng(1)
+    rt_s, response = likelihood.drawn(at, rng)
+    density, grid = likelihood.density(at)[0], likelihood.design.grid
+    mean_s = (density.sum(axis=0) @ grid.middles_s) / density.sum()
+    assert np.isfinite(rt_s).all()
+    assert rt_s.mean() == pytest.approx(mean_s, abs=3 * rt_s.std() / 20)
+    assert response.mean() == pytest.approx(density[1].sum() / density.sum(), abs=0.075)

@@ -50,13 +50,6 @@ def test_some_responses_before_the_first_reading_warn():
         replace(few(), rt_s=rt_s)
 
 
-def test_a_subset_keeps_its_trials():
-    trials = few(60)
-    some = trials.where(np.arange(60) >= 30)
-    assert some.ids == trials.ids[30:]
-    np.testing.assert_array_equal(some.log_likelihood, trials.log_likelihood[30:])
-
-
 def test_too_few_trials_are_refused():
     with pytest.raises(InputError) as error:
         few(19)

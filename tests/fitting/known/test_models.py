@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bgmodel.fitting.known.accumulation import leaky_sums, runs_of_cues
+from bgmodel.fitting.known.models import leaky_sums, runs_of_cues
 
 
 def test_a_leak_is_the_sum_of_decayed_readings():

@@ -1,0 +1,33 @@
+"""Hazards per reading: calibrated under the true model, and not under another."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.known.hazards import hazards
+from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.optimum import optimum
+from tests.known_trials import simulated
+
+
+@pytest.fixture(scope="module")
+def found():
+    return optimum(known_likelihood(EXACT["msprt"], simulated(400, 41)))
+
+
+def scores(likelihood, vector):
+    table = hazards(likelihood, vector)
+    assert (table["running"].diff().dropna() <= 0).all()
+    z = (table["observed"] - table["predicted"]) / table["standard_error"]
+    return z[np.isfinite(z)]
+
+
+def test_hazards_of_the_true_model_are_calibrated(found):
+    z = scores(found.likelihood, found.vector)
+    assert abs(z.mean()) < 0.5
+    assert 0.6 < z.std() < 1.5
+
+
+def test_hazards_at_another_threshold_are_not(found):
+    factors = np.where(np.array(found.likelihood.freedom.names) == "threshold", 2.0, 1.0)
+    assert scores(found.likelihood, found.vector * factors).mean() < -1
