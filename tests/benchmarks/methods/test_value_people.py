@@ -65,7 +65,7 @@ def test_larger_differences_are_decided_better_and_sooner(fits):
 
 
 def test_rises_and_slow_errors_are_those_of_each_person(people):
-    person = people["3"]
+    person = list(people.values())[3]
     of_pair = person.response[person.conditions["pair"] == "AB"]
     assert rises(people, "AB")[3] == pytest.approx(of_pair[-10:].mean() - of_pair[:10].mean())
     later = {
