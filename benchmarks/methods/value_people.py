@@ -25,7 +25,7 @@ PARTS = 4
 """Groups of trials by the difference of values."""
 DRAWN = 10
 """Simulated times of each trial."""
-STEPS = 500
+STEPS = 300
 """Steps of each walker of a posterior, of which the second half is kept."""
 
 
