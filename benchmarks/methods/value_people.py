@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.posterior import posterior
 from bgmodel.learning.values.diffusion import choice_probability, draw
-from bgmodel.learning.values.fits import ValueFit, fit_person
-from bgmodel.learning.values.models import ValueModel
-from bgmodel.learning.values.people import PairTrials
+from bgmodel.learning.values.models import ValueLikelihood, ValueModel, likelihood
+from bgmodel.learning.values.people import by_person, pairs_of
 from bgmodel.learning.values.simulated import simulated
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
+from bgmodel.trials.record import Trials
 
 GROUP, LAST = 5, 40
 """Trials of a pair are averaged in groups, up to the shortest session of most people."""
@@ -22,6 +25,8 @@ PARTS = 4
 """Groups of trials by the difference of values."""
 DRAWN = 10
 """Simulated times of each trial."""
+STEPS = 300
+"""Steps of each walker of a posterior, of which the second half is kept."""
 
 
 def mean_and_error(values: Sequence[float] | Array) -> tuple[float, float]:
@@ -31,40 +36,48 @@ def mean_and_error(values: Sequence[float] | Array) -> tuple[float, float]:
     return float(known.mean()), float(known.std(ddof=1) / np.sqrt(len(known)))
 
 
-def predicted(fit: ValueFit, seed: int, name: str) -> tuple[Array, Array]:
+def predicted(fit: Optimum, seed: int, name: str) -> tuple[Array, Array, Array]:
     """Return what a fit predicts for every trial, given all earlier ones.
 
     Returns
     -------
+    drift : array (trials,)
+        Drift towards the better item, 1/sqrt(s).
     better : array (trials,)
-        Probability of choosing the better item.
+        Probability of choosing it.
     rt_s : array (DRAWN, trials)
         Simulated response times, s.
     """
-    values = {key: np.array([value]) for key, value in fit.values.items()}
-    drift = fit.model.drifts(values, fit.person)[0]
-    bound = np.full(fit.person.trials, fit.values["bound"])
-    start = fit.values["stickiness"] * bound * fit.person.last_choice
-    t0_s = np.full(fit.person.trials, fit.values["non_decision_s"])
-    uniform = stream(seed, "predicted", name).random((DRAWN, 4, fit.person.trials))
+    own, trials = fit.likelihood, trials_of(fit)
+    assert isinstance(own, ValueLikelihood)
+    drift, bound, start, t0_s = own.model.diffusion(trials, own.values(fit.vector))
+    uniform = stream(seed, "predicted", name).random((DRAWN, 4, trials.trials))
     rt_s = np.stack([draw(drift, bound, start, t0_s, one)[1] for one in uniform])
-    return choice_probability(drift, bound, start), rt_s
+    return drift, choice_probability(drift, bound, start), rt_s
 
 
-def courses(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
+def trials_of(fit: Optimum) -> Trials:
+    """Return the trials of a person who was fitted."""
+    trials = fit.likelihood.design.choices
+    assert trials is not None
+    return trials
+
+
+def courses(fits: dict[str, Optimum], seed: int) -> pd.DataFrame:
     """Return choices and median times by pair and group of trials, of people and of fits.
 
     Columns pair, trial (middle of the group), then share, share_se, share_model, median_s,
     median_s_se, median_s_model: means over people.
     """
     of_model = {who: predicted(fit, seed, who) for who, fit in fits.items()}
-    names, rows = next(iter(fits.values())).person.names, []
+    names, rows = pairs_of(trials_of(next(iter(fits.values())))).names, []
     for pair, pair_name in enumerate(names):
         for first in range(0, LAST, GROUP):
             each: dict[str, list[float]] = {}
             for who, fit in fits.items():
-                person, (p, times) = fit.person, of_model[who]
-                inside = (person.pair == pair) & (person.within // GROUP == first // GROUP)
+                person, (_, p, times) = trials_of(fit), of_model[who]
+                pairs = pairs_of(person)
+                inside = (pairs.pair == pair) & (pairs.within // GROUP == first // GROUP)
                 if not inside.any():
                     continue
                 found = {
@@ -79,7 +92,7 @@ def courses(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_difference(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
+def by_difference(fits: dict[str, Optimum], seed: int) -> pd.DataFrame:
     """Return choices and median times by each person's quarter of the absolute drift.
 
     "share" is that of the item with the higher learned value; means over people.
@@ -92,11 +105,9 @@ def by_difference(fits: dict[str, ValueFit], seed: int) -> pd.DataFrame:
     return pd.DataFrame([{"part": k + 1} | _summarised(one) for k, one in enumerate(each)])
 
 
-def quarters(fit: ValueFit, seed: int, name: str) -> list[dict[str, float]]:
+def quarters(fit: Optimum, seed: int, name: str) -> list[dict[str, float]]:
     """Return the choices and median times of one person by quarter of the absolute drift."""
-    p, times = predicted(fit, seed, name)
-    values = {key: np.array([value]) for key, value in fit.values.items()}
-    drift, person = fit.model.drifts(values, fit.person)[0], fit.person
+    (drift, p, times), person = predicted(fit, seed, name), trials_of(fit)
     known, size = drift != 0, np.abs(drift)
     edges = np.quantile(size[known], np.linspace(0, 1, PARTS + 1)[1:-1])
     part = np.searchsorted(edges, size)
@@ -134,22 +145,22 @@ def _summarised(each: dict[str, list[float]]) -> dict[str, float]:
     return found | {"people": len(next(iter(each.values())))}
 
 
-def rises(people: dict[str, PairTrials], pair: str) -> list[float]:
+def rises(people: dict[str, Trials], pair: str) -> list[float]:
     """Return each person's share of the better item in the last 10 trials less the first 10."""
     found = []
     for person in people.values():
-        chosen = person.response[person.pair == person.names.index(pair)]
+        chosen = person.response[person.conditions["pair"] == pair]
         found.append(float(chosen[-10:].mean() - chosen[:10].mean()))
     return found
 
 
-def slow_errors(people: dict[str, PairTrials]) -> list[float]:
+def slow_errors(people: dict[str, Trials]) -> list[float]:
     """Return each person's median time of errors less correct responses, s, mean over pairs."""
     found = []
     for person in people.values():
-        apart = []
-        for pair in range(len(person.names)):
-            inside = person.pair == pair
+        apart, pairs = [], pairs_of(person)
+        for pair in range(len(pairs.names)):
+            inside = pairs.pair == pair
             wrong, right = (person.rt_s[inside & (person.response == k)] for k in (0, 1))
             if len(wrong) and len(right):
                 apart.append(np.median(wrong) - np.median(right))
@@ -157,43 +168,48 @@ def slow_errors(people: dict[str, PairTrials]) -> list[float]:
     return found
 
 
-def like(fits: Sequence[ValueFit], people: int, seed: int) -> Array:
-    """Return parameters of simulated people, (people, parameters), on the scale of a fit.
+def like(fits: Sequence[Optimum], people: int, seed: int) -> Array:
+    """Return parameters of simulated people, (people, parameters), on their scales.
 
     Each parameter is normal with the median of the fits and the standard deviation that their
     median absolute deviation gives, independently of the others.
     """
-    at = np.stack([fit.at for fit in fits])
+    at = np.stack([fit.likelihood.freedom.to_scale(fit.vector) for fit in fits])
     middle = np.median(at, axis=0)
     spread = 1.4826 * np.median(np.abs(at - middle), axis=0)
-    rng = stream(seed, "parameters", fits[0].model.name)
+    rng = stream(seed, "parameters", fits[0].likelihood.model.name)
     return middle + spread * rng.standard_normal((people, len(middle)))
 
 
 def from_prior(model: ValueModel, people: int, seed: int) -> Array:
-    """Return parameters drawn from the priors, (people, parameters), on the scale of a fit."""
-    middle = np.array([float(each.fitted(each.median)) for each in model.parameters])
-    spread = np.array([each.sd for each in model.parameters])
+    """Return parameters drawn from the priors, (people, parameters), on their scales."""
+    given = [(float(p.scaled(p.prior[0])), p.prior[1]) for p in model.parameters if p.prior]
+    middle, spread = np.array(given).T
     rng = stream(seed, "prior", model.name)
-    return middle + spread * rng.standard_normal((people, len(middle)))
+    return np.asarray(middle + spread * rng.standard_normal((people, len(middle))))
+
+
+def natural(model: ValueModel, scaled: Array) -> dict[str, Array]:
+    """Return parameters by name from an array (people, parameters) on their scales."""
+    pairs = zip(model.parameters, scaled.T, strict=True)
+    return {each.name: np.clip(each.natural(x), each.low, each.high) for each, x in pairs}
 
 
 def recovered(model: ValueModel, true: Array, seed: int) -> tuple[Array, Truths]:
     """Return estimates of simulated people, and whether 90 % intervals contain the truth.
 
-    Both are (people, parameters), on the scale of a fit.
+    Both are (people, parameters), on their scales.
     """
     found, inside = np.empty(true.shape), np.empty(true.shape, dtype=bool)
-    for k, person in enumerate(simulated(model, true, seed=seed)):
-        fit = fit_person(model, person)
-        found[k] = fit.at
-        ends = fit.intervals(seed + k)
-        for j, each in enumerate(model.parameters):
-            low, high = ends[each.name]
-            inside[k, j] = low <= float(each.natural(true[k, j])) <= high
+    for who, person in by_person(simulated(model, natural(model, true), seed=seed)).items():
+        k, own = int(who), likelihood(model, person)
+        at = optimum(own).vector
+        drawn = posterior(own, directions(own, at), most_steps=STEPS, seed=seed + k)
+        found[k], (low, high) = own.freedom.to_scale(at), drawn.interval()
+        inside[k] = (own.freedom.to_scale(low) <= true[k]) & (true[k] <= own.freedom.to_scale(high))
     return found, inside
 
 
-def log_ratio(fit: ValueFit) -> float:
+def log_ratio(values: Mapping[str, float]) -> float:
     """Return the logarithm of the rate of gains over that of losses."""
-    return float(np.log(fit.values["rate"] / fit.values["rate_minus"]))
+    return float(np.log(values["rate"] / values["rate_minus"]))

@@ -50,10 +50,12 @@ from benchmarks.methods.value_people import (
     slow_errors,
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.learning.values.fits import ValueFit, fit_person, left_out
-from bgmodel.learning.values.models import MODELS
-from bgmodel.learning.values.people import PairTrials, read_pairs
+from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.predicted import predicted
+from bgmodel.learning.values.models import MODELS, likelihood
+from bgmodel.learning.values.people import by_person, read_pairs
 from bgmodel.learning.values.simulated import simulated
+from bgmodel.trials.record import Trials
 
 SCORING_SEED = 45_003
 """Seed of simulated people, their parameters, and posterior draws."""
@@ -63,31 +65,35 @@ DRAWN = "confidence, two rates"
 """The model whose predictions are compared with people's choices and times."""
 RECOVERED = ("q", "q, two rates", "confidence, two rates")
 """Models whose parameters are sought in simulated people."""
-CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "non_decision_s": 0.4, "stickiness": 0.1}
+MEASURES = ("participant_id", "model", "fitted", "log_likelihood", "bic", "left_out", "faster_ms")
+"""Columns of ``fitted`` besides the parameters."""
+CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "t0_s": 0.4, "stickiness": 0.1}
 """Simulated people with one rate who repeat choices."""
 
 
 @cache
-def people_of(people: int) -> dict[str, PairTrials]:
+def people_of(people: int) -> dict[str, Trials]:
     """Return the first people of the built-in set."""
-    return dict(list(read_pairs().items())[:people])
+    return dict(list(by_person(read_pairs()).items())[:people])
 
 
 @cache
-def fits_of(model: str, people: int) -> dict[str, ValueFit]:
+def fits_of(model: str, people: int) -> dict[str, Optimum]:
     """Return the fits of a model to all trials of each person."""
-    return {who: fit_person(model, person) for who, person in people_of(people).items()}
+    return {who: optimum(likelihood(model, one)) for who, one in people_of(people).items()}
 
 
 def fitted(model: str, people: int) -> pd.DataFrame:
     """Return one row per person: estimates, and log-likelihoods of fitted and left-out trials."""
     rows = []
     for who, fit in fits_of(model, people).items():
-        out = float(left_out(model, fit.person).sum())
+        out = float(predicted(fit.likelihood, start=fit.vector).each.sum())
+        trials = len(fit.likelihood.design.observed.response)
+        bic = len(fit.vector) * np.log(trials) - 2 * fit.log_likelihood
         parts = [part["median_s"] for part in quarters(fit, SCORING_SEED, who)]
         rows.append(
-            {"participant_id": who, "model": model, "fitted": len(fit.at),
-             "log_likelihood": fit.log_likelihood, "bic": fit.bic, "left_out": out,
+            {"participant_id": who, "model": model, "fitted": len(fit.vector),
+             "log_likelihood": fit.log_likelihood, "bic": bic, "left_out": out,
              "faster_ms": 1e3 * (parts[0] - parts[-1]), **fit.values}
         )  # fmt: skip
     return pd.DataFrame(rows)
@@ -113,7 +119,7 @@ def estimates(rows: pd.DataFrame) -> pd.DataFrame:
     """Return median and quartiles over people of every parameter of every model."""
     found = []
     for model, own in rows.groupby("model", sort=False):
-        for name in MODELS[str(model)].names:
+        for name in own.dropna(axis="columns").columns.difference(MEASURES, sort=False):
             low, middle, high = np.quantile(own[name], [0.25, 0.5, 0.75])
             found.append(
                 {"model": model, "parameter": name, "median": middle, "q25": low, "q75": high}
@@ -155,7 +161,7 @@ def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
         true = from_prior(known, people, SCORING_SEED)
     found, inside = recovered(known, true, SCORING_SEED)
     rows: list[dict[str, Any]] = []
-    for k, name in enumerate(known.names):
+    for k, name in enumerate(each.name for each in known.parameters):
         off = found[:, k] - true[:, k]
         bias, error = mean_and_error(off)
         share, share_se = mean_and_error(inside[:, k] * 1.0)
@@ -172,10 +178,12 @@ def confounded(people: int) -> pd.DataFrame:
     """Return the asymmetry found in people with one rate who repeat choices."""
     one, found = MODELS["q"], []
     for stickiness in (0.0, CONFOUNDED["stickiness"]):
-        true = one.fitted(CONFOUNDED | {"stickiness": stickiness})
-        made = simulated(one, np.tile(true, (people, 1)), seed=SCORING_SEED)
+        true = CONFOUNDED | {"stickiness": stickiness}
+        values = {name: np.full(people, value) for name, value in true.items()}
+        made = by_person(simulated(one, values, seed=SCORING_SEED)).values()
         for fixed in ({"stickiness": 0.0}, {}):
-            each = [log_ratio(fit_person("q, two rates", person, fixed=fixed)) for person in made]
+            each = [log_ratio(optimum(likelihood("q, two rates", person, fixed=fixed)).values)
+                    for person in made]  # fmt: skip
             mean, error = mean_and_error(each)
             found.append(
                 {"true_stickiness": stickiness, "with_stickiness": not fixed, "log_ratio": mean,

@@ -20,7 +20,7 @@ POPULATION = 16
 """Number of points in a generation of that search."""
 STEP = 1e-4
 """Step of derivatives, as a share of a parameter's scale."""
-SHORT, LONG = 8, 200
+SHORT, LONG = 30, 200
 """Iterations along slopes from each start, and from the best of the points reached."""
 POLISHED, MOST_DAMPING, GAINED_NATS = 20, 1e3, 1e-3
 """Most steps along the scores, their largest damping, and the gain below which they end."""

@@ -412,6 +412,6 @@ def _numbers(each: Parameter, design: Mapping[str, Array]) -> list[FreeParameter
         own = each
         if not levels:
             low, high, start = ranged((each.low, each.high), each.start, columns, k)
-            own = replace(each, low=low, high=high, start=start)
+            own = replace(each, low=low, high=high, start=start, scale="identity", prior=None)
         found.append(FreeParameter(f"{each.name}[{label}]", own, columns[k], not levels))
     return found

@@ -121,11 +121,14 @@ def posterior(
     state = _first(likelihood, start, walkers, rng)
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
 
-    def height(vector: Array) -> float:
-        found = likelihood.height(vector)
-        return found + likelihood.freedom.log_slope(vector) if np.isfinite(found) else found
+    def heights(vectors: Array) -> Array:
+        found = likelihood.heights(vectors)
+        for k in np.flatnonzero(np.isfinite(found)):
+            found[k] += likelihood.freedom.log_slope(vectors[k])
+        return found
 
-    sampler = emcee.EnsembleSampler(walkers, state.shape[1], height, moves=moves)
+    size = state.shape[1]
+    sampler = emcee.EnsembleSampler(walkers, size, heights, moves=moves, vectorize=True)
     sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()
     lasts = 0.0
     for done, _ in enumerate(sampler.sample(state, iterations=most_steps), 1):

@@ -16,6 +16,8 @@ LAPSES = 0.02
 """Share of lapses; assumed, so that a single odd response moves no parameter."""
 LONGEST_S = 6.0
 """Their times are uniform up to this, and both responses equally frequent."""
+LAPSE_DENSITY = LAPSES / (2 * LONGEST_S)
+"""Their density, 1/s."""
 TERMS = 4
 """Terms of the series of the density, whose error is then below 1e-9."""
 MOST_SHIFT = 500.0
@@ -42,7 +44,7 @@ def log_density(
     at_rest = standard_at_rest(away, since / (2 * bound) ** 2, TERMS) / (2 * bound) ** 2
     shift = drift * (side * bound - start) - drift**2 * since / 2
     density = np.where(rt_s > t0_s, at_rest * np.exp(np.minimum(shift, MOST_SHIFT)), 0.0)
-    return np.asarray(np.log((1 - LAPSES) * density + LAPSES / (2 * LONGEST_S)))
+    return np.asarray(np.log((1 - LAPSES) * density + LAPSE_DENSITY))
 
 
 def choice_probability(drift: Array, bound: Array, start: Array) -> Array:

@@ -10,69 +10,53 @@ shift of the drift would be harder to tell from them than a start, which makes r
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.special import expit, logit
 
+from bgmodel.fitting.exact.responses import EVERY_TIME
+from bgmodel.fitting.formulas import Formula
+from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
+from bgmodel.fitting.parameters import SCALES, Parameter
+from bgmodel.fitting.trials.design import design_of
+from bgmodel.learning.values.diffusion import LAPSE_DENSITY, LONGEST_S, draw, log_density
 from bgmodel.learning.values.learners import Confidence, Learner, LogitQ, Opal, QLearning
-from bgmodel.learning.values.people import PairTrials
+from bgmodel.learning.values.people import Pairs, pairs_of
 from bgmodel.support.arrays import Array
+from bgmodel.trials.record import Trials
 from circuits.errors import InputError
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter, the scale on which it is fitted, and its weak prior.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    scale : str
-        "log" for positive numbers, "logit" for shares, "atanh" for -1..1, "identity" otherwise.
-    median : float
-        Median of the prior.
-    sd : float
-        Standard deviation of the prior, which is normal on that scale.
-    """
-
-    name: str
-    scale: str
-    median: float
-    sd: float
-
-    def natural(self, fitted: Array) -> Array:
-        """Return values from those on the scale of the fit."""
-        return np.asarray(SCALES[self.scale][1](fitted))
-
-    def fitted(self, natural: float | Array) -> Array:
-        """Return values on the scale of the fit."""
-        return np.asarray(SCALES[self.scale][0](natural))
+FURTHEST = 5.0
+"""Distance of the ends of a parameter's range from its prior median, in sd of the prior."""
+STARTS = ((-1.0, 0.2), (1.0, 0.01), (1.0, 0.2), (0.0, 0.05))
+"""Starting points: special parameters, sd of the prior from its median, and the quantile of times
+of which the non-decision time is ``SHARE``: a single fast response may have a maximum of its own.
+"""
+SHARE = 0.8
 
 
-Map = Callable[[float | Array], Array]
-SCALES: dict[str, tuple[Map, Map]] = {
-    "log": (np.log, np.exp),
-    "logit": (logit, expit),
-    "atanh": (np.arctanh, np.tanh),
-    "identity": (np.asarray, np.asarray),
-}
-"""Functions to the scale of a fit and back."""
+def _parameter(name: str, scale: str, median: float, sd: float, about: str) -> Parameter:
+    """Return a parameter with a weak prior, normal on its scale."""
+    to, back = SCALES[scale]
+    low, high = back(to(np.array(median)) + FURTHEST * sd * np.array([-1.0, 1.0]))
+    return Parameter(
+        name, float(low), float(high), median, about, scale=scale, prior=(median, sd)
+    )  # fmt: skip
 
-BOUND = Parameter("bound", "log", 1.0, 0.5)
-"""Half of the boundary separation, sqrt(s), for noise of unit variance per second."""
-NON_DECISION = Parameter("non_decision_s", "log", 0.4, 0.5)
-STICKINESS = Parameter("stickiness", "atanh", 0.0, 0.3)
-"""Starting point towards the last choice, a share of the bound."""
-COMMON = (BOUND, NON_DECISION, STICKINESS)
+
+COMMON = (
+    _parameter("bound", "log", 1.0, 0.5, "half of the boundary separation, sqrt(s)"),
+    _parameter("t0_s", "log", 0.4, 0.5, "non-decision time"),
+    _parameter("stickiness", "atanh", 0.0, 0.3, "start towards the last choice, share of bound"),
+)
+"""Parameters of all models, for noise of unit variance per second."""
 
 
 @dataclass(frozen=True, eq=False)
 class ValueModel:
-    """A model of choices and times.
+    """A model of the choices and times of a person who learns (``fitting.likelihood.TrialModel``).
 
     Parameters
     ----------
@@ -81,8 +65,8 @@ class ValueModel:
     special : tuple of Parameter
         Its parameters in addition to bound, non-decision time and stickiness.
     learner : function or None
-        Takes its special parameters by name, except scale; None for the baseline model, whose
-        special parameters are the drifts of the pairs.
+        Takes its special parameters by name, except scale; each must have one value over all
+        trials. None for the baseline model, whose special parameter is the drift.
     """
 
     name: str
@@ -91,78 +75,164 @@ class ValueModel:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters, in the order of a fit."""
+        """All parameters."""
         return (*self.special, *COMMON)
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the parameters."""
-        return [each.name for each in self.parameters]
-
-    def natural(self, fitted: Array) -> dict[str, Array]:
-        """Return the parameters by name from an array (..., parameters) on the scale of a fit."""
-        return {each.name: each.natural(fitted[..., k]) for k, each in enumerate(self.parameters)}
-
-    def fitted(self, natural: dict[str, float]) -> Array:
-        """Return parameters as an array on the scale of a fit."""
-        return np.array([float(each.fitted(natural[each.name])) for each in self.parameters])
-
-    def log_prior(self, fitted: Array) -> Array:
-        """Return the logarithm of the prior density, up to a constant, (...)."""
-        middle = np.array([float(each.fitted(each.median)) for each in self.parameters])
-        spread = np.array([each.sd for each in self.parameters])
-        return np.asarray(-0.5 * (((fitted - middle) / spread) ** 2).sum(axis=-1))
-
-    def made(self, values: dict[str, Array]) -> Learner:
-        """Return the learner with parameters that have shape (sets,) each."""
+    def made(self, values: Mapping[str, Array]) -> Learner:
+        """Return learners with parameters (..., trials), which are the same in all trials."""
         if self.learner is None:
             raise InputError.of("model", "must have a learner", self.name)
         special = {each.name: values[each.name] for each in self.special if each.name != "scale"}
-        return self.learner(**{name: value[:, None] for name, value in special.items()})
+        for name, value in special.items():
+            if (value != value[..., :1]).any():
+                must = "must have one value over all trials: it is a property of the learner"
+                raise InputError.of(name, must, np.unique(value)[:3])
+        return self.learner(**{name: value[..., :1] for name, value in special.items()})
 
-    def drifts(self, values: dict[str, Array], person: PairTrials) -> Array:
-        """Return the drift of every trial given all earlier ones, (sets, trials), 1/sqrt(s).
+    def diffusion(self, trials: Trials, values: Mapping[str, Array]) -> tuple[Array, ...]:
+        """Return drift, bound, start and non-decision time, s, given all earlier trials.
 
         Parameters
         ----------
-        values : dict
-            Parameters by name, (sets,) each.
-        person : PairTrials
-            Choices and rewards.
+        trials : Trials
+            Trials of one person, as for ``people.pairs_of``.
+        values : dict of str to array (..., trials)
+            Parameters by name, of any number of sets of parameters side by side.
+
+        Returns
+        -------
+        tuple of array (..., trials)
+
+        Raises
+        ------
+        ValueError
+            If a parameter of the learner differs between trials.
         """
+        pairs, bound = pairs_of(trials), values["bound"]
         if self.learner is None:
-            return np.stack([values[each.name] for each in self.special], axis=-1)[:, person.pair]
-        return np.asarray(
-            values["scale"][:, None]
-            * value_differences(self.made(values), person, len(values["scale"]))
-        )
+            drift = values["drift"]
+        else:
+            shape = bound.shape[:-1]
+            drift = values["scale"] * value_differences(self.made(values), pairs, shape)
+        return drift, bound, values["stickiness"] * bound * pairs.last_choice, values["t0_s"]
+
+    def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
+        """Return the log density of each trial, (..., trials), nats; see ``diffusion``."""
+        return log_density(trials.rt_s, trials.response, *self.diffusion(trials, values))
+
+    def simulate(
+        self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
+    ) -> Trials:
+        """Return a new response and time in each trial, given the person's own earlier trials.
+
+        What the item that was not chosen would have earned is unknown; ``simulated.simulated``
+        makes people who learn from their own choices.
+        """
+        drift, bound, start, t0_s = self.diffusion(trials, values)
+        response, rt_s = draw(drift, bound, start, t0_s, rng.random((4, trials.trials)))
+        return replace(trials, response=response.astype(np.int8), rt_s=rt_s)
 
 
-def value_differences(learner: Learner, person: PairTrials, sets: int) -> Array:
-    """Return the value of the better item minus the other before every trial, (sets, trials)."""
-    choice = person.by_pair(person.response)
-    chosen = np.stack([1 - choice, choice], axis=-1)
-    reward = person.by_pair(person.reward)
-    state = learner.start((sets, len(person.names)))
-    found = np.empty((len(choice), sets, len(person.names)))
-    for k in range(len(choice)):
+def value_differences(learner: Learner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
+    """Return the value of the better item minus the other before every trial, (*shape, trials)."""
+    state = learner.start((*shape, len(pairs.names)))
+    found = np.empty((len(pairs.reward), *shape, len(pairs.names)))
+    for k, (chosen, reward) in enumerate(zip(pairs.chosen, pairs.reward, strict=True)):
         values = learner.values(state)
         found[k] = values[..., 1] - values[..., 0]
-        state = learner.learn(state, chosen[k], reward[k])
-    return found[person.within, :, person.pair].T
+        state = learner.learn(state, chosen, reward)
+    return np.moveaxis(found[pairs.within, ..., pairs.pair], 0, -1)
+
+
+@dataclass(frozen=True)
+class ValueLikelihood(TrialLikelihood):
+    """The likelihood of the trials of a person who learns; see ``likelihood``."""
+
+    model: ValueModel
+
+    def many(self, vectors: Array) -> Array:
+        """Return the log likelihood of each trial, (vectors, trials), of all vectors at once."""
+        every = [self.values(vector) for vector in vectors]
+        values = {name: np.stack([one[name] for one in every]) for name in every[0]}
+        found = self.model.log_density(self.trials, values)
+        return found if self.kept is None else found[:, self.kept]
+
+    def density(self, vector: Array) -> Array:
+        """Return the density of responses (cells, 2, bins), 1/s: the mean over trials of a cell."""
+        made = self.model.diffusion(self.trials, self.values(vector))
+        times_s, sides = self.design.grid.middles_s[:, None], np.arange(2)[:, None, None]
+        each = np.exp(log_density(times_s, sides, *made))
+        each -= LAPSE_DENSITY * (times_s > LONGEST_S)
+        if self.kept is not None:
+            each = each[..., self.kept]
+        cell = self.design.observed.cell
+        return np.stack([each[..., cell == k].mean(axis=-1) for k in range(self.design.cells)])
+
+    def starts(self) -> list[Array]:
+        """Return starting points of a search; see ``STARTS``."""
+        special, found = {each.name for each in self.model.special}, []
+        for away, quantile in STARTS:
+            at, t0_s = self.freedom.start, SHARE * np.quantile(self.design.observed.rt_s, quantile)
+            for k, each in enumerate(self.freedom.moved):
+                own = each.parameter
+                if own.name == "t0_s" and not each.effect:
+                    at[k] = np.clip(t0_s, own.low, own.high)
+                elif own.name in special and own.prior and not each.effect:
+                    at[k] = own.natural(own.scaled(at[k]) + away * own.prior[1])
+            found.append(at)
+        return found
+
+
+def likelihood(
+    model: ValueModel | str,
+    trials: Trials,
+    *,
+    free: list[str] | None = None,
+    fixed: dict[str, float] | None = None,
+    vary: dict[str, str] | None = None,
+    formulas: Sequence[Formula] = (),
+) -> ValueLikelihood:
+    """Return the likelihood of one person's choices and times under a model of value learning.
+
+    Values follow from all earlier trials, those that a part of the likelihood leaves out included.
+
+    Parameters
+    ----------
+    model : ValueModel or str
+        A record, or a name in ``MODELS``.
+    trials : Trials
+        Trials of one person, as for ``people.pairs_of``.
+    free, fixed, vary, formulas :
+        As for ``fitting.likelihood.likelihood_of``. The drift of the baseline model varies with
+        the pair.
+
+    Raises
+    ------
+    ValueError
+        For an unknown model, parameter or condition, and trials that ``people.pairs_of`` refuses.
+    """
+    model, vary = model_of(model), dict(vary or {})
+    pairs_of(trials)
+    if model.learner is None:
+        vary = {"drift": "pair"} | vary
+    named = [column.partition("/")[0] for column in vary.values()]
+    named += [column for each in formulas for column in each.columns]
+    design = design_of(trials, sorted({"pair", *named}), rt_window=EVERY_TIME)
+    given = likelihood_of(model, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
+    return ValueLikelihood(model, design, given.freedom, design.observed.cell)
 
 
 def _scale(median: float) -> Parameter:
     """Return the drift per unit of the difference of values, 1/sqrt(s)."""
-    return Parameter("scale", "log", median, 1.0)
+    return _parameter("scale", "log", median, 1.0, "drift per unit of value, 1/sqrt(s)")
 
 
 def _share(name: str, median: float = 0.2) -> Parameter:
-    return Parameter(name, "logit", median, 1.5)
+    return _parameter(name, "logit", median, 1.5, "learning rate")
 
 
 def _nats(name: str) -> Parameter:
-    return Parameter(name, "log", 0.3, 1.0)
+    return _parameter(name, "log", 0.3, 1.0, "learning rate, nats")
 
 
 def _remembered(kind: type[Confidence] | type[Opal]) -> Callable[..., Learner]:
@@ -176,7 +246,7 @@ MODELS: dict[str, ValueModel] = {
     for model in (
         ValueModel(
             "no learning",
-            tuple(Parameter(f"drift_{k}", "identity", 0.0, 2.0) for k in range(3)),
+            (_parameter("drift", "identity", 0.0, 2.0, "drift of a pair, 1/sqrt(s)"),),
             None,
         ),
         ValueModel("q", (_share("rate"), _scale(2.0)), QLearning),

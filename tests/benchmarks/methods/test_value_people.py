@@ -14,29 +14,30 @@ from benchmarks.methods.value_people import (
     like,
     log_ratio,
     mean_and_error,
+    natural,
     predicted,
     recovered,
     rises,
     slow_errors,
 )
-from bgmodel.learning.values.fits import fit_person
-from bgmodel.learning.values.models import MODELS
+from bgmodel.fitting.optimum import optimum
+from bgmodel.learning.values.models import MODELS, likelihood
+from bgmodel.learning.values.people import by_person
 from bgmodel.learning.values.simulated import simulated
 
 MODEL = MODELS["q"]
-TRUE = {"rate": 0.2, "scale": 3.0, "bound": 0.9, "non_decision_s": 0.4, "stickiness": 0.05}
-AT = MODEL.fitted(TRUE)
+TRUE = {"rate": 0.2, "scale": 3.0, "bound": 0.9, "t0_s": 0.4, "stickiness": 0.05}
+AT = np.array([float(each.scaled(TRUE[each.name])) for each in MODEL.parameters])
 
 
 @pytest.fixture(scope="module")
 def people():
-    made = simulated(MODEL, np.tile(AT, (12, 1)), trials=LAST, seed=11)
-    return {str(k): person for k, person in enumerate(made)}
+    return by_person(simulated(MODEL, natural(MODEL, np.tile(AT, (12, 1))), trials=LAST, seed=11))
 
 
 @pytest.fixture(scope="module")
 def fits(people):
-    return {who: fit_person(MODEL, person) for who, person in people.items()}
+    return {who: optimum(likelihood(MODEL, person)) for who, person in people.items()}
 
 
 def test_mean_and_error_leave_out_what_is_unknown():
@@ -58,14 +59,14 @@ def test_larger_differences_are_decided_better_and_sooner(fits):
     assert table["drift"].is_monotonic_increasing
     assert table["share"].iloc[-1] > table["share"].iloc[0] + 0.1
     assert table["median_s"].iloc[-1] < table["median_s"].iloc[0]
-    p, times = predicted(fits["0"], 1, "0")
-    assert np.array_equal(times, predicted(fits["0"], 1, "0")[1])
+    _, p, times = predicted(fits["0"], 1, "0")
+    assert np.array_equal(times, predicted(fits["0"], 1, "0")[2])
     assert ((p > 0) & (p < 1)).all()
 
 
 def test_rises_and_slow_errors_are_those_of_each_person(people):
-    person = people["3"]
-    of_pair = person.response[person.pair == 0]
+    person = list(people.values())[3]
+    of_pair = person.response[person.conditions["pair"] == "AB"]
     assert rises(people, "AB")[3] == pytest.approx(of_pair[-10:].mean() - of_pair[:10].mean())
     later = {
         who: replace(one, rt_s=one.rt_s + 0.5 * (one.response == 0)) for who, one in people.items()
@@ -75,24 +76,22 @@ def test_rises_and_slow_errors_are_those_of_each_person(people):
 
 def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):
     drawn = like(list(fits.values()), 2000, seed=1)
-    at = np.stack([fit.at for fit in fits.values()])
+    at = np.stack([fit.likelihood.freedom.to_scale(fit.vector) for fit in fits.values()])
     middle = np.median(at, axis=0)
     spread = 1.4826 * np.median(np.abs(at - middle), axis=0)
     assert np.abs(drawn.mean(axis=0) - middle) == pytest.approx(0, abs=0.1 * spread.max())
     assert drawn.std(axis=0) == pytest.approx(spread, rel=0.1)
-    sd = [each.sd for each in MODEL.parameters]
+    sd = [each.prior[1] for each in MODEL.parameters]
     assert from_prior(MODEL, 2000, seed=1).std(axis=0) == pytest.approx(sd, rel=0.1)
 
 
 def test_intervals_contain_the_truth_of_most_people_and_not_another():
-    true = np.tile(AT, (6, 1))
+    true = np.tile(AT, (4, 1))
     found, inside = recovered(MODEL, true, seed=2)
-    assert found.shape == inside.shape == (6, 5)
+    assert found.shape == inside.shape == (4, 5)
     assert inside.mean() > 0.7
     assert np.abs(found[:, 2] - AT[2]).max() < 0.3  # the bound
 
 
-def test_the_log_ratio_is_that_of_the_rates(people):
-    fit = fit_person("q, two rates", people["0"])
-    ratio = fit.values["rate"] / fit.values["rate_minus"]
-    assert np.exp(log_ratio(fit)) == pytest.approx(ratio)
+def test_the_log_ratio_is_that_of_the_rates():
+    assert np.exp(log_ratio({"rate": 0.3, "rate_minus": 0.1})) == pytest.approx(3)

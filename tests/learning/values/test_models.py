@@ -1,0 +1,298 @@
+"""Choices and times of people who learn values: densities, likelihoods, fits and bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.fitting.exact import passage
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.formulas import Formula
+from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.predicted import predicted
+from bgmodel.learning.values.diffusion import (
+    LAPSES,
+    LONGEST_S,
+    choice_probability,
+    draw,
+    log_density,
+)
+from bgmodel.learning.values.learners import QLearning
+from bgmodel.learning.values.models import MODELS, likelihood, model_of, value_differences
+from bgmodel.learning.values.people import by_person, pairs_of, read_pairs
+from bgmodel.learning.values.simulated import simulated
+from circuits.errors import FitWarning
+from tests.helpers import refused
+
+TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
+        "stickiness": 0.15}  # fmt: skip
+TWO = MODELS["q, two rates"]
+ONE = {name: value for name, value in TRUE.items() if name != "rate_minus"}
+
+
+def made(model, true, people=1, seed=1, trials=60, **changes):
+    """Return simulated people with the same parameters, except for those given for each."""
+    values = {name: np.full(people, value) for name, value in true.items()} | changes
+    return by_person(simulated(model, values, trials=trials, seed=seed))
+
+
+def vector(own, **changes):
+    """Return the true parameters in the order of a likelihood."""
+    return np.array([(TRUE | changes)[name] for name in own.freedom.names])
+
+
+@pytest.fixture(scope="module")
+def person():
+    return made(TWO, TRUE)["0"]
+
+
+@pytest.mark.parametrize(("drift", "start"), [(0.0, 0.0), (1.5, 0.3), (-2.0, 0.5), (0.4, -0.6)])
+def test_densities_are_those_of_first_passages_with_lapses(drift, start):
+    times = np.linspace(0.0, 14.0, 14_001)[1:]
+    at_rest = passage.constant_at_rest(0.9, times, start)
+    exact = passage.with_drift(at_rest, np.full(14_000, 0.9), times, [drift], start)[0]
+    for response in (0, 1):
+        found = np.exp(log_density(times + 0.3, np.array(response), drift, 0.9, start, 0.3))
+        lapse = LAPSES / (2 * LONGEST_S)
+        assert found == pytest.approx((1 - LAPSES) * exact[response] + lapse, abs=1e-8)
+    share = (1 - LAPSES) * exact[1].sum() * 1e-3 + LAPSES / 2
+    assert float(choice_probability(drift, 0.9, start)) == pytest.approx(share, abs=1e-5)
+    early = log_density(np.array(0.2), np.array(1), drift, 0.9, start, 0.3)
+    assert float(early) == pytest.approx(np.log(LAPSES / (2 * LONGEST_S)))
+
+
+def test_an_absurd_drift_has_a_finite_density():
+    found = log_density(np.array([0.31, 3.0]), np.array([1, 0]), 500.0, 1.0, 0.0, 0.3)
+    assert np.isfinite(found).all()
+
+
+def test_draws_have_the_moments_of_the_closed_forms():
+    n = 4000
+    uniform = np.random.default_rng(1).random((4, n))
+    uniform[2] = 1.0  # no lapses
+    each = [np.full(n, x) for x in (1.2, 0.8, 0.0, 0.3)]
+    response, rt_s = draw(*each, uniform)
+    p = float(passage.accuracy(1.2, 0.8))
+    assert response.mean() == pytest.approx(p, abs=4 * np.sqrt(p * (1 - p) / n))
+    sd = float(passage.sd_time_s(1.2, 0.8))
+    assert rt_s.mean() - 0.3 == pytest.approx(passage.mean_time_s(1.2, 0.8), abs=4 * sd / n**0.5)
+    assert rt_s.std() == pytest.approx(sd, rel=0.06)
+    lapses, _ = draw(*each, np.random.default_rng(2).random((4, n)))
+    assert lapses.mean() < p
+
+
+def test_values_are_those_of_a_loop_over_the_trials_of_each_pair(person):
+    pairs = pairs_of(person)
+    found = value_differences(QLearning(rate=0.3, rate_minus=0.1), pairs, ())
+    q = np.full((3, 2), 0.5)
+    for k in range(person.trials):
+        pair, choice = pairs.pair[k], person.response[k]
+        assert found[k] == pytest.approx(q[pair, 1] - q[pair, 0])
+        error = person.reward[k] - q[pair, choice]
+        q[pair, choice] += (0.3 if error > 0 else 0.1) * error
+
+
+def test_the_start_is_towards_the_last_choice_of_the_pair(person):
+    pairs, own = pairs_of(person), likelihood(TWO, person)
+    for pair in range(3):
+        of_pair = pairs.pair == pair
+        last = pairs.last_choice[of_pair]
+        assert last[0] == 0
+        assert np.array_equal(last[1:], 2 * person.response[of_pair][:-1] - 1)
+        assert np.array_equal(pairs.within[of_pair], np.arange(60))
+    repeats = (2 * person.response - 1) == pairs.last_choice
+    shifted = own.each(vector(own, stickiness=0.4)) - own.each(vector(own, stickiness=0.0))
+    fast = person.rt_s < np.median(person.rt_s)
+    assert shifted[repeats & fast].mean() > 0 > shifted[~repeats & fast].mean()
+    assert shifted[pairs.last_choice == 0] == pytest.approx(0)
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_sets_of_parameters_side_by_side_are_each_alone(person, model):
+    assert isinstance(model, TrialModel)
+    own = likelihood(model, person)
+    together = own.many(np.array(own.starts()))
+    for found, start in zip(together, own.starts(), strict=True):
+        assert found == pytest.approx(own.each(start))
+        assert own.freedom.inside(start)
+    some = np.arange(0, person.trials, 7)
+    assert own.part(some).many(np.array(own.starts())) == pytest.approx(together[:, some])
+
+
+def test_predicted_densities_are_those_of_simulated_trials(person):
+    own = likelihood(TWO, person)
+    at = vector(own)
+    drawn = TrialLikelihood.density(own, at)
+    exact = own.complete(at).density(at)
+    assert exact.sum(axis=(1, 2)) * 0.01 == pytest.approx(1, abs=2e-3)
+    for t in (60, 90, 130):
+        low, high = (each[..., :t].sum(axis=2) * 0.01 for each in (drawn, exact))
+        # 200 copies of 60 trials in each cell.
+        assert low == pytest.approx(high, abs=4 * 0.5 / 12_000**0.5 + 0.005)
+
+
+def test_parameters_of_many_trials_are_found_within_their_errors():
+    many = made(TWO, TRUE, trials=300, seed=3)["0"]
+    fit = fit_likelihood(likelihood(TWO, many))
+    own, found = fit.optimum.likelihood, fit.optimum
+    assert found.log_likelihood > own(vector(own))
+    error = fit.directions.standard_errors
+    assert (np.abs(found.vector - vector(own)) < 3.5 * error).all()
+    assert min(fit.misfit.p.values()) > 0.003
+
+
+def test_posterior_intervals_of_one_parameter_are_those_of_a_grid(person):
+    own = likelihood(TWO, person, fixed={n: x for n, x in TRUE.items() if n != "stickiness"})
+    grid = np.tanh(np.linspace(-0.5, 0.8, 1301))
+    reached = np.cumsum(np.exp(own.heights(grid[:, None]) - own.height(grid[650:651])))
+    exact = np.interp([0.05, 0.95], reached / reached[-1], grid)
+    drawn = posterior(own, directions(own, optimum(own).vector), most_steps=500)
+    assert drawn.interval()[:, 0] == pytest.approx(exact, abs=0.02)
+
+
+def test_the_optimum_is_that_of_a_grid_with_the_prior(person):
+    own = likelihood(TWO, person, fixed={n: x for n, x in TRUE.items() if n != "stickiness"})
+    grid = np.linspace(-0.4, 0.6, 2001)[:, None]
+    best = optimum(own).vector
+    assert best == pytest.approx(grid[np.argmax(own.heights(grid))], abs=1e-3)
+    prior = -0.5 * (np.arctanh(best[0]) / 0.3) ** 2
+    assert own.height(best) == pytest.approx(own(best) + prior)
+
+
+def test_left_out_trials_are_predicted_worse_than_fitted_ones_and_better_than_by_the_prior(person):
+    own = likelihood("q", person)
+    best = optimum(own)
+    out = predicted(own, start=best.vector).each
+    assert np.bincount(own.groups).tolist() == [60, 60, 60]
+    assert own(own.freedom.start) < out.sum() < best.log_likelihood
+
+
+def test_decisions_change_over_trials_and_learners_do_not(person):
+    half = np.where(np.arange(person.trials) % 2, "b", "a")
+    slower = replace(
+        person,
+        conditions=person.conditions.assign(half=half),
+        rt_s=person.rt_s + 0.2 * (half == "b"),
+    )
+    found = optimum(likelihood(TWO, slower, vary={"t0_s": "half"})).values
+    assert found["t0_s[half=b]"] - found["t0_s[half=a]"] == pytest.approx(0.2, abs=0.06)
+    linear = likelihood(TWO, slower, formulas=[Formula("t0_s", "half")])
+    assert "t0_s[half[T.b]]" in linear.freedom.names
+    for name in ("rate", "rate_minus"):
+        own = likelihood(TWO, slower, vary={name: "half"})
+        with refused(name):
+            optimum(own)
+
+
+def test_each_pair_has_a_drift_without_learning(person):
+    own = likelihood("no learning", person)
+    assert own.freedom.names[:3] == ["drift[pair=AB]", "drift[pair=CD]", "drift[pair=EF]"]
+    two = person.where(person.conditions["pair"].to_numpy() != "EF")
+    assert len(likelihood("no learning", two).freedom.names) == 5
+
+
+@pytest.fixture(scope="module")
+def three():
+    return made("q", ONE, people=3, seed=4, rate=np.array([0.15, 0.3, 0.5]))
+
+
+def test_models_of_learning_are_fitted_and_compared(three):
+    fits = {
+        name: {who: fit_likelihood(likelihood(name, one)) for who, one in three.items()}
+        for name in ("q", "no learning")
+    }
+    table = bg.compare_fits(fits).table
+    assert table.index[0] == "q"
+    assert table["parameters"].to_dict() == {"q": 15, "no learning": 18}
+
+
+def test_a_hierarchy_of_learners_has_a_distribution_of_each_parameter(three):
+    own = {who: likelihood("q", one) for who, one in three.items()}
+    with pytest.warns(FitWarning):
+        found = fit_group(own, most_draws=100)
+    assert list(found.summary().index) == own["0"].freedom.names
+    assert found.individual.shape[2:] == (3, 5)
+
+
+def test_the_median_person_is_found_in_a_hierarchy_of_twelve():
+    rng = np.random.default_rng(6)
+    rate, bound = rng.normal(size=(2, 12))
+    true = {"rate": 1 / (1 + np.exp(1.0 - 0.5 * rate)), "bound": 0.9 * np.exp(0.15 * bound)}
+    people = made("q", ONE, people=12, seed=6, **true)
+    found = fit_group({who: likelihood("q", one) for who, one in people.items()}, most_draws=300)
+    table = found.summary()
+    for name, middle in (("rate", 1 / (1 + np.exp(1.0))), ("bound", 0.9)):
+        assert table.loc[name, "low"] < middle < table.loc[name, "high"]
+
+
+def test_the_built_in_set_is_read_for_each_person():
+    people = by_person(read_pairs())
+    assert len(people) == 28
+    assert sum(one.trials for one in people.values()) == 5280
+    assert {pairs_of(one).names for one in people.values()} == {("AB", "CD", "EF")}
+
+
+TABLE = pd.DataFrame(
+    {
+        "participant_id": "a",
+        "pair": ["x", "y"] * 3,
+        "response": [1, 0] * 3,
+        "rt": 0.7,
+        "reward": [1, 0, 0, 1, 1, 1],
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"reward": 0.5}, "reward"),
+        ({"response": 2}, "response"),
+        ({"response": np.nan}, "response"),
+        ({"rt": 0.0}, "rt"),
+        ({"pair": list("xxxxxy")}, "pair"),
+    ],
+)
+def test_a_table_with_a_wrong_value_is_refused(change, field):
+    with refused(field):
+        read_pairs(TABLE.assign(**change))
+
+
+@pytest.mark.parametrize("column", TABLE.columns)
+def test_a_table_without_a_column_is_refused(column):
+    with refused(column):
+        read_pairs(TABLE.drop(columns=column))
+
+
+def test_other_conditions_are_read():
+    with_block = TABLE.assign(block=["a", "b"] * 3)
+    assert list(read_pairs(with_block, conditions=["block"]).conditions) == ["pair", "block"]
+    with refused("block"):
+        read_pairs(TABLE, conditions=["block"])
+
+
+def test_other_bad_input_is_refused(person):
+    one = read_pairs(TABLE)
+    two = read_pairs(pd.concat([TABLE, TABLE.assign(participant_id="b", rt=0.8)]))
+    for call, field in (
+        (lambda: model_of("sarsa"), "model"),
+        (lambda: read_pairs("nobody"), "source"),
+        (lambda: likelihood("q", one, fixed={"rat": 0.1}), "rat"),
+        (lambda: likelihood("q", one, vary={"bound": "block"}), "by"),
+        (lambda: likelihood("q", two), "participant"),
+        (lambda: likelihood("q", replace(person, reward=None)), "reward"),
+        (lambda: likelihood("q", replace(person, reward=person.reward / 2)), "reward"),
+        (lambda: likelihood("q", replace(person, conditions=person.conditions[[]])), "pair"),
+        (lambda: simulated("no learning", {n: np.ones(1) for n in ("drift", "bound", "t0_s",
+                                                                  "stickiness")}, seed=1), "model"),
+        (lambda: simulated("q", {"rate": np.ones(1)}, seed=1), "values"),
+        (lambda: replace(person, reward=person.reward[1:]), "response"),
+    ):  # fmt: skip
+        with refused(field):
+            call()
