@@ -25,8 +25,8 @@ class Known:
         inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
         return float(-vector @ self.information @ vector / 2) if inside.all() else -np.inf
 
-    def height(self, vector):
-        return self(vector)
+    def heights(self, vectors):
+        return np.array([self(vector) for vector in vectors])
 
     def draw(self, **given):
         return posterior(
