@@ -227,13 +227,15 @@ class FitRun(FitSettings):
     def _fit(self) -> None:
         """Fit choices and response times."""
         choices = self.read(self.data)
+        names = self._models(choices.alternatives)
+        self.check_kind(choices, [self.model(name) for name in names])
         asked, between = self.split(choices)
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = asked.people(choices)
         designs = {who: asked.design(some) for who, some in people}
         more: dict[str, Any] = {"folder": folder / "stored", "alternatives": choices.alternatives}
         more["seconds"] = seconds_of(designs.values())
-        models = {each: asked.model(each, **more) for each in self._models(choices.alternatives)}
+        models = {each: asked.model(each, **more) for each in names}
         for lacking in asked.check_parameters(models):
             say(lacking)
         versions = asked._versions(models)

@@ -31,6 +31,8 @@ def fit_stop_signals(command: Any) -> None:
     command : FitRun
         The command, which imports this module.
     """
+    from bgmodel.stopping.people import read_people
+
     command.check_idle(USED, "--task stop")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in (PARAMETERS, PEOPLE)]
@@ -38,7 +40,7 @@ def fit_stop_signals(command: Any) -> None:
         files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
     models = {name: _model(name, command.noise_nats) for name in command.models or DEFAULT_MODELS}
-    people = _people(command)
+    people = read_people(command.data, columns=command.columns)
     texts, parameters, estimates = _fitted(people, models)
     asked = {name: recorded(getattr(command, name)) for name in USED if name not in UNRECORDED}
     asked["folder"] = None
@@ -57,17 +59,6 @@ def _model(name: str, noise_nats: float) -> StopModel:
         must = "must be of constant_gap, or circuits, for --task stop"
         raise InputError.of("models", must, name)
     return TEST if name == CONSTANT.name else circuit_stop(name, noise_nats)
-
-
-def _people(command: Any) -> dict[str, StopTrials]:
-    """Return the participants' trials, with delays restored if that was asked for."""
-    from bgmodel.stopping.people import read_people
-    from bgmodel.stopping.restored import restored_delays
-
-    people = read_people(command.data, restore=command.columns.restore_delays)
-    if command.columns.restore_delays:
-        people = {who: restored_delays(trials) for who, trials in people.items()}
-    return people
 
 
 def _fitted(

@@ -400,9 +400,6 @@ def likelihood_of(
         return TrialLikelihood(model, design, freed, design.observed.cell)
     if isinstance(model, OwnModel):
         return model.likelihood(design, freed)
-    if design.choices is not None and design.choices.ssd_s is not None:
-        said = "stop-signal trials are fitted by a model of stop signals, not of choices alone"
-        raise InputError(f"{said}: leave stop trials out, or fit the stop process", "ssd")
     return BinnedLikelihood(model, design, freed)
 
 

@@ -181,6 +181,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     # Before the table is read: the column of an unknown parameter may be missing too.
     asked.check_parameters({"model": asked.model(model)})
     found = asked.read(data)
+    asked.check_kind(found, [asked.model(model)])
     asked, between = asked.split(found)
     people = asked.people(found)
     if len(people) > 1 and not hierarchical:

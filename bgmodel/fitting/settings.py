@@ -244,6 +244,17 @@ class FitSettings:
                 raise InputError(f"{column} has too many values for vary: {instead}", "vary")
         return trials
 
+    def check_kind(self, trials: Trials, models: Iterable[AnyModel]) -> None:
+        """Raise ValueError for stop-signal trials that a model of choices would be fitted to."""
+        from bgmodel.fitting.likelihood import TrialModel
+
+        if trials.ssd_s is not None and not all(isinstance(m, TrialModel) for m in models):
+            raise InputError(
+                "these are stop-signal trials, and the model is one of choices: fit the stop "
+                "process (bgmodel fit --task stop; fit_stops in bgmodel.fitting.stops.fit), or "
+                "leave stop trials out", "ssd",
+            )  # fmt: skip
+
     def people(self, choices: Trials) -> list[tuple[str, Trials]]:
         """Return the trials of each person to fit, or of all pooled."""
         if self.pooled:

@@ -275,7 +275,8 @@ def _stop_signals(
     chosen = np.where(np.isnan(rt_s), NO_RESPONSE, right).astype(np.int8)
     if not columns.restore_delays:
         _warn_of_zeros(rt_s, ssd_s)
-    return Trials(who, rt_s, chosen, None, held, columns.deadline_s, ssd_s=ssd_s)
+    side = None if correct is None else np.ones(len(rt_s))
+    return Trials(who, rt_s, chosen, side, held, columns.deadline_s, ssd_s=ssd_s)
 
 
 def _rewarded(
@@ -291,9 +292,6 @@ def _rewarded(
     refuse(np.isnan(rt_s), table["rt"], "given for every trial")
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
-    few = pd.DataFrame({"who": who, "pair": held["pair"]}).value_counts()
-    must = "must have two trials or more in every pair: values are learned from earlier ones"
-    require((few > 1).all(), "pair", must, few[few < 2].index.tolist()[:3])
     return Trials(who, rt_s, response, None, held, reward=reward.astype(np.float64))
 
 

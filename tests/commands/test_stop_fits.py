@@ -1,14 +1,14 @@
 """The command `fit` for stop-signal trials, and stop trials that are given as choices."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.commands.stop_fits import PARAMETERS, PEOPLE, _people
+from bgmodel.commands.stop_fits import PARAMETERS, PEOPLE
+from bgmodel.stopping.people import read_people
 from bgmodel.support.files import read_provenance, read_table
 from circuits.errors import DataWarning
 from tests.helpers import refused, run, unwarned
@@ -82,21 +82,21 @@ def test_options_without_effect_are_refused(capsys, options, says):
 
 
 def test_stop_trials_in_a_fit_of_choices_are_refused(capsys):
-    assert "stop-signal delays of" in (said := fails(capsys))
-    assert "use bgmodel fit --task stop" in said
-    assert run("fit", "stop_signal_cnp") == 2
-    assert "use bgmodel fit --task stop" in capsys.readouterr().err
-    table = table_of()
-    with refused("ssd use bgmodel fit --task stop"):
-        bg.fit(table.assign(response=1))
-    assert "restore_delays needs --task stop" in fails(capsys, "--columns", "restore_delays=true")
+    assert run("fit", "stop_signal_cnp", "--models", "constant_gap") == 2
+    assert "stop-signal trials" in capsys.readouterr().err
+    assert "stop-signal trials" in fails(capsys, "--models", "constant_gap")
+    with refused("ssd stop-signal trials"):
+        bg.fit(table_of(), "constant_gap", participant="p0")
+    named = table_of().rename(columns={"ssd": "SSD"})
+    with refused("SSD stop-signal delays"):
+        bg.fit(named.assign(response=1), "constant_gap", participant="p0")
 
 
 def test_restoring_delays_hides_no_other_doubt_about_a_table():
-    """The command silences what it restores; delays in another unit are for the user to see."""
-    table_of().assign(ssd=lambda t: t["ssd"] / 1000).to_csv("mine.csv", index=False)
+    """It silences what it restores; delays in another unit are for the user to see."""
+    restore = bg.Columns(restore_delays=True)
+    seconds = table_of().assign(ssd=lambda t: t["ssd"] / 1000)
     with pytest.warns(DataWarning, match="in ms, not in seconds"):
-        _people(SimpleNamespace(data="mine.csv", restore_delays=True))
+        read_people(seconds, columns=restore)
     with unwarned():
-        table_of().to_csv("mine.csv", index=False)
-        _people(SimpleNamespace(data="mine.csv", restore_delays=True))
+        read_people(table_of(), columns=restore)

@@ -61,15 +61,18 @@ def test_the_guide_refuses_three_people(table):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda t: t.drop(columns="ssd"), "ssd there is no column ssd"),
+        (
+            lambda t: t.drop(columns="ssd").assign(rt=[0.4, 0.5, 0.6] * 4, response=[0, 1, 1] * 4),
+            "ssd must have stop-signal delays",
+        ),
         (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
-        (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0]), "ssd seconds"),
+        (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0] * 4), "ssd seconds"),
         (lambda t: t.assign(ssd=-0.1), "ssd 0 s or more, got .-0.1. in row 0"),
-        (lambda t: t.assign(ssd=0.2), "ssd_ms participant a"),
+        (lambda t: t.assign(ssd=0.2), "ssd must be empty in some trials of a"),
     ],
 )
 def test_a_bad_table_is_refused_by_participant(change, says):
-    good = pd.DataFrame({"participant_id": "a", "rt": [0.4, 0.5, np.nan], "ssd": [np.nan] * 3})
+    good = pd.DataFrame({"participant_id": "a", "rt": [0.4, 0.5, np.nan] * 4, "ssd": [np.nan] * 12})
     assert list(read_people(good)) == ["a"]
     with refused(says):
         read_people(change(good))

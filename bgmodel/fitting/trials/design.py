@@ -16,7 +16,7 @@ from bgmodel.fitting.trials.window import in_window
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.columns import EVERYONE
 from bgmodel.trials.record import Trials, is_covariate
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, require
 
 FAVOURS = "favours"
 """Condition of a design by sides: the response, 0 or 1, that the strength of a cell favours."""
@@ -158,6 +158,8 @@ def _laid(
     if not inside.all():
         rest = _laid(choices.where(inside), by, window, sides)
         return replace(rest, left_out=int((~inside).sum()))
+    answered = np.isfinite(choices.rt_s).any() or deadline_s is not None
+    require(answered, "rt", "must be given in some trials", "none")
     longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S
     grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
     observed = Observed(

@@ -11,18 +11,12 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import path_of
-from bgmodel.tables.cautions import people_and_times, warn_of_twins
-from bgmodel.tables.columns import code, levels, refuse
-from bgmodel.tables.shipped import SETS, shipped_table
-from bgmodel.tables.text_files import read_rows
+from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import Trials
-from circuits.errors import require, within
+from circuits.errors import require
 
 SET = "pedersen_frank_2020"
 """The set that is read by default."""
-COLUMNS = ("participant_id", "pair", "response", "rt", "reward")
-"""Columns of a table of trials, in the order of presentation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,59 +85,19 @@ def pairs_of(trials: Trials) -> Pairs:
 def read_pairs(
     source: str | Path | pd.DataFrame = SET, *, conditions: Sequence[str] = ()
 ) -> Trials:
-    """Read the trials of people who learn; their pair is a condition of the trials.
-
-    Parameters
-    ----------
-    source : str, path or DataFrame
-        Name of a built-in set, or a table, .csv, .tsv or .parquet, with the columns participant_id,
-        pair, response (1: the item that is rewarded more often), rt (s) and reward (0 or 1), in the
-        order of presentation.
-    conditions : sequence of str
-        Further columns of conditions, read as text.
+    """Return the trials of people who learn pairs, read by ``read_trials``.
 
     Raises
     ------
     ValueError
-        For an unknown set, missing columns, a cell that is missing or of another kind, or trials
-        of a person that ``pairs_of`` refuses.
-
-    Warns
-    -----
-    UserWarning
-        As for tables of choices: names that differ in capitals, copies of trials, two people with
-        the same trials, times in several units.
+        As for ``read_trials``, without rewards, and for trials that ``pairs_of`` refuses.
     """
-    name, table = _table(source)
-    try:
-        who, rt_s = people_and_times(table, (*COLUMNS, *conditions), ["pair", "reward"])
-        held = pd.DataFrame({each: levels(table[each]) for each in ("pair", *conditions)})
-        refuse(np.isnan(rt_s), table["rt"], "given for every trial")
-        response, reward = (code(table[column]) for column in ("response", "reward"))
-        warn_of_twins(who, rt_s, response)
-        found = Trials(
-            who, rt_s, response.astype(np.int8), None, held, source=name,
-            reward=reward.astype(np.float64),
-        )  # fmt: skip
-        for each in by_person(found).values():
-            pairs_of(each)
-    except ValueError as error:
-        raise within(name, error, "source") from None
+    found = read_trials(source, conditions=list(conditions))
+    for each in by_person(found).values():
+        pairs_of(each)
     return found
 
 
 def by_person(trials: Trials) -> dict[str, Trials]:
     """Return the trials of each person, by name."""
     return {who: trials.where(trials.participant == who) for who in trials.people()}
-
-
-def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
-    """Return the name and the rows of a table, or of a set that ships."""
-    if isinstance(source, pd.DataFrame):
-        return "a table", source.reset_index(drop=True)
-    if source in SETS:
-        return str(source), shipped_table(str(source))[0]
-    path = path_of(source, "source")
-    must = f"must be a table, its file, or one of {', '.join(SETS)}"
-    require(path.suffix, "source", must, str(source))
-    return path.name, read_rows(path).reset_index(drop=True)
