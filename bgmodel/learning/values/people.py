@@ -63,10 +63,10 @@ def pairs_of(trials: Trials) -> Pairs:
     """
     who, columns = trials.people(), trials.conditions
     require(len(who) == 1, "participant", "must be one person, who learns", ", ".join(who))
-    require("pair" in columns, "pair", "must be a condition of the trials", list(columns))
     for name in ("response", "reward"):
         codes = np.unique(np.asarray(getattr(trials, name), dtype=np.float64))
         require(np.isin(codes, (0, 1)).all(), name, "must be 0 or 1 in every trial", codes)
+    require("pair" in columns, "pair", "must be a condition of the trials", list(columns))
     require((trials.rt_s > 0).all(), "rt", "must be above 0 s in every trial", trials.rt_s.min())
     names, pair = np.unique(columns["pair"].to_numpy(dtype=str), return_inverse=True)
     counts = np.bincount(pair)
