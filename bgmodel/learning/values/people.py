@@ -92,7 +92,7 @@ def read_pairs(
     ValueError
         As for ``read_trials``, without rewards, and for trials that ``pairs_of`` refuses.
     """
-    found = read_trials(source, conditions=list(conditions))
+    found = read_trials(source, conditions=["pair", *conditions])
     for each in by_person(found).values():
         pairs_of(each)
     return found
