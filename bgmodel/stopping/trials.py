@@ -13,7 +13,6 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import reals, whole
 from bgmodel.support.reprs import Facts, span
 from bgmodel.support.seeds import generator
-from bgmodel.tables.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 
@@ -121,24 +120,6 @@ class StopTrials(Facts):
         correct = trials.correct == 1 if known else None
         end_ms = None if trials.deadline_s is None else 1000 * trials.deadline_s
         return cls(1000 * trials.rt_s, 1000 * trials.ssd_s, correct, end_ms)
-
-    def to_trials(self, who: str = EVERYONE) -> Trials:
-        """Return them as the record of one person, in which response 1 is correct.
-
-        If it is known which are, strengths are 1. The deadline is by default the latest response or
-        signal.
-        """
-        import pandas as pd
-
-        right = np.ones(len(self.rt_ms), bool) if self.correct is None else self.correct
-        coded = np.where(self.responded, right, NO_RESPONSE).astype(np.int8)
-        latest = np.nanmax([self.rt_ms, np.nan_to_num(self.ssd_ms) + 1.0])
-        end_s = (self.deadline_ms or float(latest)) / 1000
-        name = np.full(len(coded), who)
-        blank = pd.DataFrame(index=range(len(coded)))
-        ssd_s = self.ssd_ms / 1000
-        side = None if self.correct is None else np.ones(len(coded))
-        return Trials(name, self.rt_ms / 1000, coded, side, blank, end_s, ssd_s=ssd_s)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per trial, as ``people.read_people`` reads it.

@@ -266,7 +266,7 @@ def test_a_table_with_a_wrong_value_is_refused(change, field):
 
 @pytest.mark.parametrize("column", ["pair", "response", "rt", "reward"])
 def test_a_table_without_a_column_is_refused(column):
-    longer = pd.concat([TABLE, TABLE.assign(rt=0.8)])
+    longer = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
     with refused(column):
         read_pairs(longer.drop(columns=column))
 
