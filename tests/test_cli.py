@@ -37,15 +37,13 @@ from bgmodel import (
     train_decoder,
 )
 from bgmodel.cli import main
-from bgmodel.commands.options import record_of, task_of, values
-from bgmodel.fitting.settings import FitSettings
+from bgmodel.commands.options import record_of, task_of
 from bgmodel.support.files import read_provenance, read_table
 from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.decoder import Training
 from bgmodel.task import Task
+from bgmodel.trials.reading import OURS
 from tests.helpers import GOOD, ROOT, run
-
-FIELDS = [each.name for each in fields(FitSettings)]
 
 
 def own_table(path, flat=False, truth=True, trials=30):
@@ -323,8 +321,8 @@ def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
 def test_text_of_a_setting_stays_as_it_is_written():
     found = task_of(SameDifferent(), ["taps=a,b.parquet"])
     assert found.taps == Path("a,b.parquet")
-    given = values(["upper=2", "rt=2024-01-01", "alternatives=4"], FitSettings, FIELDS)
-    assert given == {"upper": "2", "rt": "2024-01-01", "alternatives": 4}
+    given = record_of(OURS, ["upper=2", "rt=2024-01-01", "alternatives=4"])
+    assert (given.upper, given.rt, given.alternatives) == ("2", "2024-01-01", 4)
 
 
 def test_an_option_that_a_page_or_a_message_names_exists():

@@ -15,7 +15,8 @@ from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
 from tests.helpers import refused
 
-SMALL = {"trials": 1000, "stimulus": "shown"}
+SMALL = {"trials": 1000, "columns": Columns(stimulus="shown")}
+THREE = Columns(stimulus="shown", alternatives=3)
 SIMULATED = MsprtModel(3, 4000, 99)
 HELD = {"fix": {"t0_sd_s": 0.05, "lapse": 0.01}}
 
@@ -80,17 +81,21 @@ def test_lapses_are_correct_in_one_of_n():
         ("falling_gap", {}, "models"),
         ("decide", {}, "models"),
         ("msprt", {"free": "+start"}, "free"),
-        ("msprt", {"fix": {"start": 0.1}, "alternatives": 3}, "start"),
-        ("race", {"free": "+drift_sd", "alternatives": 3}, "drift_sd"),
+        ("msprt", {"fix": {"start": 0.1}, "columns": THREE}, "start"),
+        ("race", {"free": "+drift_sd", "columns": THREE}, "drift_sd"),
         ("macaque", {"mechanism": "dopamine"}, "mechanism"),
-        ("msprt", {"alternatives": 13}, "alternatives"),
         ("lca", {"trials": 20}, "trials"),
-        ("msprt", {"evidence": "evidence.csv"}, "stimulus"),
+        ("msprt", {"evidence": "evidence.csv"}, "trials"),
     ],
 )
 def test_what_cannot_be_fitted_is_named(trials, model, options, field):
     with refused(field):
         fit(trials, model, **{**SMALL, **options})
+
+
+def test_there_are_at_most_twelve_alternatives():
+    with refused("alternatives"):
+        Columns(alternatives=13)
 
 
 def test_a_circuit_of_another_number_of_channels_is_refused(trials):
