@@ -106,6 +106,7 @@ def fit(
     formula
         Parameters that are linear in conditions, such as "bound ~ instruction * side" or
         "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates).
+        With --people hierarchical also of what differs between people, "bound ~ group".
     free
         Parameters to fit; by default all except start, start_spread, drift_sd, floor, and a
         threshold that --mechanism replaces. With a plus, in addition to these: "+start".
@@ -124,7 +125,7 @@ def fit(
         comparison.csv and comparison.png. A single model is compared with versions in which one
         parameter of --vary or --formula has one value, which is fitted, for all conditions.
     evidence
-        File with the readings of each trial, for models that answer for each (Bayes factors):
+        File with the readings of each trial, for models that answer for each trial:
         columns trial, step and `ll_<alternative>`; trial, time (s) and `ll_<alternative>`; or one
         row per cue with trial, time and side or value (nats). Then name=value: step_ms (time
         between readings, if the table has steps), forced=true (the last reading forces a response),

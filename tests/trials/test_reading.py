@@ -311,7 +311,7 @@ def tables(draw):
     )
 
 
-ALL = {**READ, "deadline_s": 4.5}
+ALL = {**READ, "columns": Columns(deadline_s=4.5)}
 
 
 @settings(max_examples=30)

@@ -29,7 +29,7 @@ def test_models_are_fitted_and_recorded(tmp_path):
     written = pd.read_csv(tmp_path / "fits/search/parameters.csv")
     assert set(written["model"]) == {"msprt", "race"}
     behind = read_provenance(tmp_path / "fits/search/parameters.csv")["parameters"]
-    assert behind["stimulus"] == "shown"
+    assert behind["columns"]["stimulus"] == "shown"
     cells = pd.read_csv(tmp_path / "fits/search/cells.csv")
     assert sorted(cells["strength"].unique()) == [0.5, 1.5]
 
