@@ -134,7 +134,7 @@ class ValueModel:
 
 
 def value_differences(learner: Learner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
-    """Return the value of the better item minus the other before every trial, (*shape, trials)."""
+    """Return the value of the better item minus the other before every trial, (..., trials)."""
     state = learner.start((*shape, len(pairs.names)))
     found = np.empty((len(pairs.reward), *shape, len(pairs.names)))
     for k, (chosen, reward) in enumerate(zip(pairs.chosen, pairs.reward, strict=True)):
