@@ -70,7 +70,9 @@ def fit_hierarchically(
     cells = _table({name: fit.cells() for name, fit in found.items()})
     between = _table({name: fit.effects().reset_index() for name, fit in found.items()})
     tables = [(group, GROUP), (people, PEOPLE), (cells, CELLS)]
-    for table, name in tables if between.empty else [*tables, (between, EFFECTS)]:
+    tables = tables if between.empty else [*tables, (between, EFFECTS)]
+    written = [name for _, name in tables]
+    for table, name in tables:
         files.write_table(table, folder / name, seed=command.seed, **asked)
     if command.compare:
         from bgmodel.fitting.model_comparison import compare_fits
@@ -83,7 +85,7 @@ def fit_hierarchically(
         shown = "\n" + group.round(4).to_string(index=False) + effects
         command.output.show(shown, group, effects=between.to_dict("records"))
     command.output.note(
-        f"-> {folder}: {GROUP}, {PEOPLE}, {CELLS}; for each model figures of its parameters and of "
+        f"-> {folder}: {', '.join(written)}; for each model figures of its parameters and of "
         "data and model, and the draws (.nc, for ArviZ)"
     )
 

@@ -14,7 +14,7 @@ from bgmodel.fitting.checks.binned import resolved
 from bgmodel.fitting.checks.cautions import cautions
 from bgmodel.fitting.checks.misfit import Misfit, misfit
 from bgmodel.fitting.checks.slow import warn_of_slow
-from bgmodel.fitting.exact.responses import QUANTILES, moments
+from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
@@ -149,6 +149,20 @@ class Fit(Facts):
         return cells_with_misfit(self.optimum, self.misfit)
 
 
+def _impossible(found: Optimum) -> list[str]:
+    """Return a warning if the fitted model rules trials out: the search may not have begun well."""
+    seen, log = found.likelihood.design.observed, found.likelihood.each(found.vector)
+    out = np.flatnonzero(log <= np.log(TINY))
+    if not len(out):
+        return []
+    rt_s, response = seen.rt_s[out[0]], seen.response[out[0]]
+    return [
+        f"{len(out)} of {len(log)} trials are impossible under the fitted model, such as response "
+        f"{response} at {rt_s:.3g} s: begin the search where all are possible (start of a "
+        "Parameter), or give the model lapses"
+    ]
+
+
 def widened(drawn: Posterior, simulation: Array) -> Array:
     """Return the central interval with ``SHARE`` of a posterior, including simulation error.
 
@@ -265,7 +279,7 @@ def fit_likelihood(
     drawn = None
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
-    own = [*apart.cautions(found), *there.cautions()]
+    own = [*_impossible(found), *apart.cautions(found), *there.cautions()]
     for caution in [*own, *cautions(found, there, simulated, drawn)]:
         FitWarning.warn(caution)
     return Fit(found, there, simulated, apart, drawn)

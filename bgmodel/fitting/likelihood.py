@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 import numpy as np
 
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
-from bgmodel.fitting.exact.responses import Grid, responded
+from bgmodel.fitting.exact.responses import TINY, Grid, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
 from bgmodel.fitting.trials.design import Design, mirrored
@@ -55,7 +55,8 @@ class TrialModel(Protocol):
     def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the log density of each trial given those before it, (trials,), nats.
 
-        Of the response and its time, in 1/s; of the response alone if there are no times.
+        Of the response and its time, in 1/s; of the response alone if there are no times. It may
+        be -inf where the model rules a trial out, which counts as the log of ``TINY``.
         """
 
     def simulate(
@@ -339,7 +340,9 @@ class TrialLikelihood(Likelihood):
         if found.shape != (len(self.cell),) or np.isnan(found).any():
             must = f"must return {len(self.cell)} numbers, one per trial"
             raise InputError.of("log_density", must, found[:3])
-        return found if self.kept is None else found[self.kept]
+        # A trial that the model rules out counts as one of the least probability.
+        floored: Array = np.maximum(found, np.log(TINY))
+        return floored if self.kept is None else floored[self.kept]
 
     def drawn(self, vector: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
         """Return times, s, and responses of new trials in place of the observed ones."""

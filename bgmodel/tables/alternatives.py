@@ -83,6 +83,7 @@ def _held(table: pd.DataFrame) -> int | None:
 
 def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
     """Return the number of alternatives that occur by name, or the number given if they agree."""
+    texts(table[stimulus])  # refuses missing ones
     answered = ~silent(table)
     given = set(names_of(table["response"])[answered])
     shown = set(names_of(table[stimulus]))
@@ -126,7 +127,6 @@ def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
     stimulus : str
         Column of the correct alternative.
     """
-    texts(table[stimulus])  # refuses missing ones
     shown, given = names_of(table[stimulus]), names_of(table["response"])
     found = np.where(silent(table), NO_RESPONSE, shown == given).astype(np.int8)
     _warn_of_unequal(shown, found, participants(table))

@@ -26,7 +26,7 @@ UNITS = {"s": 1.0, "ms": 1e-3}
 LEAST_MEDIAN_MS = 20.0
 """Shortest median time that is accepted as milliseconds."""
 SLOWEST_DELAY_S = 20.0
-"""Largest median stop-signal delay that is accepted as seconds."""
+"""Largest stop-signal delay that is accepted as seconds."""
 MISSING_RT = -999.0
 """Response time of HSSM for a missing response."""
 NO_RESPONSE = -1
@@ -154,14 +154,24 @@ def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
     return texts(table["participant_id"])
 
 
+def with_index(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with rows numbered from 0; levels of its index with a name are columns."""
+    named = [name for name in table.index.names if name is not None and name not in table]
+    return (table.reset_index(named) if named else table).reset_index(drop=True)
+
+
+def check_both(table: pd.DataFrame, rt_s: Array, silent: Truths) -> None:
+    """Raise ValueError if a time or a response is without the other."""
+    refuse(np.isnan(rt_s) & ~silent, table["rt"], "given where there is a response")
+    refuse(silent & ~np.isnan(rt_s), table["response"], "given where there is an rt")
+
+
 def check_answers(
     table: pd.DataFrame, rt_s: Array, chosen: npt.NDArray[np.int8], deadline_s: float | None
 ) -> None:
     """Raise ValueError if a time or a response is without the other, or a time is too late."""
-    rt, response = table["rt"], table["response"]
-    absent, silent = np.isnan(rt_s), chosen == NO_RESPONSE
-    refuse(absent & ~silent, rt, "given where there is a response")
-    refuse(silent & ~absent, response, "given where there is an rt")
+    rt, absent = table["rt"], np.isnan(rt_s)
+    check_both(table, rt_s, chosen == NO_RESPONSE)
     if deadline_s is None:
         hint = (
             ": say when such a trial ended (deadline_s, at the terminal --columns deadline_s=, s)"
@@ -343,15 +353,13 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
     Raises
     ------
     ValueError
-        If a delay is not a number of at least 0, or delays seem to be in ms.
+        If a delay is not a number of at least 0, or is too large to be in seconds.
     """
     check_numeric(column)
     cells = [_number(value) for value in column]
     values = numbers(column.mask(np.isinf(cells)))
     values = values * UNITS[unit]
-    given = values[np.isfinite(values)]
-    median = float(np.median(given)) if len(given) else 0.0
-    require(median <= SLOWEST_DELAY_S, column.name, "must be in seconds", median)
+    refuse(values > SLOWEST_DELAY_S, column, f"in seconds, at most {SLOWEST_DELAY_S:g}")
     refuse(values < 0, column, "0 s or more")
     return values
 

@@ -93,6 +93,8 @@ def _files(path: Path) -> list[Path]:
         return [path]
     found = sorted(file for file in path.rglob(f"*{ENDING}") if _is_data(file, path))
     stops = [file for file in found if re.search("stop", _entity(file, "task"), re.IGNORECASE)]
+    packed = [file.name for file in path.rglob(f"*{ENDING}.gz")]
+    require(not packed, "path", f"must hold plain files, not {ENDING}.gz: unpack them", packed[:3])
     require(found, "path", f"must hold files that end in {ENDING}", str(path))
     files = stops or found
     for kind in ("task", "ses"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ from bgmodel.tables.columns import (
     NO_RESPONSE,
     UNITS,
     check_answers,
+    check_both,
     code,
     delays,
     levels,
@@ -45,6 +46,7 @@ from bgmodel.tables.columns import (
     silent,
     strengths,
     times,
+    with_index,
 )
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
@@ -109,7 +111,7 @@ class Columns:
             named = given is None or isinstance(given, str)
             require(named, name, "must be the name of a column", given)
         named = self.upper is None or isinstance(self.upper, str)
-        require(named, "upper", "must be the name of a response", self.upper)
+        require(named, "upper", "must be the name of a response, as text", self.upper)
         known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
         require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
         check_flag("restore_delays", self.restore_delays)
@@ -182,17 +184,31 @@ def read_trials(
     try:
         named = {"rt": columns.rt, "response": columns.response, "ssd": columns.ssd}
         table = renamed(table, **named, participant=columns.participant)
-        kind = _choices
+        kind, about, used = _choices, "choices", set(CHOICES)
         if "ssd" in table:
-            kind = _stop_signals
+            kind, about, used = _stop_signals, "stop-signal trials", set(STOPS)
         elif {"pair", "reward"} <= set(table):
-            kind = _rewarded
-        if kind is not _choices:
-            require(strength is None, "strength", f"has no effect on {kind.__doc__}", strength)
+            kind, about, used = _rewarded, "choices that are rewarded", set(REWARDS)
+        _check_effect(about, used, columns, strength)
         found = kind(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
     return replace(found, source=name)
+
+
+NAMES = ("rt", "response", "participant", "rt_unit")
+CHOICES = (*NAMES, "upper", "stimulus", "alternatives", "deadline_s", "strength")
+STOPS = (*NAMES, "ssd", "trial_type", "deadline_s", "restore_delays")
+REWARDS = NAMES
+"""Settings that have an effect on each kind of trials."""
+
+
+def _check_effect(about: str, used: set[str], columns: Columns, strength: str | None) -> None:
+    """Raise ValueError for a setting without effect on a kind of trials."""
+    given = {each.name: getattr(columns, each.name) != each.default for each in fields(Columns)}
+    for name, is_given in (given | {"strength": strength is not None}).items():
+        if is_given and name not in used:
+            raise InputError(f"{name} has no effect on {about}: leave it out", name)
 
 
 def _choices(
@@ -266,11 +282,16 @@ def _stop_signals(
 ) -> Trials:  # fmt: skip
     """stop-signal trials."""
     table, who, rt_s, held = _others(table, ["ssd"], wanted, participant, columns)
+    if "response" in table:
+        check_both(table, rt_s, silent(table))
+    if columns.deadline_s is not None:
+        check_deadline(rt_s, columns.deadline_s)
     ssd_s, correct = delays(table["ssd"], columns.rt_unit), _correct(table, rt_s)
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
     for each in np.unique(who).tolist():
-        go = np.isnan(ssd_s[who == each]).any()
-        require(go, "ssd", f"must be empty in some trials of {each}, the go trials", "none")
+        if not np.isnan(ssd_s[who == each]).any():
+            said = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
+            raise InputError(said, "ssd")
     right = np.ones(len(rt_s), bool) if correct is None else correct
     chosen = np.where(np.isnan(rt_s), NO_RESPONSE, right).astype(np.int8)
     if not columns.restore_delays:
@@ -292,24 +313,31 @@ def _rewarded(
     refuse(np.isnan(rt_s), table["rt"], "given for every trial")
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
+    better, other = (reward[response == side] for side in (1, 0))
+    if len(better) and len(other) and better.mean() < other.mean():
+        DataWarning.warn(
+            f"response 1, the better item, is rewarded in {better.mean():.0%} of its trials and "
+            f"response 0 in {other.mean():.0%}: are the codes exchanged?"
+        )
     return Trials(who, rt_s, response, None, held, reward=reward.astype(np.float64))
 
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
     """Return which responses are correct; None if the table does not say which are right."""
-    if "correct" in table:
-        return np.asarray(code(table["correct"]) == 1)
-    if not {"stimulus", "response"} <= set(table):
-        return None
-    stimulus, response = (names_of(table[name]) for name in ("stimulus", "response"))
-    correct = np.asarray(stimulus == response) & ~silent(table[["rt", "response"]])
     answered = np.isfinite(rt_s)
+    if "correct" in table:
+        correct = np.asarray(code(table["correct"]) == 1)
+        hint = "is correct coded as 1?"
+    elif {"stimulus", "response"} <= set(table):
+        stimulus, response = (names_of(table[name]) for name in ("stimulus", "response"))
+        correct = np.asarray(stimulus == response) & ~silent(table[["rt", "response"]])
+        hint = "are response and stimulus in the same words? Responses are "
+        hint += f"{_some(response[answered])}, stimuli {_some(stimulus)}"
+    else:
+        return None
     share = float(correct[answered].mean()) if answered.any() else 1.0
     if share < LEAST_RIGHT:
-        DataWarning.warn(
-            f"{share:.0%} of responses are correct, equal to the stimulus: are both columns in "
-            f"the same words? Responses are {_some(response[answered])}, stimuli {_some(stimulus)}"
-        )
+        DataWarning.warn(f"{share:.0%} of responses are correct: {hint}")
     return correct
 
 
@@ -332,7 +360,7 @@ def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
 def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd.DataFrame]:
     """Return the name of a source and its unchanged table."""
     if isinstance(source, pd.DataFrame):
-        return "a table", source.reset_index(drop=True)
+        return "a table", with_index(source)
     path = path_of(source, "source")
     if str(source) in READ:
         return str(source), shipped_table(str(source))[0]

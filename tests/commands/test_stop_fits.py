@@ -22,7 +22,8 @@ def table_of(people=4, trials=120):
         go = 0.3 + rng.gamma(3.0, 0.05, trials)
         ssd = np.where(rng.random(trials) < 0.4, rng.choice([0.1, 0.2, 0.3], trials), np.nan)
         rt = np.where(go < np.nan_to_num(ssd + 0.2, nan=9), go, np.nan)
-        right = np.where(rng.random(trials) < 0.95, "left", "right")
+        right = np.where(rng.random(trials) < 0.95, "left", "right").astype(object)
+        right[np.isnan(rt)] = None
         parts.append(pd.DataFrame({"participant_id": f"p{who}", "rt": rt, "ssd": ssd,
                                    "stimulus": "left", "response": right}))  # fmt: skip
     return pd.concat(parts, ignore_index=True)

@@ -173,3 +173,14 @@ def test_densities_of_another_shape_or_without_a_value_are_refused(wrong):
     with pytest.raises(InputError) as error:
         bg.fit(people(), Wrong(), strength="strength")
     assert error.value.field == "log_density"
+
+
+def test_trials_that_a_model_rules_out_are_said():
+    class Late(LogNormal):
+        def log_density(self, trials, values):
+            found = super().log_density(trials, values)
+            return np.where(trials.rt_s < 0.5, -np.inf, found)
+
+    with pytest.warns(FitWarning, match="impossible under the fitted model"):
+        found = bg.fit(people(), Late(), strength="strength")
+    assert np.isfinite(found.optimum.log_likelihood)

@@ -12,8 +12,8 @@ from bgmodel.support.checks import Problems
 from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.record import Trials
 from bgmodel.trials.statistics import statistics
-from circuits.errors import InputError
-from tests.helpers import refused
+from circuits.errors import DataWarning, InputError
+from tests.helpers import refused, unwarned
 from tests.read import read
 
 TRIALS = 60
@@ -376,3 +376,83 @@ def test_many_problems_are_counted_and_one_stays_as_it_was(count):
     assert len(said) < 450
     assert ("more" in said) == (count == 9)
     assert said.startswith("problem 0" if count == 1 else f"{count} problems: problem 0")
+
+
+def stops(**changes):
+    """Return stop-signal trials of one person, with sides and responses."""
+    rt = np.tile([0.41, 0.523, np.nan, 0.456, 0.397, 0.61], 6) + np.arange(36) / 1000
+    table = pd.DataFrame(
+        {
+            "participant_id": "a",
+            "rt": rt,
+            "ssd": np.tile([np.nan, np.nan, 0.2, np.nan, np.nan, 0.25], 6),
+            "stimulus": np.tile(["l", "r"], 18),
+        }
+    )
+    table["response"] = table["stimulus"].where(table["rt"].notna())
+    return table.assign(**changes)
+
+
+def rewards(**changes):
+    """Return rewarded choices of one person between two pairs."""
+    rng = np.random.default_rng(3)
+    response = rng.integers(0, 2, 60)
+    table = pd.DataFrame(
+        {
+            "pair": np.tile(["x", "y"], 30),
+            "rt": rng.uniform(0.4, 1.2, 60),
+            "response": response,
+            "reward": (rng.random(60) < np.where(response, 0.8, 0.2)).astype(int),
+        }
+    )
+    return table.assign(**changes)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda t: t.assign(rt=t["rt"].fillna(1.0)), "response"),
+        (lambda t: t.assign(rt=t["rt"].where(t.index != 5)), "rt"),
+        (lambda t: t.assign(ssd=t["ssd"].where(t.index != 2, 250.0)), "ssd"),
+        (lambda t: t.assign(ssd=t["ssd"].where(t.index != 2, 99.0)), "ssd"),
+        (lambda t: t.assign(ssd=0.2), "ssd"),
+    ],
+)
+def test_a_stop_trial_that_cannot_be_is_refused(change, field):
+    assert read_trials(stops()).trials == 36
+    with refused(field):
+        read_trials(change(stops()))
+
+
+@pytest.mark.parametrize(
+    ("made", "options"),
+    [
+        (stops, {"upper": "l"}),
+        (stops, {"alternatives": 4}),
+        (stops, {"stimulus": "stimulus"}),
+        (rewards, {"upper": "0"}),
+        (rewards, {"deadline_s": 9.0}),
+        (rewards, {"restore_delays": True}),
+        (people, {"restore_delays": True}),
+        (people, {"trial_type": "kind"}),
+    ],
+)
+def test_a_setting_without_effect_on_a_kind_of_trials_is_refused(made, options):
+    with refused(next(iter(options))):
+        read_trials(made(), columns=Columns(**options))
+
+
+def test_codes_that_are_exchanged_are_doubted():
+    right = stops()["stimulus"] == stops()["response"]
+    with pytest.warns(DataWarning):
+        read_trials(stops(correct=(~right).astype(int)))
+    with pytest.warns(DataWarning):
+        read_trials(rewards(response=1 - rewards()["response"]))
+    with unwarned():
+        read_trials(stops(correct=right.astype(int)))
+        read_trials(rewards())
+
+
+def test_participants_in_the_index_are_people():
+    table = people()
+    assert read_trials(table.set_index("participant_id")).people() == read_trials(table).people()

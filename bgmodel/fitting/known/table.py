@@ -23,6 +23,7 @@ from bgmodel.tables.columns import (
     refuse,
     rows,
     times,
+    with_index,
 )
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
@@ -231,6 +232,11 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
         if len(names) < 2:
             raise InputError(f"{said}; got side {', '.join(names)} only", "side")
         given = np.array(names) == side[:, None]
+        if (value < 0).any():
+            DataWarning.warn(
+                f"{(value < 0).sum()} cues have a side and a value below 0, and count against that "
+                "side: leave side out if the sign of value says which side is favoured"
+            )
         columns = np.where(given, value[:, None], 0.0)
     else:
         names, columns = list(SIGNED), np.stack([-value / 2, value / 2], axis=1)
@@ -243,7 +249,7 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
 def _table(source: Source, field: str) -> tuple[str, pd.DataFrame]:
     """Return the name of a source and its table."""
     if isinstance(source, pd.DataFrame):
-        return "a table", source.reset_index(drop=True)
+        return "a table", with_index(source)
     path = path_of(source, field)
     with _within(path.name, field):
         return path.name, read_rows(path).reset_index(drop=True)
