@@ -113,6 +113,7 @@ LEGAL = {
     "fit folder": ["text"],
     **{f"Columns {name}": ["text"] for name in NAMES_OF_COLUMNS},
     "Columns deadline_s": ["huge"],
+    "discriminate workers": ["huge"],
     "names": ODD,
     "check_seed": ["huge"],
 }
