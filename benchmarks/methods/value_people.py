@@ -13,7 +13,7 @@ from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.learning.values.diffusion import choice_probability, draw
 from bgmodel.learning.values.models import ValueLikelihood, ValueModel, likelihood
-from bgmodel.learning.values.people import by_person, pairs_of
+from bgmodel.learning.values.people import pairs_of
 from bgmodel.learning.values.simulated import simulated
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
@@ -201,7 +201,7 @@ def recovered(model: ValueModel, true: Array, seed: int) -> tuple[Array, Truths]
     Both are (people, parameters), on their scales.
     """
     found, inside = np.empty(true.shape), np.empty(true.shape, dtype=bool)
-    for who, person in by_person(simulated(model, natural(model, true), seed=seed)).items():
+    for who, person in simulated(model, natural(model, true), seed=seed).by_participant().items():
         k, own = int(who), likelihood(model, person)
         at = optimum(own).vector
         drawn = posterior(own, directions(own, at), most_steps=STEPS, seed=seed + k)

@@ -53,7 +53,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.predicted import predicted
 from bgmodel.learning.values.models import MODELS, likelihood
-from bgmodel.learning.values.people import by_person, read_pairs
+from bgmodel.learning.values.people import read_pairs
 from bgmodel.learning.values.simulated import simulated
 from bgmodel.trials.record import Trials
 
@@ -74,7 +74,7 @@ CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "t0_s": 0.4, "stickiness
 @cache
 def people_of(people: int) -> dict[str, Trials]:
     """Return the first people of the built-in set."""
-    return dict(list(by_person(read_pairs()).items())[:people])
+    return dict(list(read_pairs().by_participant().items())[:people])
 
 
 @cache
@@ -180,7 +180,7 @@ def confounded(people: int) -> pd.DataFrame:
     for stickiness in (0.0, CONFOUNDED["stickiness"]):
         true = CONFOUNDED | {"stickiness": stickiness}
         values = {name: np.full(people, value) for name, value in true.items()}
-        made = by_person(simulated(one, values, seed=SCORING_SEED)).values()
+        made = simulated(one, values, seed=SCORING_SEED).by_participant().values()
         for fixed in ({"stickiness": 0.0}, {}):
             each = [log_ratio(optimum(likelihood("q, two rates", person, fixed=fixed)).values)
                     for person in made]  # fmt: skip

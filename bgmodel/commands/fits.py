@@ -212,9 +212,6 @@ class FitRun(FitSettings):
         self.check()
         if self.models == ():
             raise InputError("models must name at least one", "models")
-        if self.compare and self._alone() and not self.effects:
-            must = "needs at least two models, or one with --vary or --formula"
-            raise InputError.of("compare", must, ", ".join(self.models or ()))
         if self.task == "stop":
             fit_stop_signals(self)
             return
@@ -231,6 +228,9 @@ class FitRun(FitSettings):
         names = self._models(choices.alternatives)
         self.check_kind(choices, [self.model(name) for name in names])
         asked, between = self.split(choices)
+        if self.compare and self._alone() and not asked.effects:
+            must = "needs at least two models, or one with --vary or --formula"
+            raise InputError.of("compare", must, ", ".join(names))
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = asked.people(choices)
         designs = {who: asked.design(some) for who, some in people}

@@ -55,7 +55,7 @@ def fit_hierarchically(
         raise InputError(
             "--draws has no effect with --people hierarchical, which always draws", "draws"
         )
-    for name in (GROUP, PEOPLE, CELLS):
+    for name in (GROUP, PEOPLE, CELLS, EFFECTS):
         path = folder / name
         files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)

@@ -132,7 +132,8 @@ def _model(axes: list[Axes], cells: pd.DataFrame, place: Array, look: Look, labe
     for percent in PERCENT.values():
         axes[3].plot(place, cells[f"model_q{percent}_s"], **look, lw=1)
         times = pd.concat([_predicted(cells, f"{name}_q{percent}_s") for name in SIDES])
-        axes[4].plot(both.to_numpy()[order], times.to_numpy()[order], **look, lw=1)
+        alone: Look = {"marker": "_", "ms": 8} if times.notna().sum() == 1 else {}
+        axes[4].plot(both.to_numpy()[order], times.to_numpy()[order], **{**look, "lw": 1, **alone})
 
 
 def _predicted(cells: pd.DataFrame, name: str) -> pd.Series:

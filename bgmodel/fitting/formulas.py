@@ -67,7 +67,7 @@ class Formula:
         Raises
         ------
         ValueError
-            For an unknown column, one with a single value or more than 30, terms that have no
+            For an unknown column, one with a single value or more than 30 levels, terms without a
             value in some cell, and designs whose columns are collinear.
         """
         from formulaic.errors import FormulaicError
@@ -110,14 +110,16 @@ class Formula:
             if column not in conditions:
                 there = ", ".join(conditions) or "none"
                 raise self._refused(f"has the unknown column {column!r}: conditions are {there}")
-            values = sorted(set(conditions[column]))
-            if not 1 < len(values) <= MOST_LEVELS:
+            count, given = len(set(conditions[column])), pd.Series(list(conditions[column]))
+            numbers = pd.to_numeric(given, errors="coerce")
+            levels = bool(numbers.isna().any())
+            if count < 2:
+                raise self._refused(f"needs two values of {column!r}, which has one: leave it out")
+            if levels and count > MOST_LEVELS:
                 raise self._refused(
-                    f"needs 2 to {MOST_LEVELS} values of {column!r}, which has {len(values)}: "
-                    + ("leave it out" if len(values) < 2 else "round it, or divide it into bins")
+                    f"needs at most {MOST_LEVELS} levels of {column!r}, which has {count}"
                 )
-            numbers = pd.to_numeric(pd.Series(list(conditions[column])), errors="coerce")
-            frame[column] = pd.Series(list(conditions[column])) if numbers.isna().any() else numbers
+            frame[column] = given if levels else numbers
         return pd.DataFrame(frame, index=range(cells))
 
     def _check(self, design: Array, labels: list[str]) -> None:

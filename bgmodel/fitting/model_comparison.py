@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.checks.binned import resolved
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
 from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.predicted import Predicted, better_by, by_person, predicted
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
@@ -254,12 +256,13 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
 
 
 def _crossvalidated(people: list[Peak]) -> Score:
-    """Return the score of fits to single people."""
+    """Return the score of fits to single people, in bins as narrow as each fit needs."""
+    fits = [resolved(Optimum(each, vector, each(vector), 1)) for each, vector in people]
     return Score(
-        _joined([predicted(likelihood, start=vector) for likelihood, vector in people]),
-        _person([likelihood for likelihood, _ in people]),
-        sum(likelihood(vector) for likelihood, vector in people),
-        sum(len(vector) for _, vector in people),
+        _joined([predicted(each.likelihood, start=each.vector) for each in fits]),
+        _person([each.likelihood for each in fits]),
+        sum(float(each.likelihood.unbiased(each.vector).sum()) for each in fits),
+        sum(len(each.vector) for each in fits),
     )
 
 

@@ -100,8 +100,10 @@ def optimum(
         Called with the number of evaluations and the best height so far, nats.
     """
     begin = likelihood.starts() if starts is None else list(starts)
-    search = _stochastic if likelihood.rough else _along_slopes
-    vector, evaluations = search(likelihood, begin, seed, tell)
+    if likelihood.rough:
+        vector, evaluations = _stochastic(likelihood, begin, seed, tell)
+    else:
+        vector, evaluations = _along_slopes(likelihood, begin, tell)
     return Optimum(likelihood, vector, likelihood(vector), evaluations)
 
 
@@ -149,11 +151,8 @@ def _scales(likelihood: Likelihood, first: Array) -> Array:
     return np.asarray(np.clip(0.15 * np.abs(first), 0.02 * width, 0.2 * width))
 
 
-def _along_slopes(
-    likelihood: Likelihood, starts: Sequence[Array], seed: int, tell: Tell
-) -> tuple[Array, int]:
+def _along_slopes(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
     """Return the best point reached along slopes, and the number of evaluations."""
-    del seed  # nothing is drawn
     tried = [_climbed(likelihood, _within(likelihood, start), SHORT) for start in starts]
     vector, value, _ = max(tried, key=lambda each: each[1])
     vector, value, last = _climbed(likelihood, vector, LONG)

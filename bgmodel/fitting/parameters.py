@@ -178,7 +178,7 @@ class ParameterSpace:
 
     @cached_property
     def _scales(self) -> list[str]:
-        """The scale of each number; differences and slopes have none of their own."""
+        """The scale of each number; differences and slopes are not transformed."""
         return ["identity" if each.effect else each.parameter.scale for each in self.moved]
 
     @cached_property

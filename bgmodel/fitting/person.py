@@ -179,9 +179,10 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         formula=formula, noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
     # Before the table is read: the column of an unknown parameter may be missing too.
-    asked.check_parameters({"model": asked.model(model)})
+    first = asked.model(model)
+    asked.check_parameters({"model": first})
     found = asked.read(data)
-    asked.check_kind(found, [asked.model(model)])
+    asked.check_kind(found, [first])
     asked, between = asked.split(found)
     people = asked.people(found)
     if len(people) > 1 and not hierarchical:

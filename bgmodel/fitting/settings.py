@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -168,8 +169,7 @@ class FitSettings:
         names: list[str] = []
         columns, of = [], []
         for each in between:
-            own = getattr(first.model, "threshold_name", each.parameter)
-            own = own if each.parameter == "threshold" else each.parameter
+            own = own_name(each.parameter, first.model)
             made = each.matrix(given, np.arange(len(rows)), len(rows))
             if made.pop("Intercept", None) is None:
                 must = "must have an intercept: the group's mean"
@@ -230,9 +230,9 @@ class FitSettings:
             lacking = [name for name in self.by if name not in data.conditions]
             must = "must be read with the trials: read_trials(..., conditions=...)"
             require(not lacking, "conditions", must, lacking)
-            who = data.participant
-            mine = who == (named_participant(self.participant, who) if self.participant else who)
-            trials = data.where(mine)
+            trials, who = data, data.participant
+            if self.participant is not None:
+                trials = data.where(who == named_participant(self.participant, who))
         else:
             trials = read_trials(
                 data, strength=self.strength, conditions=self.by, participant=self.participant,
@@ -259,7 +259,7 @@ class FitSettings:
         """Return the trials of each person to fit, or of all pooled."""
         if self.pooled:
             return [(self.participant or "all", choices)]
-        return [(who, choices.where(choices.participant == who)) for who in choices.people()]
+        return list(choices.by_participant().items())
 
     def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
@@ -373,11 +373,7 @@ class FitSettings:
         """
         from bgmodel.fitting.likelihood import likelihood_of
 
-        known = {each.name: each for each in model.parameters}
-
-        def own(name: str) -> str:
-            return getattr(model, "threshold_name", name) if name == "threshold" else name
-
+        known, own = {each.name: each for each in model.parameters}, partial(own_name, model=model)
         fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
         if len(vary) < len(self.varied):
@@ -411,6 +407,11 @@ class FitSettings:
         largest = max(float(each.strength.max()) for each in designs.values())
         found = {who: self.likelihood(each, model, largest) for who, each in designs.items()}
         return shared_ranges(found)
+
+
+def own_name(name: str, model: AnyModel) -> str:
+    """Return a model's own name of a parameter: "threshold" is what sets its criterion."""
+    return getattr(model, "threshold_name", name) if name == "threshold" else name
 
 
 def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood]:

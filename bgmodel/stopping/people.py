@@ -29,10 +29,10 @@ def read_people(
     ValueError
         As for ``read_trials``, without delays, and for the impossible trials of a participant.
     """
-    trials, people = read_trials(source, columns=columns), {}
-    for who in trials.people():
+    people = {}
+    for who, trials in read_trials(source, columns=columns).by_participant().items():
         try:
-            people[who] = StopTrials.of(trials.where(trials.participant == who))
+            people[who] = StopTrials.of(trials)
         except InputError as error:
             raise within(f"participant {who}", error, "source") from None
     if columns.restore_delays:

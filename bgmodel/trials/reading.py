@@ -184,38 +184,43 @@ def read_trials(
     try:
         named = {"rt": columns.rt, "response": columns.response, "ssd": columns.ssd}
         table = renamed(table, **named, participant=columns.participant)
-        kind, about, used = _choices, "choices", set(CHOICES)
         if "ssd" in table:
-            kind, about, used = _stop_signals, "stop-signal trials", set(STOPS)
+            check_effect("stop-signal trials", columns, strength)
+            found = _stop_signals(table, wanted, participant, columns)
         elif {"pair", "reward"} <= set(table):
-            kind, about, used = _rewarded, "choices that are rewarded", set(REWARDS)
-        _check_effect(about, used, columns, strength)
-        found = kind(table, strength, wanted, participant, columns)
+            check_effect("rewarded choices", columns, strength)
+            found = _rewarded(table, wanted, participant, columns)
+        else:
+            check_effect("choices", columns, strength)
+            found = _choices(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
     return replace(found, source=name)
 
 
-NAMES = ("rt", "response", "participant", "rt_unit")
-CHOICES = (*NAMES, "upper", "stimulus", "alternatives", "deadline_s", "strength")
-STOPS = (*NAMES, "ssd", "trial_type", "deadline_s", "restore_delays")
-REWARDS = NAMES
+NAMES = {"rt", "response", "participant", "rt_unit"}
+USED = {
+    "choices": NAMES | {"upper", "stimulus", "alternatives", "deadline_s", "strength"},
+    "stop-signal trials": NAMES | {"ssd", "trial_type", "deadline_s", "restore_delays"},
+    "rewarded choices": NAMES,
+    "known evidence": NAMES | {"upper"},
+}
 """Settings that have an effect on each kind of trials."""
 
 
-def _check_effect(about: str, used: set[str], columns: Columns, strength: str | None) -> None:
+def check_effect(kind: str, columns: Columns, strength: str | None = None) -> None:
     """Raise ValueError for a setting without effect on a kind of trials."""
     given = {each.name: getattr(columns, each.name) != each.default for each in fields(Columns)}
     for name, is_given in (given | {"strength": strength is not None}).items():
-        if is_given and name not in used:
-            raise InputError(f"{name} has no effect on {about}: leave it out", name)
+        if is_given and name not in USED[kind]:
+            raise InputError(f"{name} has no effect on {kind}: leave it out", name)
 
 
 def _choices(
     table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
     columns: Columns,
 ) -> Trials:  # fmt: skip
-    """Choices."""
+    """Return choices and their times."""
     stimulus, upper = columns.stimulus, columns.upper
     used = [each for each in (*wanted, strength, stimulus) if each is not None]
     check_no_stops(table)
@@ -272,15 +277,14 @@ def _others(
     if participant is None:
         return table, who, rt_s, held
     own = who == named_participant(participant, who)
-    return (part.loc[own].reset_index(drop=True) if isinstance(part, pd.DataFrame) else part[own]
-            for part in (table, who, rt_s, held))  # type: ignore[return-value]  # fmt: skip
+    part, conditions = (each[own].reset_index(drop=True) for each in (table, held))
+    return part, who[own], rt_s[own], conditions
 
 
 def _stop_signals(
-    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
-    columns: Columns,
-) -> Trials:  # fmt: skip
-    """stop-signal trials."""
+    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
+) -> Trials:
+    """Return stop-signal trials."""
     table, who, rt_s, held = _others(table, ["ssd"], wanted, participant, columns)
     if "response" in table:
         check_both(table, rt_s, silent(table))
@@ -301,10 +305,9 @@ def _stop_signals(
 
 
 def _rewarded(
-    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
-    columns: Columns,
-) -> Trials:  # fmt: skip
-    """Choices that are rewarded."""
+    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
+) -> Trials:
+    """Return choices between the items of a pair that are rewarded."""
     more = [name for name in wanted if name != "pair"]
     table, who, rt_s, held = _others(
         table, ["response", "pair", "reward"], more, participant, columns

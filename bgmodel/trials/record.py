@@ -136,6 +136,10 @@ class Trials(Facts):
         """Return the participants, sorted."""
         return sorted({str(name) for name in self.participant})
 
+    def by_participant(self) -> dict[str, Trials]:
+        """Return the trials of each participant."""
+        return {who: self.where(self.participant == who) for who in self.people()}
+
     def facts(self) -> dict[str, str]:
         """Return the numbers of trials, participants and responses, and the range of times."""
         known = {"source": self.source, "trials": f"{self.trials}"}

@@ -230,3 +230,9 @@ def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():
     assert abs(none["value"]) < 3 * none["standard_error"]
     with refused("vary"):
         bg.fit(table, "constant_gap", strength="x", vary={"bound": "theta"})
+
+
+def test_a_number_of_each_person_may_have_any_number_of_values():
+    ages = [f"{20 + k}" for k in range(40)]
+    made = Formula("bound", "age").matrix({"age": ages}, np.arange(40), 40)
+    assert made["age"].tolist() == list(range(20, 60))

@@ -150,3 +150,7 @@ def test_a_predictor_between_people_is_named_as_that():
     together = settings_of(formula="bound ~ group", hierarchical=True)
     within, (between,) = together.split(together.read(table))
     assert (within.formula, between.columns) == ((), ["group"])
+    blocks = table.assign(block=np.tile(["x", "y"], 40))
+    both = settings_of(formula=["bound ~ block", "bound ~ group"], hierarchical=True)
+    within, _ = both.split(both.read(blocks))
+    assert within.effects == ["bound"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ from bgmodel.tables.columns import (
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import SEPARATORS, read_rows
-from bgmodel.trials.reading import OURS, Columns
+from bgmodel.trials.reading import OURS, Columns, check_effect
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
@@ -112,7 +112,7 @@ def read_known(
         If the evidence has trials that are not in ``data``.
     """
     name, table = _table(data, "data")
-    _check_used(columns)
+    check_effect("known evidence", columns)
     own = {each: getattr(columns, each) for each in ("rt", "response", "participant")}
     with _within(name, "data"):
         table = rows(renamed(table, **own), ["trial"], participant)
@@ -148,15 +148,6 @@ def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: A
             "alternatives exchanged (upper), or the signs of values?",
             "response",
         )
-
-
-def _check_used(columns: Columns) -> None:
-    """Raise ValueError for a setting of columns that has no effect."""
-    used = ("rt", "response", "participant", "rt_unit", "upper")
-    for each in fields(columns):
-        if each.name not in used and getattr(columns, each.name) != each.default:
-            said = f"{each.name} has no effect with evidence: leave it out"
-            raise InputError(said, each.name)
 
 
 def people_of(data: Source, columns: Columns = OURS) -> Sequence[str | None]:

@@ -44,7 +44,7 @@ class Design:
     who : str
         Name of the participant, for messages.
     choices : Trials, optional
-        The trials as they were read, within the window.
+        Trials of the table whose response times are within the window.
     """
 
     strength: Array

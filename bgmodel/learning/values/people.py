@@ -93,11 +93,6 @@ def read_pairs(
         As for ``read_trials``, without rewards, and for trials that ``pairs_of`` refuses.
     """
     found = read_trials(source, conditions=["pair", *conditions])
-    for each in by_person(found).values():
+    for each in found.by_participant().values():
         pairs_of(each)
     return found
-
-
-def by_person(trials: Trials) -> dict[str, Trials]:
-    """Return the trials of each person, by name."""
-    return {who: trials.where(trials.participant == who) for who in trials.people()}

@@ -22,7 +22,6 @@ from benchmarks.methods.value_people import (
 )
 from bgmodel.fitting.optimum import optimum
 from bgmodel.learning.values.models import MODELS, likelihood
-from bgmodel.learning.values.people import by_person
 from bgmodel.learning.values.simulated import simulated
 
 MODEL = MODELS["q"]
@@ -32,7 +31,8 @@ AT = np.array([float(each.scaled(TRUE[each.name])) for each in MODEL.parameters]
 
 @pytest.fixture(scope="module")
 def people():
-    return by_person(simulated(MODEL, natural(MODEL, np.tile(AT, (12, 1))), trials=LAST, seed=11))
+    made = simulated(MODEL, natural(MODEL, np.tile(AT, (12, 1))), trials=LAST, seed=11)
+    return made.by_participant()
 
 
 @pytest.fixture(scope="module")

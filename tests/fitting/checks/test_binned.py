@@ -7,12 +7,14 @@ import pandas as pd
 import pytest
 from scipy.signal import fftconvolve
 
+from bgmodel.fitting import predicted
 from bgmodel.fitting.alternatives.race import RaceModel
 from bgmodel.fitting.checks.binned import PARTS, finer, moved_by_bins, of_bins, resolved
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Grid, moments, responded
 from bgmodel.fitting.identify import directions
+from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import settings_of
 from bgmodel.support.seeds import stream
@@ -140,3 +142,16 @@ def test_the_fit_of_fast_decisions_agrees_with_an_own_series(bound, start):
             there = np.interp(seen.rt_s[own], at, smooth, left=0.0, right=0.0)
             total += np.log((1 - values["lapse"]) * there + lapse).sum()
     assert found.log_likelihood == pytest.approx(total, abs=0.5)
+
+
+def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
+    """Whatever bins the likelihood had that is given: those of fast decisions are too wide."""
+    monkeypatch.setattr(predicted, "FOLDS", 2)
+    some = likelihood(0.3, start=0.85, trials=300)
+    fine = resolved(optimum(some))
+    given = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}
+    found = crossvalidated({name: {"a": peak} for name, peak in given.items()}).table
+    assert found.loc["wide", "log_likelihood"] == pytest.approx(
+        found.loc["narrow", "log_likelihood"], abs=0.02
+    )
+    assert abs(some(fine.vector) - fine.log_likelihood) > 0.5

@@ -25,7 +25,7 @@ from bgmodel.learning.values.diffusion import (
 )
 from bgmodel.learning.values.learners import QLearning
 from bgmodel.learning.values.models import MODELS, likelihood, model_of, value_differences
-from bgmodel.learning.values.people import by_person, pairs_of, read_pairs
+from bgmodel.learning.values.people import pairs_of, read_pairs
 from bgmodel.learning.values.simulated import simulated
 from circuits.errors import FitWarning
 from tests.helpers import refused
@@ -39,7 +39,7 @@ ONE = {name: value for name, value in TRUE.items() if name != "rate_minus"}
 def made(model, true, people=1, seed=1, trials=60, **changes):
     """Return simulated people with the same parameters, except for those given for each."""
     values = {name: np.full(people, value) for name, value in true.items()} | changes
-    return by_person(simulated(model, values, trials=trials, seed=seed))
+    return simulated(model, values, trials=trials, seed=seed).by_participant()
 
 
 def vector(own, **changes):
@@ -232,7 +232,7 @@ def test_the_median_person_is_found_in_a_hierarchy_of_twelve():
 
 
 def test_the_built_in_set_is_read_for_each_person():
-    people = by_person(read_pairs())
+    people = read_pairs().by_participant()
     assert len(people) == 28
     assert sum(one.trials for one in people.values()) == 5280
     assert {pairs_of(one).names for one in people.values()} == {("AB", "CD", "EF")}
