@@ -9,6 +9,7 @@ from scipy.special import expit
 from scipy.stats import norm
 
 import bgmodel as bg
+from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter
@@ -159,9 +160,15 @@ def test_a_prior_pulls_an_estimate_as_its_precision_says():
             for each in MODEL.parameters
         )
 
-    pulled = optimum(likelihood_of(Prior(), design, fixed=fixed)).values["level"]
+    found = optimum(likelihood_of(Prior(), design, fixed=fixed))
     data, prior = 60 / 0.25**2, 1 / 0.05**2
-    assert pulled == pytest.approx((data * free + prior * 0.5) / (data + prior), abs=1e-4)
+    mean = (data * free + prior * 0.5) / (data + prior)
+    assert found.values["level"] == pytest.approx(mean, abs=1e-4)
+    # The information of these data is the sum of squared scores, and the prior adds its precision.
+    own, _ = found.likelihood.information(found.vector)
+    whole = directions(found.likelihood, found.vector)
+    assert whole.information[0, 0] - own[0, 0] == pytest.approx(prior, rel=1e-6)
+    assert whole.standard_errors[0] == pytest.approx((own[0, 0] + prior) ** -0.5, rel=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [np.zeros(3), np.full(400, np.nan)])

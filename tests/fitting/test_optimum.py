@@ -213,9 +213,10 @@ def test_responses_after_the_end_of_simulated_trials_are_said():
         likelihood_of(replace(model, seconds=2.0), design_of(some))
 
 
-def test_searches_in_threads_give_the_same_bytes_as_alone_and_leave_the_global_numbers(
-    brief_search,
-):
+def test_searches_in_threads_give_the_same_bytes_as_alone_and_leave_the_global_numbers(monkeypatch):
+    # For this test alone: others of this file count the usual points.
+    monkeypatch.setattr("bgmodel.fitting.optimum.POPULATION", 8)
+
     def searched(number):
         some = drawn(CONSTANT, [0.1, 0.4], 100, number, sensitivity=8.0, bound=0.5)
         return optimum(likelihood_of(CONSTANT, design_of(some))).vector.tobytes()

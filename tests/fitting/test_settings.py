@@ -154,3 +154,23 @@ def test_a_predictor_between_people_is_named_as_that():
     both = settings_of(formula=["bound ~ block", "bound ~ group"], hierarchical=True)
     within, _ = both.split(both.read(blocks))
     assert within.effects == ["bound"]
+
+
+def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
+    """It follows from the values of the covariate, which differ: the widest of any person."""
+    rng = np.random.default_rng(5)
+    table = pd.DataFrame({
+        "participant_id": np.repeat(["a", "b"], 80),
+        "theta": np.concatenate([rng.normal(0, 1, 80), rng.normal(0, 4, 80)]),
+        "rt": rng.uniform(0.3, 0.9, 160),
+        "response": np.arange(160) % 4 // 3 ^ 1,
+    })  # fmt: skip
+    asked = settings_of(formula="bound ~ theta", hierarchical=True)
+    designs = {who: asked.design(some) for who, some in asked.people(asked.read(table))}
+    alone = [asked.likelihood(each, GapModel()).freedom for each in designs.values()]
+    shared = [each.freedom for each in asked.likelihoods(designs, GapModel()).values()]
+    k = shared[0].names.index("bound[theta]")
+    assert alone[0].high[k] > 2 * alone[1].high[k]
+    for each in shared:
+        assert each.high[k] == max(one.high[k] for one in alone)
+        assert each.low[k] == min(one.low[k] for one in alone)
