@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
+    from bgmodel.fits import fit
     from bgmodel.fitting.model_comparison import compare_fits
-    from bgmodel.fitting.person import fit
     from bgmodel.from_taps import touch
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.learning.from_reward import learn
@@ -89,7 +89,7 @@ LAZY = {
     "compare_fits": "bgmodel.fitting.model_comparison",
     "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
-    "fit": "bgmodel.fitting.person",
+    "fit": "bgmodel.fits",
     "learn": "bgmodel.learning.from_reward",
     "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",

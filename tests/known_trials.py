@@ -4,9 +4,9 @@ import numpy as np
 
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.observers import observed, readings_from
-from bgmodel.fitting.known.table import Readings
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.simulated_evidence import gaussian_evidence
+from bgmodel.trials.readings import Readings
 
 TRUTH = {"gain": 1.0, "threshold": 0.12, "noise": 0.03, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.02}
 ALL = {**TRUTH, "leak_hz": 0.0, "urgency": 0.0, "run_effect": 0.0}

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
+from bgmodel import fits
 from bgmodel.discriminating.space import Space
-from bgmodel.fitting import person
 from bgmodel.tactile.decoder import Decoder
 
 EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
@@ -111,6 +111,7 @@ LEGAL = {
     "boundary_separation": ["huge", "array"],
     "first_crossing thresholds": ["array"],
     "fit folder": ["text"],
+    "fit model": ["None"],
     **{f"Columns {name}": ["text"] for name in NAMES_OF_COLUMNS},
     "Columns deadline_s": ["huge"],
     "discriminate workers": ["huge"],
@@ -163,8 +164,8 @@ def given(call, argument, odd):
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
-    monkeypatch.setattr(person, "fit_likelihood", lambda *_, **__: None)
-    monkeypatch.setattr(person, "fit_group", lambda *_, **__: None)
+    monkeypatch.setattr(fits, "fit_likelihood", lambda *_, **__: None)
+    monkeypatch.setattr(fits, "fit_group", lambda *_, **__: None)
     absent = Decoder.load
     monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")

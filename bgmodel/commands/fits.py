@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
-from bgmodel.commands.known_fits import fit_known_evidence
 from bgmodel.commands.options import MANY, record_of, values
-from bgmodel.commands.output import UNRECORDED, Output, check_whole, plain, recorded, say
-from bgmodel.commands.stop_fits import DEFAULT_MODELS, fit_stop_signals
-from bgmodel.fitting.hierarchy.group import ALIKE
-from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
+from bgmodel.commands.output import UNRECORDED, Output, check_whole, recorded, say
+from bgmodel.commands.stop_fits import fit_stop_signals
+from bgmodel.fits import Question, question
+from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.support import files
 from bgmodel.trials.reading import OURS
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
-if TYPE_CHECKING:
-    from bgmodel.fitting.likelihood import AnyModel
-
-EVIDENCE_ONLY = ("step_ms", "forced", "runs")
-"""Options that need --evidence."""
-MANY_MODELS = ("msprt", "macaque")
-"""Default models of more than two alternatives."""
-
-
+OF_EVIDENCE = ("step_ms", "forced", "runs")
+"""Settings of known evidence, given by --evidence."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
 PEOPLE = Literal["each", "pooled", "hierarchical"]
@@ -66,6 +58,9 @@ def fit(
     Simulated trials and finished fits are kept in FOLDER (by default fits/ and the name of the
     data): the same command resumes where it stopped.
 
+    The columns of DATA say what kind of trials they are: with rewards they are fitted by learners,
+    and with --evidence by models that answer for each trial.
+
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
     bgmodel fit mine.csv --strength contrast --formula "bound ~ instruction * side";
@@ -84,7 +79,9 @@ def fit(
     models
         Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
         race, lca (two or more), or a circuit, by its name or as a .toml file. By default
-        constant_gap and macaque, or msprt and macaque with more than two alternatives.
+        constant_gap and macaque, or msprt and macaque with more than two alternatives. Of rewarded
+        choices: "no learning", q, "q, two rates", "logit q", confidence, "confidence, two rates",
+        opal. With --evidence: msprt, leaky_sum, run or a circuit.
     strength
         Column of the signed strength of the evidence: positive favours response 1.
     participant
@@ -152,7 +149,7 @@ def fit(
         formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
         evidence=file, task=task, workers=workers, output=output,
         **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
-        **values(words, FitRun, EVIDENCE_ONLY),
+        **values(words, FitRun, OF_EVIDENCE),
     )()  # fmt: skip
 
 
@@ -187,26 +184,10 @@ class FitRun(FitSettings):
     compare: bool = False
     workers: int = 2
     task: str = "choices"
-    evidence: Path | None = None
-    step_ms: float | None = None
-    forced: bool = False
-    runs: int | None = None
     output: Output = Output()  # noqa: RUF009
-
-    def check_idle(self, used: Iterable[str], reason: str) -> None:
-        """Raise ValueError for an option that was given though it is not among those in use."""
-        for each in fields(self):
-            if each.name not in used and getattr(self, each.name) != each.default:
-                name = "people" if each.name in ("pooled", "hierarchical") else each.name
-                said = f"{name} has no effect with {reason}: leave it out"
-                raise InputError(said, each.name)
 
     def __call__(self) -> None:
         """Run the command."""
-        if self.evidence is not None:
-            fit_known_evidence(self)
-            return
-        self._check_needs_evidence()
         need_fit()
         check_whole(trials=self.trials, workers=self.workers)
         self.check()
@@ -223,32 +204,20 @@ class FitRun(FitSettings):
             ) from None
 
     def _fit(self) -> None:
-        """Fit choices and response times."""
-        choices = self.read(self.data)
-        names = self._models(choices.alternatives)
-        self.check_kind(choices, [self.model(name) for name in names])
-        asked, between = self.split(choices)
-        if self.compare and self._alone() and not asked.effects:
-            must = "needs at least two models, or one with --vary or --formula"
-            raise InputError.of("compare", must, ", ".join(names))
+        """Fit each model to each participant, or to all of them."""
         folder = self.folder or Path("fits") / Path(self.data).stem
-        people = asked.people(choices)
-        designs = {who: asked.design(some) for who, some in people}
-        more: dict[str, Any] = {"folder": folder / "stored", "alternatives": choices.alternatives}
-        more["seconds"] = seconds_of(designs.values())
-        models = {each: asked.model(each, **more) for each in names}
-        for lacking in asked.check_parameters(models):
+        one = question(self, self.data, self.models, folder / "stored")
+        if self.compare and len(one.versions) == 1:
+            (name,) = one.versions
+            one = one.constant(name)
+            must = "needs at least two models, or one with --vary or --formula"
+            require(len(one.versions) > 1, "compare", must, name)
+        for lacking in one.lacking:
             say(lacking)
-        versions = asked._versions(models)
-        circuits = _circuits({name: model for name, (_, model) in versions.items()})
+        circuits = _circuits(one)
         if self.hierarchical:
-            made = {name: own.likelihoods(designs, each) for name, (own, each) in versions.items()}
-            apart = {
-                name: asked.predictors(between, choices, each) if between else ALIKE
-                for name, each in made.items()
-            }
             options = {**self._asked(), "circuits": circuits}
-            fit_hierarchically(self, folder, options, made, apart, choices.checksum)
+            fit_hierarchically(self, folder, options, one)
             return
         kept = Kept(
             folder, self.seed, self._asked(), circuits,
@@ -256,12 +225,12 @@ class FitRun(FitSettings):
         )  # fmt: skip
         kept.check(self.output.force)
         # Build all before any is fitted, so that errors are raised at once.
+        by_model = {name: one.likelihoods(name) for name in one.versions}
         likelihoods = {
-            who: {name: own.likelihood(design, each) for name, (own, each) in versions.items()}
-            for who, design in designs.items()
+            who: {name: each[who] for name, each in by_model.items()} for who in one.people
         }
-        self.output.note(choices.summary())
-        fitted = [kept.person(who, some, likelihoods[who]) for who, some in people]
+        self.output.note(one.trials.summary())
+        fitted = [kept.person(who, some, likelihoods[who]) for who, some in one.people.items()]
         found = [each for person in fitted for each in person]
         parameters = kept.gather(found)
         if self.compare:
@@ -269,35 +238,10 @@ class FitRun(FitSettings):
         self.output.show("\n" + parameters.round(4).to_string(index=False), parameters)
         self.output.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
-    def _models(self, alternatives: int) -> tuple[str, ...]:
-        """Return the models to fit; by default those for a number of alternatives."""
-        return self.models or (MANY_MODELS if alternatives > 2 else DEFAULT_MODELS)
-
-    def _alone(self) -> bool:
-        """Return whether a single model is asked for."""
-        return self.models is not None and len(self.models) == 1
-
-    def _versions(self, models: Mapping[str, AnyModel]) -> dict[str, tuple[FitSettings, AnyModel]]:
-        """Return the models with their settings, and a single one without each of its effects."""
-        found: dict[str, tuple[FitSettings, AnyModel]] = {
-            name: (self, model) for name, model in models.items()
-        }
-        if self.compare and self._alone():
-            ((name, model),) = models.items()
-            for effect in self.effects:
-                found[f"{plain(name)}, same {effect}"] = self.constant(effect), model
-        return found
-
-    def _check_needs_evidence(self) -> None:
-        """Raise ValueError for an option of known evidence without any."""
-        for name in EVIDENCE_ONLY:
-            if getattr(self, name):
-                raise InputError(f"{name} needs --evidence", name)
-
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
         own = ("data", "folder", "models", "participant", "draws", "task",
-               "hierarchical", "compare", "evidence", *EVIDENCE_ONLY, *UNRECORDED)  # fmt: skip
+               "hierarchical", "compare", "evidence", *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:
@@ -307,13 +251,16 @@ class FitRun(FitSettings):
         # Of the whole table: participants may be fitted one after the other.
         file = Path(self.data)
         trials = files.checksum(file) if file.is_file() else self.data
+        known = (
+            {} if self.evidence is None else {"evidence": files.checksum(Path(str(self.evidence)))}
+        )
         version = {"bgmodel": __version__}
-        return {"data": self.data, "trials": trials, **simulated, **said, **version}
+        return {"data": self.data, "trials": trials, **known, **simulated, **said, **version}
 
 
-def _circuits(models: Mapping[str, AnyModel]) -> dict[str, str]:
+def _circuits(one: Question) -> dict[str, str]:
     """Return the hash of the circuit of each model that has one."""
     from bgmodel.fitting.likelihood import identity_of
 
-    made = {name: identity_of(model).get("circuit") for name, model in models.items()}
+    made = {name: identity_of(model).get("circuit") for name, (_, model, _) in one.versions.items()}
     return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bgmodel.commands.output import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
+from bgmodel.support.arrays import Array
 from bgmodel.version import __version__
 from circuits.errors import InputError, collected
 
@@ -97,7 +100,9 @@ class Kept:
 
         found = {name: self._one(who, some, name, each) for name, each in asked.items()}
         cells = {name: piece.cells for name, piece in found.items()}
-        _draw(cells, f"{some.source}, {who}", self.folder / f"{safe(who)}.png")
+        peaks = {name: (each, _peak(found[name])) for name, each in asked.items()}
+        figure = next(iter(asked.values())).draw(cells, peaks, f"{some.source}, {who}")
+        save_figure(figure, self.folder / f"{safe(who)}.png")
         return list(found.values())
 
     def _one(self, who: str, some: Trials, name: str, likelihood: Likelihood) -> Piece:
@@ -193,9 +198,7 @@ class Kept:
         optima: dict[str, dict[str, Any]] = {}
         for (who, models), pieces in zip(likelihoods.items(), fitted, strict=True):
             for (name, likelihood), piece in zip(models.items(), pieces, strict=True):
-                table = piece.parameters
-                vector = table.loc[~table["held"].astype(bool), "value"].to_numpy(dtype=float)
-                optima.setdefault(name, {})[who] = (likelihood, vector)
+                optima.setdefault(name, {})[who] = (likelihood, _peak(piece))
         found = crossvalidated(optima, tell=say)
         write_comparison(found, self.folder, self.seed, {**self.asked, "circuits": self.circuits})
         return found.summary()
@@ -253,7 +256,7 @@ def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
     return pd.read_csv(path, dtype=kinds, keep_default_na=False, na_values=none)
 
 
-def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:
-    from bgmodel.fitting.drawing import draw_fits
-
-    save_figure(draw_fits(cells, title), path)
+def _peak(piece: Piece) -> Array:
+    """Return the fitted parameters of a piece."""
+    table = piece.parameters
+    return np.asarray(table.loc[~table["held"].astype(bool), "value"], dtype=float)

@@ -14,6 +14,7 @@ from circuits.errors import InputError, collected
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.fits import Question
     from bgmodel.fitting.hierarchy.fit import GroupFit
     from bgmodel.fitting.hierarchy.group import Predictors
     from bgmodel.fitting.likelihood import Likelihood
@@ -28,9 +29,7 @@ def fit_hierarchically(
     command: Any,
     folder: Path,
     asked: dict[str, Any],
-    models: Mapping[str, Mapping[str, Likelihood]],
-    predictors: Mapping[str, Predictors],
-    checksum: str,
+    one: Question,
 ) -> None:
     """Fit each model to all participants, print the group's parameters and write tables and draws.
 
@@ -42,12 +41,8 @@ def fit_hierarchically(
         Folder for results.
     asked : dict
         Options, for the provenance.
-    models : dict of str to dict of str to Likelihood
-        Likelihood of each participant's trials under each model.
-    predictors : dict of str to Predictors
-        What differs between people and moves parameters, for each model.
-    checksum : str
-        Checksum of the trials.
+    one : Question
+        Trials and models.
     """
     import pandas as pd
 
@@ -59,10 +54,10 @@ def fit_hierarchically(
         path = folder / name
         files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
+    models = {name: one.likelihoods(name) for name in one.versions}
+    key = {**asked, "checksum": one.trials.checksum}
     found = {
-        name: _fit(
-            command, folder, name, likelihoods, predictors[name], {**asked, "checksum": checksum}
-        )
+        name: _fit(command, folder, name, likelihoods, one.predictors(likelihoods), key)
         for name, likelihoods in models.items()
     }
     group = _table({name: fit.summary().reset_index() for name, fit in found.items()})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,8 @@ def fit_stop_signals(command: Any) -> None:
     """
     from bgmodel.stopping.people import read_people
 
-    command.check_idle(USED, "--task stop")
+    unused = {each.name for each in fields(command)} - {*USED}
+    command.check_unused(unused, "with --task stop")
     folder = command.folder or Path("fits") / Path(command.data).stem
     paths = [folder / name for name in (PARAMETERS, PEOPLE)]
     for path in paths:

@@ -119,7 +119,8 @@ class Fit(Facts):
             quantiles of correct and wrong times. The title has the number of trials. With known
             evidence there are three: hazards per reading, and psychophysical kernels.
         """
-        return self.optimum.likelihood.draw(self)
+        peak = self.optimum.likelihood, self.optimum.vector
+        return peak[0].draw({"Model": self.cells()}, {"Model": peak}, peak[0].design.who)
 
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.

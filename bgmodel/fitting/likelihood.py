@@ -26,6 +26,7 @@ from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning, InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 BEYOND, MOST_S = 1e-4, 60.0
@@ -78,6 +79,8 @@ class OwnModel(Protocol):
 
 
 AnyModel = Model | TrialModel | OwnModel
+Peak = tuple["Likelihood", Array]
+"""A likelihood, and where it is highest."""
 
 
 @dataclass(frozen=True)
@@ -118,11 +121,16 @@ class Likelihood:
         """Return the predicted density of responses (cells, 2, bins), 1/s."""
         raise NotImplementedError
 
-    def draw(self, fit: Any) -> Figure:
-        """Draw data and a fitted model; see ``Fit.plot``."""
+    def draw(
+        self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
+    ) -> Figure:
+        """Draw data and fitted models, by name; see ``Fit.plot``.
+
+        ``cells`` are those of each fit, ``peaks`` the likelihood and the optimum of each.
+        """
         from bgmodel.fitting.drawing import draw_fits
 
-        return draw_fits({"Model": fit.cells()}, self.design.who)
+        return draw_fits(dict(cells), title)
 
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf outside the bounds."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
+from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import InputError, require
 
@@ -68,6 +69,14 @@ class FitSettings:
     """Number of simulated trials of the circuit, at each of seven drifts."""
     seed: int = 24_001
     """Seed of the simulated trials."""
+    evidence: Source | None = None
+    """The readings of each trial; models then answer for each single trial."""
+    step_ms: float | None = None
+    """Time between readings, ms, if the evidence has steps instead of times."""
+    forced: bool = False
+    """Whether the last reading of a trial forces a response."""
+    runs: int | None = None
+    """Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32."""
 
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
@@ -83,6 +92,15 @@ class FitSettings:
         if not isinstance(self.mechanism, str) or self.mechanism not in MECHANISMS:
             allowed = ", ".join(MECHANISMS)
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
+
+    def check_unused(self, names: Iterable[str], reason: str) -> None:
+        """Raise ValueError for one of some settings that was given though it has no effect."""
+        for each in fields(self):
+            value, usual = getattr(self, each.name), each.default
+            same = value is usual or (isinstance(value, type(usual)) and value == usual)
+            if each.name in names and not same:
+                said = f"{each.name} has no effect {reason}: leave it out"
+                raise InputError(said, each.name)
 
     @property
     def by(self) -> list[str]:
@@ -223,10 +241,8 @@ class FitSettings:
             As for ``read_trials``, and for options of reading that trials, once read, ignore.
         """
         if isinstance(data, Trials):
-            for name, usual in (("strength", None), ("columns", OURS)):
-                said = f"{name} has no effect on trials that are read: give it to read_trials"
-                if getattr(self, name) != usual:
-                    raise InputError(said, name)
+            reading = ("strength", "columns", "evidence", "step_ms", "forced")
+            self.check_unused(reading, "on trials that are read (give it to read_trials)")
             lacking = [name for name in self.by if name not in data.conditions]
             must = "must be read with the trials: read_trials(..., conditions=...)"
             require(not lacking, "conditions", must, lacking)
@@ -236,24 +252,14 @@ class FitSettings:
         else:
             trials = read_trials(
                 data, strength=self.strength, conditions=self.by, participant=self.participant,
-                columns=self.columns,
+                columns=self.columns, evidence=self.evidence, step_ms=self.step_ms,
+                forced=self.forced,
             )  # fmt: skip
         for name, column in self.varied.items():
             if is_covariate(trials.conditions[column.partition("/")[0]]):
                 instead = f"give it a formula, {name} ~ {column}"
                 raise InputError(f"{column} has too many values for vary: {instead}", "vary")
         return trials
-
-    def check_kind(self, trials: Trials, models: Iterable[AnyModel]) -> None:
-        """Raise ValueError for stop-signal trials that a model of choices would be fitted to."""
-        from bgmodel.fitting.likelihood import TrialModel
-
-        if trials.ssd_s is not None and not all(isinstance(m, TrialModel) for m in models):
-            raise InputError(
-                "these are stop-signal trials, and the model is one of choices: fit the stop "
-                "process (bgmodel fit --task stop; fit_stops in bgmodel.fitting.stops.fit), or "
-                "leave stop trials out", "ssd",
-            )  # fmt: skip
 
     def people(self, choices: Trials) -> list[tuple[str, Trials]]:
         """Return the trials of each person to fit, or of all pooled."""
@@ -368,45 +374,47 @@ class FitSettings:
     ) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
-        Options are ignored for parameters that only other models have. ``largest`` is as for
-        ``likelihood.likelihood_of``.
+        ``largest`` is as for ``likelihood.likelihood_of``.
         """
         from bgmodel.fitting.likelihood import likelihood_of
 
+        return likelihood_of(model, design, **self.freedom(model), largest=largest)
+
+    def freedom(self, model: AnyModel) -> dict[str, Any]:
+        """Return the arguments free, fixed, vary and formulas of ``likelihood.likelihood_of``.
+
+        Options are ignored for parameters that only other models have.
+        """
         known, own = {each.name: each for each in model.parameters}, partial(own_name, model=model)
         fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
         if len(vary) < len(self.varied):
             said = f"threshold is {own('threshold')} here, which varies with two columns"
             raise InputError(said, "vary", self.vary)
-        return likelihood_of(
-            model,
-            design,
-            free=self._freed(known, own),
-            fixed={k: v for k, v in fixed.items() if k in known},
-            vary={k: v for k, v in vary.items() if k in known},
-            formulas=[
+        return {
+            "free": self._freed(known, own),
+            "fixed": {k: v for k, v in fixed.items() if k in known},
+            "vary": {k: v for k, v in vary.items() if k in known},
+            "formulas": [
                 replace(each, parameter=own(name))
                 for name, each in self.formulas.items()
                 if own(name) in known
             ],
-            largest=largest,
-        )
+        }
 
     def likelihoods(self, designs: Mapping[str, Design], model: AnyModel) -> dict[str, Likelihood]:
-        """Return the likelihood of each person's trials, with the same ranges of parameters.
+        """Return the likelihood of each person's choices, with the same ranges of parameters.
 
-        For hierarchical fits; ValueError with ``pooled``.
+        For hierarchical fits; ValueError for more than two alternatives.
         """
-        if self.pooled:
-            raise InputError.of("pooled", "must be left out of a hierarchical fit", self.pooled)
         number = max(each.observed.alternatives for each in designs.values())
         if number > 2:
             must = "must be 2 in a hierarchical fit: fit each person separately"
             raise InputError.of("alternatives", must, number)
         largest = max(float(each.strength.max()) for each in designs.values())
-        found = {who: self.likelihood(each, model, largest) for who, each in designs.items()}
-        return shared_ranges(found)
+        return shared_ranges(
+            {who: self.likelihood(each, model, largest) for who, each in designs.items()}
+        )
 
 
 def own_name(name: str, model: AnyModel) -> str:

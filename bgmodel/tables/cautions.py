@@ -16,6 +16,7 @@ from bgmodel.tables.columns import (
     OURS,
     check_alike,
     check_columns,
+    check_people,
     participants,
     times,
 )
@@ -94,6 +95,7 @@ def people_and_times(
         As for ``check_columns``, ``check_alike``, ``times`` and ``check_one_unit``.
     """
     check_columns(table, wanted)
+    check_people(table, used)
     who = participants(table)
     check_alike("participant_id", who)
     warn_of_copies(table, used)

@@ -96,7 +96,7 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 
 
-def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
+def check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
     """Raise ValueError for columns that may hold participants if none is participant_id."""
     if "participant_id" in table:
         return
@@ -130,7 +130,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
     own = "and strength must be separate columns, each named once"
     require(not taken, "conditions", own, taken)
-    _check_people(table, wanted)
+    check_people(table, wanted)
     who = participants(table)
     check_alike("participant_id", who)
     if participant is None:

@@ -107,6 +107,7 @@ def trials_from_table(
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
+    shared: bool = False,
 ) -> NamedEvidence:
     """Return the trials of a user's table of evidence.
 
@@ -121,6 +122,8 @@ def trials_from_table(
         results. The evidence's baseline is the mean of all these numbers.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
+    shared : bool
+        Whether participants may have the same readings without a warning.
 
     Raises
     ------
@@ -158,7 +161,11 @@ def trials_from_table(
         lengths,
         baseline=float(values.sum() / (lengths.sum() * len(columns))),
     )
-    warn_of_copies(values, lengths)
+    people = np.zeros(len(first_row), dtype=np.intp)
+    if shared and len(keys) > 1:
+        people = pd.factorize(table["participant_id"].iloc[first_row])[0]
+    for person in np.unique(people):
+        warn_of_copies(values[people == person], lengths[people == person])
     warn_of_units(evidence)
     own = [name for name in table.columns if name not in (*columns, "step", "truth")]
     varying = [name for name in own if not _constant(table[name], trial, first_row)]

@@ -52,6 +52,7 @@ from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
+from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import DataWarning, InputError, require, within
 
@@ -131,12 +132,15 @@ def read_trials(
     conditions: str | Sequence[str] = (),
     participant: str | None = None,
     columns: Columns = OURS,
+    evidence: Source | None = None,
+    step_ms: float | None = None,
+    forced: bool = False,
 ) -> Trials:
     """Read a table of trials; none is left out.
 
     The columns say what kind of trials they are. With ``ssd`` they are stop-signal trials; with
     ``pair`` and ``reward`` they are choices between the items of a pair that are rewarded; others
-    are choices and their times.
+    are choices and their times. With ``evidence`` the readings of each trial are known.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
     possible errors: units of time, a deadline far beyond all responses, coarse times,
@@ -155,7 +159,8 @@ def read_trials(
         HSSM (responses 1 and -1) and of PyDDM (columns RT and choice) are recognised. Stop-signal
         trials have ``ssd``, s, in stop trials, and are correct where a column ``correct`` is 1
         rather than 0, or else where ``stimulus`` and ``response`` are equal, if there are these.
-        With rewards, response 1 is the item of the pair that is rewarded more often.
+        With rewards, response 1 is the item of the pair that is rewarded more often. With evidence
+        there are ``trial`` and, as ``response``, the name of an alternative.
     strength : str, optional
         Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
@@ -164,6 +169,12 @@ def read_trials(
         The participant whose trials are read; all by default.
     columns : Columns
         Names, units and codes of the columns, if they are not ours.
+    evidence : path or DataFrame, optional
+        The readings of each trial; see ``readings.read_readings`` for its three forms.
+    step_ms : float, optional
+        Time between readings, ms, if the evidence has steps instead of times.
+    forced : bool
+        Whether the last reading of a trial forces a response.
 
     Returns
     -------
@@ -177,14 +188,22 @@ def read_trials(
         from 0; problems of several columns are in one message.
     """
     require(isinstance(columns, Columns), "columns", "must be Columns(...)", columns)
+    check_flag("forced", forced)
+    for option, is_given in (("step_ms", step_ms is not None), ("forced", forced)):
+        require(not is_given or evidence is not None, option, "needs evidence", "none")
     if not isinstance(conditions, (str, list, tuple)):
         raise InputError.of("conditions", "must be names of columns", conditions)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     name, table = _table(source, columns)
     try:
-        named = {"rt": columns.rt, "response": columns.response, "ssd": columns.ssd}
+        named = {"rt": columns.rt, "response": columns.response}
+        if evidence is None:
+            named["ssd"] = columns.ssd
         table = renamed(table, **named, participant=columns.participant)
-        if "ssd" in table:
+        if evidence is not None:
+            check_effect("known evidence", columns, strength)
+            found = _known(table, wanted, participant, columns, (evidence, step_ms, forced))
+        elif "ssd" in table:
             check_effect("stop-signal trials", columns, strength)
             found = _stop_signals(table, wanted, participant, columns)
         elif {"pair", "reward"} <= set(table):
@@ -323,6 +342,24 @@ def _rewarded(
             f"response 0 in {other.mean():.0%}: are the codes exchanged?"
         )
     return Trials(who, rt_s, response, None, held, reward=reward.astype(np.float64))
+
+
+def _known(
+    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns,
+    asked: tuple[Source, float | None, bool],
+) -> Trials:  # fmt: skip
+    """Return trials of which the readings are known."""
+    table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
+    evidence, step_ms, forced = asked
+    given = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
+    readings = replace(answered(given, table, who.tolist(), rt_s, columns.upper), forced=forced)
+    several.check_number(len(readings.names))
+    choice = np.asarray(readings.choice)
+    favoured = 1 if len(readings.names) == 2 else seen_sums(readings, rt_s).argmax(axis=1)
+    response = np.where(choice < 0, NO_RESPONSE, choice == favoured).astype(np.int8)
+    return Trials(
+        who, rt_s, response, None, held, alternatives=len(readings.names), readings=readings
+    )
 
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:

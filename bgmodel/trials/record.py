@@ -15,8 +15,11 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
+from bgmodel.trials.readings import Readings
 from circuits.errors import InputError, require
 
+KINDS = ("choices", "known evidence", "stop-signal trials", "rewarded choices")
+"""Kinds of trials: by the columns that they have in addition to choices and times."""
 MOST_LEVELS = 30
 """A condition with more values than this, all of them numbers, is a covariate."""
 
@@ -56,6 +59,9 @@ class Trials(Facts):
         Stop-signal delay of each trial, s; NaN in go trials.
     reward : (trials,) float64, optional
         Reward of each trial.
+    readings : Readings, optional
+        The readings of each trial, if its evidence is known. Response 1 is then the second
+        alternative; of more than two it is the one that the readings before the response favour.
 
     Attributes
     ----------
@@ -79,11 +85,13 @@ class Trials(Facts):
     alternatives: int = 2
     ssd_s: Array | None = None
     reward: Array | None = None
+    readings: Readings | None = None
     checksum: str = field(init=False)
 
     def __post_init__(self) -> None:
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
         lengths += [len(each) for each in self._more.values() if each is not None]
+        lengths += [len(self.readings.ids)] if self.readings is not None else []
         if len(set(lengths)) > 1:
             raise InputError(f"choices need one value per trial, got {lengths}", "response")
         coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
@@ -100,6 +108,12 @@ class Trials(Facts):
     def _more(self) -> dict[str, Array | None]:
         """Columns that a table may lack."""
         return {"strength": self.strength, "ssd_s": self.ssd_s, "reward": self.reward}
+
+    @property
+    def kind(self) -> str:
+        """What was done in these trials; a name in ``KINDS``."""
+        given = (self.readings, self.ssd_s, self.reward)
+        return next((k for k, x in zip(KINDS[1:], given, strict=True) if x is not None), KINDS[0])
 
     @property
     def trials(self) -> int:
@@ -130,6 +144,7 @@ class Trials(Facts):
         own = ("participant", "rt_s", "response", *self._more)
         given = {name: getattr(self, name) for name in own}
         parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in given.items()}
+        parts["readings"] = None if self.readings is None else self.readings.where(mask)
         return replace(self, conditions=self.conditions.loc[mask].reset_index(drop=True), **parts)
 
     def people(self) -> list[str]:
@@ -202,7 +217,12 @@ class Trials(Facts):
         plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
         plain += [self.alternatives] if self.alternatives > 2 else []
         digest.update(json.dumps(plain).encode())
-        for values in (self.rt_s, self.response, *self._more.values()):
+        columns: list[Any] = [self.rt_s, self.response, *self._more.values()]
+        if self.readings is not None:
+            read = self.readings
+            columns += [read.log_likelihood, read.time_s, read.choice, np.array([read.forced])]
+            digest.update(json.dumps([read.names, read.ids]).encode())
+        for values in columns:
             if values is not None:
                 # One NaN and one zero.
                 same = np.where(np.isnan(values), np.nan, values + 0.0)

@@ -19,6 +19,8 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance
 from tests.drawn import drawn
 from tests.helpers import run
+from tests.known_trials import simulated
+from tests.trials.test_readings import tables
 
 GAP = ["--models", "constant_gap"]
 COHERENCE = ["--strength", "coherence"]
@@ -526,3 +528,55 @@ def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
         alone = pd.read_csv(f"{folder}/parameters.csv").set_index("parameter")["value"]
         both = numbers[label]
         assert both[alone.index].to_numpy() == pytest.approx(alone.to_numpy(), rel=1e-9), folder
+
+
+KNOWN = ["trials.csv", "--models", "msprt", "run", "--evidence", "evidence.csv"]
+
+
+@pytest.fixture
+def known():
+    """Write trials and their readings."""
+    for name, table in zip(("trials", "evidence"), tables(simulated(60, 61)), strict=True):
+        table.to_csv(f"{name}.csv", index=False)
+
+
+def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, whole, capsys):
+    asked = [*KNOWN, "forced=true", "--compare"]
+    assert run("fit", *asked, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {row["model"] for row in found["records"]} == {"msprt", "run"}
+    folder = Path("fits/trials")
+    names = {*TABLES, "comparison.csv", "all.png"}
+    assert {path.name for path in folder.iterdir()} >= names
+    behind = read_provenance(folder / TABLES[0])["parameters"]
+    assert behind["forced"] is True
+    assert run("fit", *asked) == 0
+    assert "already done" in capsys.readouterr().out
+    assert run("fit", *KNOWN) == 2  # the last reading forces nothing here
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [*KNOWN, "--strength", "x"],
+        [*KNOWN, "step_ms=50"],
+        [*KNOWN, "--formula", "threshold ~ block"],
+        [*KNOWN[:-1], "nothing.csv"],
+        [*KNOWN[:-1], "step_ms=50"],
+        [KNOWN[0], "--models", "ddm", *KNOWN[-2:]],
+    ],
+)
+def test_mistakes_in_known_evidence_end_with_one_sentence_and_no_file(known, capsys, arguments):
+    assert run("fit", *arguments) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("bgmodel: ")
+    assert not Path("fits").exists()
+
+
+def test_learners_are_fitted_to_rewarded_choices(whole, capsys):
+    asked = ["pedersen_frank_2020", "--participant", "3", "--models", "q", "no learning"]
+    assert run("fit", *asked, "--compare", "--json") == 0
+    found = json.loads(capsys.readouterr().out)["records"]
+    learned = {row["parameter"] for row in found if row["model"] == "q"}
+    assert learned == {"rate", "scale", "bound", "t0_s", "stickiness"}
+    assert fails(capsys, *asked, "--fix", "speed=1").startswith("fix must name a parameter")
+    assert fails(capsys, asked[0], "--models", "q", "--strength", "x").endswith("leave it out")

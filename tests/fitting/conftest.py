@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fits import fit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains
-from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning
 from tests.drawn import drawn
 

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from bgmodel.commands.fits import FitRun
+from bgmodel.fits import fit
 from bgmodel.fitting.alternatives.models import MODELS
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.fitting.trials.design import design_of

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bgmodel.fitting.optimum import Optimum
+    from bgmodel.fitting.likelihood import Peak
 
 LOOK: dict[str, Any] = {"color": "k", "marker": "o", "ls": "", "ms": 3, "elinewidth": 0.8}
 TITLES = (
@@ -24,13 +24,15 @@ TITLES = (
 
 
 @styled
-def draw_known(fits: Mapping[str, Optimum]) -> Figure:
+def draw_known(peaks: Mapping[str, Peak], title: str) -> Figure:
     """Draw data and models: hazards per reading and psychophysical kernels.
 
     Parameters
     ----------
-    fits : dict of str to Optimum
-        Optima of likelihoods of known evidence (``Fit.optimum``) on the same trials.
+    peaks : dict of str to (KnownLikelihood, array)
+        Likelihoods of the same trials by the name of the model, each with its optimum.
+    title : str
+        Whose trials they are.
 
     Returns
     -------
@@ -40,10 +42,9 @@ def draw_known(fits: Mapping[str, Optimum]) -> Figure:
         position in the choice, from the first reading and backward from the response. Markers are
         the data with 95 % intervals, lines the models.
     """
-    design = next(iter(fits.values())).likelihood.design
+    design = next(iter(peaks.values()))[0].design
     shares, kerns = (
-        {name: table(each.likelihood, each.vector) for name, each in fits.items()}
-        for table in (hazards, kernels)
+        {name: table(*peak) for name, peak in peaks.items()} for table in (hazards, kernels)
     )
     figure, grid = panels(1, 3, size=(7.2, 2.9))
     axes: list[Axes] = list(grid.ravel())
@@ -54,7 +55,7 @@ def draw_known(fits: Mapping[str, Optimum]) -> Figure:
         own = weight[(weight["of"] == DATA) & (weight["align"] == align)]
         ax.errorbar(own["position"], own["weight"], 1.96 * own["standard_error"], **LOOK)
         ax.axhline(0, color=GREY, lw=0.6, zorder=0)
-    for k, name in enumerate(fits):
+    for k, name in enumerate(peaks):
         colour = PALETTE[k % len(PALETTE)]
         found, weights = shares[name], kerns[name]
         axes[0].plot(found["reading"], found["predicted"], color=colour, label=name)
@@ -70,6 +71,6 @@ def draw_known(fits: Mapping[str, Optimum]) -> Figure:
         ax.locator_params(axis="x", integer=True)
     figure.legend(loc="outside lower center", ncols=5)
     figure.suptitle(
-        f"{design.who}: {design.trials.sum()} trials; bars: 95 % intervals", x=0.01, ha="left"
+        f"{title}: {design.trials.sum()} trials; bars: 95 % intervals", x=0.01, ha="left"
     )
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -13,13 +13,14 @@ from bgmodel.fitting.exact.responses import TINY
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
 from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials
-from bgmodel.fitting.likelihood import RESPONSES, Likelihood
+from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 RUN = Parameter("run_effect", -2.0, 2.0, 0.0, "OUT per further cue of a run, nats", free=False)
@@ -220,11 +221,13 @@ class KnownLikelihood(Likelihood):
         lower, middle, upper = np.quantile(chosen, [0.25, 0.5, 0.75])
         return self.model.sign * float(middle), max(float(upper - lower) / 2, 1e-3)
 
-    def draw(self, fit: Any) -> Figure:
-        """Draw hazards per reading and psychophysical kernels, data and model."""
+    def draw(
+        self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
+    ) -> Figure:
+        """Draw hazards per reading and psychophysical kernels, data and models."""
         from bgmodel.fitting.known.drawing import draw_known
 
-        return draw_known({self.model.name: fit.optimum})
+        return draw_known(peaks, title)
 
 
 @dataclass(frozen=True)

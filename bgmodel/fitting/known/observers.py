@@ -10,10 +10,10 @@ import numpy as np
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import LEAK, KnownModel
-from bgmodel.fitting.known.table import Readings
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
+from bgmodel.trials.readings import Readings
 
 
 def readings_from(evidence: Evidence, names: tuple[str, ...] | None = None) -> Readings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 
 FEWEST = 20
@@ -229,6 +230,20 @@ class KnownTrials(Facts):
             f"{facts['readings before the response']} come before the response; chosen: {chose}, "
             f"none {facts['no response']}; times {facts['rt_s']} s"
         )
+
+
+@lru_cache(maxsize=64)
+def known_trials(trials: Trials) -> KnownTrials:
+    """Return the trials of one participant for fits; ValueError without readings."""
+    readings, who = trials.readings, trials.people()
+    if readings is None or readings.choice is None:
+        raise InputError("these trials have no readings: give read_trials evidence", "evidence")
+    require(len(who) == 1, "participant", "must be one person", ", ".join(who))
+    return KnownTrials(
+        readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
+        readings.choice, trials.rt_s, tuple(trial for _, trial in readings.ids), readings.forced,
+        trials.source, who[0],
+    )  # fmt: skip
 
 
 def gap_s(trials: KnownTrials) -> float:

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fits import fit
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import compare_fits
-from bgmodel.fitting.person import fit
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
@@ -80,12 +80,12 @@ def test_lapses_are_correct_in_one_of_n():
         ("constant_gap", {}, "models"),
         ("falling_gap", {}, "models"),
         ("decide", {}, "models"),
-        ("msprt", {"free": "+start"}, "free"),
+        ("msprt", {"free": "+start"}, "start"),
         ("msprt", {"fix": {"start": 0.1}, "columns": THREE}, "start"),
         ("race", {"free": "+drift_sd", "columns": THREE}, "drift_sd"),
         ("macaque", {"mechanism": "dopamine"}, "mechanism"),
         ("lca", {"trials": 20}, "trials"),
-        ("msprt", {"evidence": "evidence.csv"}, "trials"),
+        ("msprt", {"evidence": "evidence.csv"}, "stimulus"),
     ],
 )
 def test_what_cannot_be_fitted_is_named(trials, model, options, field):

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fits import fit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
-from bgmodel.fitting.person import fit
 from circuits.errors import FitWarning, InputError
 from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table

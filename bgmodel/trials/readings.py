@@ -1,34 +1,22 @@
-"""Tables of trials with their readings: log-likelihoods, or cues, pulses and clicks with times."""
+"""The readings of each trial: log-likelihoods, or cues, pulses and clicks with times."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.fitting.known.trials import KnownTrials
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_positive, path_of
-from bgmodel.tables.cautions import ENOUGH, check_one_unit
-from bgmodel.tables.columns import (
-    names_once,
-    numbers,
-    participants,
-    refuse,
-    rows,
-    times,
-    with_index,
-)
+from bgmodel.tables.cautions import ENOUGH
+from bgmodel.tables.columns import names_once, numbers, refuse
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
-from bgmodel.tables.foreign import renamed
 from bgmodel.tables.text_files import SEPARATORS, read_rows
-from bgmodel.trials.reading import OURS, Columns, check_effect
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (
@@ -44,18 +32,27 @@ MOST_ERRORS = 4.0
 Source = str | Path | pd.DataFrame
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Readings:
-    """The readings of each trial of a table of evidence.
+    """The readings of each trial, and the alternatives that they are evidence for.
 
     Parameters
     ----------
     ids : list of (participant, trial)
         Ids as text; the participant is empty if the table has none.
-    log_likelihood, time_s, lengths
-        As in ``KnownTrials``.
+    log_likelihood : array (trials, readings, alternatives), nats
+        Log-likelihood of each reading under each alternative, up to a common constant; 0 after the
+        last reading of a trial.
+    time_s : array (trials, readings), s
+        Time of each reading on the clock of the response times; infinite after the last one.
+    lengths : int array (trials,)
+        Number of readings of each trial.
     names : tuple of str
         The alternatives.
+    choice : int array (trials,), optional
+        Index of the chosen alternative; -1 without a response.
+    forced : bool
+        Whether the last reading of a trial forces a response.
     """
 
     ids: list[tuple[str, str]]
@@ -63,25 +60,26 @@ class Readings:
     time_s: Array
     lengths: Integers
     names: tuple[str, ...]
+    choice: Integers | None = None
+    forced: bool = False
+
+    def where(self, mask: Truths | Integers) -> Readings:
+        """Return the readings of some trials."""
+        places = np.arange(len(self.ids))[mask]
+        return replace(
+            self, ids=[self.ids[k] for k in places], log_likelihood=self.log_likelihood[places],
+            time_s=self.time_s[places], lengths=self.lengths[places],
+            choice=None if self.choice is None else self.choice[places],
+        )  # fmt: skip
 
 
-def read_known(
-    data: Source,
-    evidence: Source,
-    *,
-    step_ms: float | None = None,
-    forced: bool = False,
-    participant: str | None = None,
-    columns: Columns = OURS,
-) -> KnownTrials:
-    """Read choices, response times and the readings of each trial.
+def read_readings(
+    evidence: Source, step_ms: float | None = None, participant: str | None = None
+) -> Readings:
+    """Read the readings of each trial; those of one participant if the table names participants.
 
     Parameters
     ----------
-    data : path or DataFrame
-        One row per trial: ``trial``, ``rt``, ``response``, the name of an alternative, and, for
-        several participants, ``participant_id``. A trial without a response has neither ``rt`` nor
-        ``response``.
     evidence : path or DataFrame
         The readings, in one of three forms. (1) As for ``read_evidence``: trial, step and
         ``ll_<alternative>``; reading k comes at ``k step_ms``. (2) The same with ``time``, s from
@@ -91,56 +89,83 @@ def read_known(
         favours response 1. Cues at the same time are added to one reading.
     step_ms : float, optional
         Time between readings, ms; required for the first form, and for that only.
-    forced : bool
-        Whether the last reading of a trial forces a response.
     participant : str, optional
-        The participant, if there are several.
-    columns : Columns
-        Names, unit and codes of the columns of ``data``: rt, response, participant, rt_unit and
-        upper (the alternative coded as response 1, if there are two and responses are 1 and 0).
-        Times of readings are in s.
+        The participant.
 
     Raises
     ------
     ValueError
-        For tables that can't be read or do not match, with ``.field``: evidence, trial, time,
-        response, ...
+        For a table that can't be read.
+    """
+    if isinstance(evidence, pd.DataFrame):
+        name, table = "the evidence", evidence.reset_index(drop=True)
+    else:
+        path = path_of(evidence, "evidence")
+        name = path.name
+        # Numbers stay as written, so that ids match.
+        plain = path.suffix in SEPARATORS and path.is_file()
+        table = read_csv_table(path) if plain else read_rows(path).reset_index(drop=True)
+    if participant is not None and "participant_id" in table:
+        table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
+    try:
+        return readings_of(table, step_ms)
+    except ValueError as error:
+        raise within(name, error, "evidence") from None
+
+
+def answered(
+    readings: Readings, table: pd.DataFrame, who: Sequence[str], rt_s: Array, upper: str | None
+) -> Readings:
+    """Return the readings of the rows of a table of trials, with the chosen alternatives.
+
+    Parameters
+    ----------
+    readings : Readings
+        Readings of these trials and perhaps of others.
+    table : DataFrame
+        Columns trial, response, and participant_id if there are several.
+    who : sequence of str (rows,)
+        Participant of each row.
+    rt_s : array (rows,), s
+        Response times; NaN without a response.
+    upper : str, optional
+        The alternative that is coded as response 1, if there are two and responses are 1 and 0.
+
+    Raises
+    ------
+    ValueError
+        For trials without readings or given twice, responses that are no alternative, and those of
+        a participant that are against the evidence.
 
     Warns
     -----
     UserWarning
-        If the evidence has trials that are not in ``data``.
+        If there are readings of trials that are not in the table.
     """
-    name, table = _table(data, "data")
-    check_effect("known evidence", columns)
-    own = {each: getattr(columns, each) for each in ("rt", "response", "participant")}
-    with _within(name, "data"):
-        table = rows(renamed(table, **own), ["trial"], participant)
-        people = sorted(set(participants(table)))
-    if len(people) > 1:
-        said = f"these trials are of {', '.join(people)}: give participant=NAME"
-        raise InputError(f"a fit on known evidence is of one person, and {said}", "participant")
-    participant = participant if "participant_id" in table else None
-    readings = _read_evidence(evidence, step_ms, participant)
-    order = _matched(table, readings)
-    rt_s = times(table["rt"], columns.rt_unit)
-    check_one_unit(rt_s)
-    choice = _choices(table["response"], np.isnan(rt_s), readings.names, columns.upper)
-    _check_sides(readings.log_likelihood[order], readings.time_s[order], choice, rt_s)
-    return KnownTrials(
-        readings.log_likelihood[order], readings.time_s[order], readings.lengths[order],
-        readings.names, choice, rt_s, tuple(_text(each) for each in table["trial"]), forced, name,
-        people[0],
-    )  # fmt: skip
+    matched = readings.where(_matched(table, readings))
+    choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
+    matched = replace(matched, choice=choice)
+    for person in np.unique(np.asarray(who)):
+        mine = np.asarray(who) == person
+        _check_sides(matched.where(mine), rt_s[mine])
+    return matched
 
 
-def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: Array) -> None:
+def seen_sums(readings: Readings, rt_s: Array) -> Array:
+    """Return the sum of the readings before each response, or of all, (trials, alternatives)."""
+    until_s = np.where(np.isnan(rt_s), np.inf, rt_s)
+    before = readings.time_s <= until_s[:, None]
+    return np.asarray(np.where(before[:, :, None], readings.log_likelihood, 0.0).sum(axis=1))
+
+
+def _check_sides(readings: Readings, rt_s: Array) -> None:
     """Raise ValueError if most responses are against the readings before them."""
-    seen = np.where((time_s <= rt_s[:, None])[:, :, None], log_likelihood, 0.0).sum(axis=1)
+    choice, seen = readings.choice, seen_sums(readings, rt_s)
+    assert choice is not None
     best, chosen = seen.max(axis=1), np.take_along_axis(seen, np.maximum(choice, 0)[:, None], 1)
     told = (choice >= 0) & (best > seen.min(axis=1))
     against = int((chosen[told, 0] == seen[told].min(axis=1)).sum())
-    chance = told.sum() / log_likelihood.shape[2]
+    chance = told.sum() / len(readings.names)
     if told.sum() >= ENOUGH and against > chance + MOST_ERRORS * np.sqrt(chance):
         raise InputError(
             f"response must agree with the evidence: {against} of {told.sum()} responses are the "
@@ -150,18 +175,8 @@ def _check_sides(log_likelihood: Array, time_s: Array, choice: Integers, rt_s: A
         )
 
 
-def people_of(data: Source, columns: Columns = OURS) -> Sequence[str | None]:
-    """Return the participants of a table of trials; one None if it names none."""
-    name, table = _table(data, "data")
-    table = renamed(table, participant=columns.participant)
-    if "participant_id" not in table:
-        return [None]
-    with _within(name, "participant_id"):
-        return sorted(set(participants(table)))
-
-
 def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
-    """Return the readings of a table of evidence; forms and errors as for ``read_known``."""
+    """Return the readings of a table of evidence; forms and errors as for ``read_readings``."""
     names = names_once(table.columns)
     table = table.set_axis(names, axis=1).reset_index(drop=True)
     if "trial" not in names or not {"step", "time"} & set(names):
@@ -194,7 +209,7 @@ def _numbered(table: pd.DataFrame, time_s: Array | None, step_ms: float = 1.0) -
         table = table.assign(step=place.rank(method="first").astype(int))
         twice = pd.DataFrame({"t": time_s}).assign(**dict(zip(keys, by, strict=True))).duplicated()
         refuse(twice.to_numpy(), table["time"], "given once for each reading of a trial")
-    trials = trials_from_table(table, step_ms=step_ms)
+    trials = trials_from_table(table, step_ms=step_ms, shared=True)
     evidence, first = trials.evidence, trials.columns["row"].to_numpy()
     values = np.asarray(evidence.log_likelihood, dtype=np.float64)
     who = table["participant_id"] if "participant_id" in keys else None
@@ -235,40 +250,6 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
     likely = pd.DataFrame(columns, columns=[f"ll_{name}" for name in names])
     both = pd.concat([table[[*keys, "time"]], likely], axis=1)
     return both.groupby([*keys, "time"], sort=False, as_index=False).sum()
-
-
-def _table(source: Source, field: str) -> tuple[str, pd.DataFrame]:
-    """Return the name of a source and its table."""
-    if isinstance(source, pd.DataFrame):
-        return "a table", with_index(source)
-    path = path_of(source, field)
-    with _within(path.name, field):
-        return path.name, read_rows(path).reset_index(drop=True)
-
-
-@contextmanager
-def _within(name: str, field: str) -> Iterator[None]:
-    """Put the name of a table before the messages of errors in it."""
-    try:
-        yield
-    except ValueError as error:
-        raise within(name, error, field) from None
-
-
-def _read_evidence(source: Source, step_ms: float | None, participant: str | None) -> Readings:
-    """Return the readings of a source; those of one participant if it names participants."""
-    if isinstance(source, pd.DataFrame):
-        name, table = "the evidence", source.reset_index(drop=True)
-    else:
-        path = path_of(source, "evidence")
-        name = path.name
-        # Numbers stay as written, so that ids match.
-        plain = path.suffix in SEPARATORS and path.is_file()
-        table = read_csv_table(path) if plain else _table(path, "evidence")[1]
-    if participant is not None and "participant_id" in table:
-        table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
-    with _within(name, "evidence"):
-        return readings_of(table, step_ms)
 
 
 def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:

@@ -1,19 +1,22 @@
-"""The front door: bg.fit with evidence, and its refusals."""
+"""The front door: every kind of trials, and what is refused."""
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 
 import bgmodel as bg
+from bgmodel.fits import question
 from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
-from bgmodel.fitting.known.settings import known_model
-from bgmodel.fitting.settings import FitSettings
+from bgmodel.fitting.known.trials import known_trials
+from bgmodel.fitting.settings import settings_of
+from bgmodel.learning.values.models import likelihood
 from circuits.errors import FitWarning, InputError
-from tests.fitting.known.test_table import tables
 from tests.known_trials import simulated
+from tests.trials.test_readings import tables
 
 DATA, EVIDENCE = tables(simulated(60, 51))
 
@@ -60,6 +63,7 @@ def test_draws_are_of_the_posterior():
     ("options", "field"),
     [
         ({"strength": "coherence"}, "strength"),
+        ({"mechanism": "dopamine"}, "mechanism"),
         ({"draws": 1}, "draws"),
         ({"formula": "threshold ~ x"}, "formula"),
         ({"vary": {"threshold": "x"}}, "vary"),
@@ -74,8 +78,9 @@ def test_draws_are_of_the_posterior():
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, field):
+    two = DATA.assign(x=np.resize(["a", "b"], len(DATA)))
     with pytest.raises(InputError) as error:
-        bg.fit(DATA, **{"model": "msprt", "evidence": EVIDENCE, **options})
+        bg.fit(two, **{"model": "msprt", "evidence": EVIDENCE, **options})
     assert error.value.field == field
 
 
@@ -87,7 +92,57 @@ def test_options_of_evidence_need_evidence(option):
 
 
 def test_models_are_known_by_name():
-    assert known_model("run", 3, FitSettings()).name == "run"
-    made = known_model("macaque", 4, FitSettings(seed=3), runs=9)
+    asked = settings_of(evidence=EVIDENCE, runs=9, seed=3)
+    one = question(asked, DATA, ["run", "macaque"])
+    assert one.versions["run"][1].model.name == "run"
+    made = one.versions["macaque"][1].model
     assert isinstance(made, KnownCircuit)
-    assert (made.circuit.channels, made.runs, made.seed) == (4, 9, 3)
+    assert (made.circuit.channels, made.runs, made.seed) == (2, 9, 3)
+
+
+def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people():
+    parts = [tables(simulated(60, 50 + k)) for k in range(4)]
+    data, evidence = (
+        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
+        for k in (0, 1)
+    )
+    data = data.assign(group=data["participant_id"].map(lambda who: "ab"[int(who[1]) % 2]))
+    asked = settings_of(
+        evidence=evidence, forced=True, formula="threshold ~ group", hierarchical=True
+    )
+    one = question(asked, data, ["msprt"])
+    likelihoods = one.likelihoods("msprt")
+    assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
+    assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
+    for who, (own, readings) in enumerate(parts):
+        alone = bg.read_trials(own, evidence=readings, forced=True)
+        made = known_likelihood(EXACT["msprt"], known_trials(alone))
+        start = made.freedom.start
+        np.testing.assert_array_equal(likelihoods[f"p{who}"].each(start), made.each(start))
+
+
+def test_trials_that_were_read_are_fitted_as_their_tables_are():
+    read = bg.read_trials(DATA, evidence=EVIDENCE, forced=True)
+    assert read.kind == "known evidence"
+    options = {"free": ["threshold", "noise"], "fix": {"t0_s": 0.3}}
+    first, second = (
+        bg.fit(DATA, "msprt", evidence=EVIDENCE, forced=True, **options),
+        bg.fit(read, "msprt", **options),
+    )
+    np.testing.assert_array_equal(first.optimum.vector, second.optimum.vector)
+    with pytest.raises(InputError) as error:
+        bg.fit(read, "msprt", evidence=EVIDENCE)
+    assert error.value.field == "evidence"
+
+
+def test_rewarded_choices_are_fitted_by_learners():
+    trials = bg.read_trials("pedersen_frank_2020", participant="3")
+    assert trials.kind == "rewarded choices"
+    fit = bg.fit(trials, "q", free=["rate", "scale"])
+    assert fit.summary().index.tolist() == ["rate", "scale"]
+    likely = likelihood("q", trials, free=["rate", "scale"])
+    assert fit.log_likelihood == pytest.approx(likely(fit.optimum.vector))
+    for options in ({"model": "macaque"}, {"engine": "rate"}, {"pooled": True}):
+        with pytest.raises(InputError) as error:
+            bg.fit(trials, **{"model": "q", **options})
+        assert error.value.field == next(iter(options))

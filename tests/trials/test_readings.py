@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.known.table import people_of, read_known, readings_of
-from bgmodel.trials.reading import Columns
+from bgmodel.fitting.known.trials import known_trials
+from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.readings import readings_of
 from circuits.errors import DataWarning, InputError
 from tests.helpers import refused
 from tests.known_trials import few
@@ -26,6 +27,11 @@ def tables(trials=None):
     for k, name in enumerate(trials.names):
         evidence[f"ll_{name}"] = trials.log_likelihood[rows, readings, k]
     return data, evidence
+
+
+def read_known(data, evidence, **options):
+    """Return the trials of one person with the readings of each."""
+    return known_trials(read_trials(data, evidence=evidence, **options))
 
 
 def test_readings_with_times_return_in_any_order_of_rows():
@@ -90,7 +96,7 @@ def test_participants_may_share_ids_of_trials():
             for p, f in (("a", 1), ("b", 2))
         ]
     )
-    assert people_of(two) == ["a", "b"]
+    assert read_trials(two, evidence=own).people() == ["a", "b"]
     first, second = (read_known(two, own, participant=p) for p in "ab")
     np.testing.assert_allclose(2 * first.log_likelihood[..., 0], second.log_likelihood[..., 0])
     with pytest.raises(InputError) as error:
@@ -185,12 +191,12 @@ def test_ids_are_text_as_written_and_blanks_are_refused(tmp_path):
         table.to_csv(tmp_path / f"{name}.tsv", index=False, sep="\t")
     files = tmp_path / "trials.tsv", tmp_path / "clicks.tsv"
     with pytest.warns(DataWarning, match="in how a number is written"):
-        own = [read_known(*files, participant=who) for who in people_of(files[0])]
-    assert [len(one.choice) for one in own] == [40, 40]
+        both = read_trials(files[0], evidence=files[1])
+    assert [one.trials for one in both.by_participant().values()] == [40, 40]
     with refused("participant_id trials.*got nothing in row 3"):
         data.loc[3, "participant_id"] = ""
         data.to_csv(files[0], index=False, sep="\t")
-        people_of(files[0])
+        read_trials(files[0], evidence=files[1])
 
 
 def test_whole_numbers_of_a_column_with_empty_cells_match_those_without():

@@ -1,0 +1,422 @@
+"""The front door to fits: trials of any kind, of one person or of a group, and models of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.hierarchy.chains import MOST
+from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
+from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
+from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
+from bgmodel.fitting.settings import (
+    FitSettings,
+    need_fit,
+    seconds_of,
+    settings_of,
+    shared_ranges,
+)
+from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.trials.reading import OURS, Columns
+from bgmodel.trials.readings import Source
+from bgmodel.trials.record import Trials
+from circuits.circuit import Circuit
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.fitting.formulas import Formula
+    from bgmodel.fitting.trials.design import Design
+
+ModelName = str | Path | Circuit | TrialModel
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How trials of one kind are fitted.
+
+    Parameters
+    ----------
+    model : function
+        Takes a question, a name or record of a model, and a folder for simulated trials; returns
+        the model.
+    likelihoods : function
+        Takes settings, a question and a model; returns the likelihood of each person's trials.
+    defaults : tuple of str
+        Models that the command compares by default; the last one is that of ``fit``.
+    unused : tuple of str
+        Settings without effect.
+    """
+
+    model: Callable[[Question, Any, Path | None], AnyModel]
+    likelihoods: Callable[[FitSettings, Question, Any], dict[str, Likelihood]]
+    defaults: tuple[str, ...]
+    unused: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Question:
+    """Trials that have been read, and the models that are to be fitted to them.
+
+    Parameters
+    ----------
+    asked : FitSettings
+        Settings, without formulas of what differs between people.
+    trials : Trials
+        All trials.
+    between : list of Formula
+        Formulas of what differs between people.
+    versions : dict of str to (FitSettings, AnyModel, Kind)
+        Models by name, each with its settings.
+    lacking : list of str
+        Parameters that are asked for and that a model does not have, as sentences.
+    """
+
+    asked: FitSettings
+    trials: Trials
+    between: list[Formula] = field(default_factory=list)
+    versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = field(default_factory=dict)
+    lacking: list[str] = field(default_factory=list)
+
+    @cached_property
+    def people(self) -> dict[str, Trials]:
+        """Trials of each person, or of all pooled."""
+        return dict(self.asked.people(self.trials))
+
+    @cached_property
+    def designs(self) -> dict[str, Design]:
+        """Each person's trials by strength and conditions."""
+        return {who: self.asked.design(some) for who, some in self.people.items()}
+
+    def likelihoods(self, name: str) -> dict[str, Likelihood]:
+        """Return the likelihood of each person's trials under a model."""
+        asked, model, kind = self.versions[name]
+        return kind.likelihoods(asked, self, model)
+
+    def predictors(self, likelihoods: Mapping[str, Likelihood]) -> Predictors:
+        """Return what differs between people and moves parameters of a hierarchy."""
+        if not self.between:
+            return ALIKE
+        return self.asked.predictors(self.between, self.trials, likelihoods)
+
+    def constant(self, name: str) -> Question:
+        """Return it with a model also without each effect of conditions on its parameters."""
+        asked, model, kind = self.versions[name]
+        more = {f"{name}, same {effect}": (asked.constant(effect), model, kind)
+                for effect in asked.effects}  # fmt: skip
+        return replace(self, versions=self.versions | more)
+
+
+def question(
+    asked: FitSettings,
+    data: str | Path | pd.DataFrame | Trials,
+    models: Sequence[ModelName] | None = None,
+    folder: Path | None = None,
+) -> Question:
+    """Read trials, and find the models that are asked for.
+
+    Parameters
+    ----------
+    asked : FitSettings
+        The settings.
+    data : str, path, DataFrame or Trials
+        As for ``fit``.
+    models : sequence of models, optional
+        As for ``fit``; by default those of the kind of trials.
+    folder : path, optional
+        Folder that keeps simulated trials for other fits.
+
+    Raises
+    ------
+    ValueError
+        For trials that can't be read, unknown models and parameters, and settings without effect
+        on these trials.
+    """
+    try:
+        trials = asked.read(data)
+    except InputError as error:
+        if error.field in ("conditions", *asked.by):
+            # The column of an unknown parameter may be missing too.
+            asked.check_parameters({str(name): asked.model(name) for name in models or ()})
+        raise
+    kind = KINDS[trials.kind]
+    names = models or (MANY if trials.alternatives > 2 and kind is CHOICES else kind.defaults)
+    if all(isinstance(name, TrialModel) for name in names):
+        kind = CHOICES
+    asked.check_unused(kind.unused, f"on {trials.kind}")
+    if asked.hierarchical:
+        asked.check_unused(["pooled"], "in a hierarchy")
+    asked, between = asked.split(trials)
+    if kind is KNOWN and asked.formula:
+        must = "must be of what differs between people if evidence is known: within a person"
+        raise InputError(f"formula {must} a parameter has one value", "formula")
+    first = Question(asked, trials, between)
+    versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = {}
+    for name in names:
+        if isinstance(name, TrialModel):
+            versions[getattr(name, "name", type(name).__name__)] = (asked, name, CHOICES)
+        else:
+            versions[str(name)] = (asked, kind.model(first, name, folder), kind)
+    lacking = asked.check_parameters({name: model for name, (_, model, _) in versions.items()})
+    return replace(first, versions=versions, lacking=lacking)
+
+
+def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of choices and times."""
+    if one.trials.ssd_s is not None:
+        raise InputError(
+            "these are stop-signal trials, and the model is one of choices: fit the stop process "
+            "(bgmodel fit --task stop), or leave stop trials out", "ssd",
+        )  # fmt: skip
+    one.asked.model(name, alternatives=one.trials.alternatives)  # before trials are laid out
+    return one.asked.model(
+        name, seconds=seconds_of(one.designs.values()), folder=folder,
+        alternatives=one.trials.alternatives,
+    )  # fmt: skip
+
+
+def _of_choices(asked: FitSettings, one: Question, model: AnyModel) -> dict[str, Likelihood]:
+    """Return the likelihood of each person's choices and times."""
+    if asked.hierarchical:
+        return asked.likelihoods(one.designs, model)
+    return {who: asked.likelihood(each, model) for who, each in one.designs.items()}
+
+
+def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of decisions on known evidence."""
+    from bgmodel.fitting.known.circuit import FEWEST, KnownCircuit
+    from bgmodel.fitting.known.likelihood import OnTrials
+    from bgmodel.fitting.known.models import EXACT
+    from bgmodel.fitting.known.trials import known_trials
+    from bgmodel.integrators.given import checked_circuit
+    from circuits.anatomy import CIRCUITS
+    from circuits.declaration.table_files import is_path
+
+    known = known_trials(next(iter(one.people.values())))
+    if isinstance(name, str) and name in EXACT:
+        return OnTrials(EXACT[name], known)
+    if isinstance(name, str) and name not in CIRCUITS and not is_path(name):
+        allowed = ", ".join((*EXACT, *CIRCUITS))
+        raise InputError.of("models", f"must be of {allowed}, or .toml files", name)
+    circuit, runs = checked_circuit(name, known.alternatives), one.asked.runs
+    runs = None if runs is None else whole("runs", runs, FEWEST)
+    return OnTrials(KnownCircuit(circuit, one.asked.engine, runs, one.asked.seed), known)
+
+
+def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
+    """Return the likelihood of each person's trials, the evidence of which is known."""
+    from bgmodel.fitting.known.trials import known_trials
+
+    every = {who: known_trials(some) for who, some in one.people.items()}
+    return {
+        who: asked.likelihood(known.design, replace(model, trials=known))
+        for who, known in every.items()
+    }
+
+
+def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of people who learn values."""
+    from bgmodel.learning.values.models import model_of
+
+    return model_of(name)
+
+
+def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
+    """Return the likelihood of each person's trials, who learns values."""
+    from bgmodel.learning.values.models import likelihood
+
+    made = {
+        who: likelihood(model, some, **asked.freedom(model)) for who, some in one.people.items()
+    }
+    return dict(shared_ranges(made)) if asked.hierarchical else dict(made)
+
+
+ON_CHOICES = ("strength", "pooled", "rt_window", "mechanism", "noise_nats", "trials")
+"""Settings that have an effect on choices alone."""
+CHOICES = Kind(_model_of_choices, _of_choices, ("constant_gap", "macaque"), ("runs",))
+MANY = ("msprt", "macaque")
+"""Models that the command compares by default with more than two alternatives."""
+KNOWN = Kind(
+    _known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), (*ON_CHOICES, "vary")
+)
+REWARDED = Kind(
+    _learner, _of_learners, ("no learning", "q", "q, two rates"),
+    (*ON_CHOICES, "engine", "seed", "runs"),
+)  # fmt: skip
+KINDS = {
+    "choices": CHOICES,
+    "known evidence": KNOWN,
+    "stop-signal trials": CHOICES,
+    "rewarded choices": REWARDED,
+}
+"""How each kind of trials (``trials.record.KINDS``) is fitted."""
+CHAINS = ("most_draws", "chains_seed", "workers")
+"""Options that need a hierarchy."""
+
+
+@overload
+def fit(
+    data: str | Path | pd.DataFrame | Trials,
+    model: ModelName | None = ...,
+    *,
+    hierarchical: Literal[True],
+    **options: Any,
+) -> GroupFit: ...
+@overload
+def fit(
+    data: str | Path | pd.DataFrame | Trials,
+    model: ModelName | None = ...,
+    *,
+    hierarchical: Literal[False] = False,
+    **options: Any,
+) -> Fit: ...
+def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
+    data: str | Path | pd.DataFrame | Trials,
+    model: ModelName | None = None,
+    *,
+    strength: str | None = None,
+    participant: str | None = None,
+    columns: Columns = OURS,
+    pooled: bool = False,
+    hierarchical: bool = False,
+    rt_window: tuple[float, float] | None = None,
+    mechanism: str = FitSettings.mechanism,
+    free: Sequence[str] | str = (),
+    fix: Mapping[str, float] | None = None,
+    vary: Mapping[str, str] | None = None,
+    formula: Sequence[str] | str = (),
+    draws: bool = False,
+    engine: str = FitSettings.engine,
+    noise_nats: float = FitSettings.noise_nats,
+    trials: int = FitSettings.trials,
+    seed: int = FitSettings.seed,
+    folder: str | Path | None = None,
+    evidence: Source | None = None,
+    step_ms: float | None = None,
+    forced: bool = False,
+    runs: int | None = None,
+    most_draws: int = MOST,
+    chains_seed: int = HIERARCHY_SEED,
+    workers: int = 1,
+) -> Fit | GroupFit:
+    """Fit a model to trials of one person, or of a group in a hierarchy, as ``bgmodel fit`` does.
+
+    Parameters
+    ----------
+    data : str, path, DataFrame or Trials
+        Name of a shipped set, a .csv, .tsv or .parquet file, or a table as for ``read_trials``; or
+        what ``read_trials`` returned.
+    model : str, path, Circuit or TrialModel, optional
+        Of choices: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives),
+        msprt, race, lca (two or more), or a circuit with a channel for each alternative: its name,
+        .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of rewarded
+        choices: a learner (``learning.values.models.MODELS``). Of any: your own model of trials
+        (``fitting.likelihood.TrialModel``). By default macaque, for rewarded choices "q, two
+        rates".
+    strength : str, optional
+        Column of the signed strength of the evidence: positive favours response 1.
+    participant : str, optional
+        The participant to fit, if there are several.
+    columns : Columns
+        Names, units and codes of the columns of the table, if they are not ours.
+    pooled : bool
+        Whether to fit several participants as if they were one.
+    hierarchical : bool
+        Whether to fit all participants together, each with parameters from a distribution of the
+        group, which is fitted too (partial pooling).
+    rt_window : (float, float), optional
+        Earliest and latest response time to fit, s.
+    mechanism : str
+        What changes the criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
+    free : sequence of str, or str
+        Parameters to fit; by default all except start, start_spread, drift_sd and floor. With a
+        plus, in addition: ``"+start"``.
+    fix : mapping from names to values, optional
+        Fixed parameters: ``{"lapse": 0.02}``.
+    vary : mapping from names to columns, optional
+        Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
+    formula : str, or sequence of str
+        Parameters that are linear in conditions: ``"bound ~ instruction * side"``. In a hierarchy
+        also in what differs between people: ``"bound ~ group"``, which moves every number of the
+        parameter.
+    draws : bool
+        Whether to sample from the posterior as well; a hierarchical fit always does.
+    engine, noise_nats, trials, seed :
+        Options of the simulated trials of a circuit; as in ``FitSettings``.
+    folder : path, optional
+        Folder that keeps simulated trials for other fits.
+    evidence : path or DataFrame, optional
+        The readings of each trial, as for ``read_trials``: the model then answers for each single
+        trial.
+    step_ms : float, optional
+        Time between readings, ms, if the evidence has steps instead of times.
+    forced : bool
+        Whether the last reading of a trial forces a response.
+    runs : int, optional
+        Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32.
+    most_draws, chains_seed, workers :
+        Of a hierarchical fit: largest number of draws of each of four chains, their seed, and the
+        number of processes, on which the result does not depend.
+
+    Returns
+    -------
+    Fit, or GroupFit if hierarchical
+        With ``summary()``, ``plot()``, ``cells()`` and ``to_dataframe()``.
+
+    Raises
+    ------
+    ValueError
+        For a table that cannot be read or fitted, for several participants unless they are pooled
+        or in a hierarchy, and for options without effect.
+
+    Warns
+    -----
+    UserWarning
+        As for ``fit_likelihood`` and ``fit_group``, and for tables that may mislead.
+    """
+    need_fit()
+    check_flag("draws", draws)
+    check_flag("hierarchical", hierarchical)
+    for name, value in (("most_draws", most_draws), ("workers", workers)):
+        whole(name, value, 1)
+    whole("chains_seed", chains_seed, 0)
+    _check_unused(locals(), ("draws",) if hierarchical else CHAINS, hierarchical)
+    asked = settings_of(
+        strength=strength, participant=participant, columns=columns, pooled=pooled,
+        hierarchical=hierarchical, rt_window=rt_window, mechanism=mechanism, engine=engine,
+        free=free, fix=fix, vary=vary, formula=formula, noise_nats=noise_nats, trials=trials,
+        seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
+    )  # fmt: skip
+    kept = None if folder is None else path_of(folder, "folder")
+    one = question(asked, data, None if model is None else [model], kept)
+    name = list(one.versions)[-1]
+    if hierarchical:
+        likelihoods = one.likelihoods(name)
+        return fit_group(
+            likelihoods, predictors=one.predictors(likelihoods), seed=chains_seed,
+            workers=workers, most_draws=most_draws,
+        )  # fmt: skip
+    if len(one.people) > 1:
+        raise InputError(
+            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
+            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
+            "them as if they were one",
+            "participant",
+        )
+    (likelihood,) = one.likelihoods(name).values()
+    return fit_likelihood(likelihood, draws=draws)
+
+
+def _check_unused(given: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:
+    """Raise ValueError for an option that was given though it has no effect."""
+    usual = {each.name: each.default for each in signature(fit).parameters.values()}
+    for name in names:
+        if given[name] != usual[name]:
+            where = "in a hierarchy" if hierarchical else "without a hierarchy"
+            raise InputError(f"{name} has no effect {where}: leave it out", name)
