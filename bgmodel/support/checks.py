@@ -38,13 +38,7 @@ def check_inside(name: str, values: Integers, low: int, high: int) -> None:
 
 
 def reals(name: str, values: npt.ArrayLike) -> Reals:
-    """Return an array in single or double precision, as compiled loops require.
-
-    Raises
-    ------
-    ValueError
-        If the values are not real numbers, some of them are masked, or rows differ in length.
-    """
+    """Return a float array, as compiled loops require; masked and non-real values are refused."""
     if np.ma.is_masked(values):
         raise InputError(
             f"{name} must hold every value, got a masked array: numpy would read what is masked",
@@ -100,10 +94,7 @@ def path_of(given: str | Path, field: str = "path") -> Path:
 
 
 class Problems:
-    """All that is wrong with a table, in one error: checks that do not depend on one another.
-
-    Use ``with problems.caught():`` around each check, and ``problems.refuse()`` after them.
-    """
+    """All problems of a table in one error: ``with problems.caught():`` per independent check."""
 
     def __init__(self) -> None:
         self.found: list[ValueError] = []
@@ -117,13 +108,7 @@ class Problems:
             self.found.append(error)
 
     def refuse(self) -> None:
-        """Raise the error that was kept, or one of all of them.
-
-        Raises
-        ------
-        ValueError
-            With the field of the first one.
-        """
+        """Raise the error that was kept, or one that lists several, with the field of the first."""
         if len(self.found) == 1:
             raise self.found[0]
         if self.found:

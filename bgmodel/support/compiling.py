@@ -15,15 +15,7 @@ SOURCES = sources_hash(Path(__file__).parents[1])
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile a function on its first call, cached on disk; it releases the GIL.
-
-    Parameters
-    ----------
-    function : callable
-        Python function.
-    **options
-        Options of ``numba.njit``.
-    """
+    """Compile with ``numba.njit(**options)`` on first call, cached on disk; the GIL is released."""
     made: Function = compile_cached(function, SOURCES, nogil=True, **options)
     return made
 
@@ -51,13 +43,7 @@ class _Listener(event.Listener):
 
 
 def on_compiling(call: Callable[[], None]) -> None:
-    """Call a function once, just before an engine of the circuits is compiled.
-
-    Parameters
-    ----------
-    call : function
-        A function without arguments; replaces that of an earlier call.
-    """
+    """Call a function once, just before an engine is compiled; replaces that of an earlier call."""
     if _LISTENERS:
         event.unregister("numba:compile", _LISTENERS.pop())
     _LISTENERS.append(_Listener(call))

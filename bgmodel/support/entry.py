@@ -17,30 +17,14 @@ WAITING = 64
 
 @dataclass(frozen=True)
 class Entry:
-    """A port of this machine that listens, and a secret.
-
-    The port listens before there is a server: a browser can be started meanwhile, and waits.
-
-    Parameters
-    ----------
-    listener : socket
-        The socket that listens.
-    token : str
-        The secret.
-    """
+    """A listening port of this machine and a secret; browsers may connect before a server runs."""
 
     listener: socket.socket
     token: str
 
     @classmethod
     def at(cls, port: int) -> Entry:
-        """Listen on a port, or on any free one for 0, with a new secret.
-
-        Raises
-        ------
-        ValueError
-            If it is no port, or in use.
-        """
+        """Listen on a port, or on any free one for 0, with a new secret."""
         require(0 <= port < 65536, "port", "must be within 0..65535", port)
         listener = socket.socket()
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

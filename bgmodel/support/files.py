@@ -38,10 +38,7 @@ FIELDS = {"parameters", "seed", "versions"}
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path, renamed to the final name once written, or removed on errors.
-
-    Missing folders are created.
-    """
+    """Yield a temporary path, renamed to the final name once written, or removed on errors."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{secrets.token_hex(8)}.partial.{path.name}")
@@ -59,10 +56,7 @@ def remove_partial_files(folder: str | Path) -> None:
 
 
 def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
-    """Return the provenance of a result file: its parameters, seed and versions.
-
-    It has no time and no machine, so that the same seed gives the same bytes.
-    """
+    """Return parameters, seed and versions; no time or machine, so that bytes are repeatable."""
     return {
         "parameters": {name: _plain(value) for name, value in parameters.items()},
         "seed": seed,
@@ -127,15 +121,9 @@ def check_provenance_place(path: str | Path) -> None:
 
 
 def check_new(path: str | Path, *, force: bool = False) -> None:
-    """Raise ValueError unless a result may be written to a path.
+    """Raise ValueError unless a result may be written to a path; ``force`` allows a file there.
 
-    Parameters
-    ----------
-    path : path
-        Path of a result.
-    force : bool
-        Whether a file of that name may be replaced. A folder never is, nor a file next to a
-        ``.csv`` that is not a provenance.
+    A folder is never replaced, nor a file next to a ``.csv`` that is not a provenance.
     """
     path = Path(path)
     if path.is_dir():
@@ -198,13 +186,7 @@ def read_arrays(path: str | Path) -> arrays.Arrays:
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
-    """Return the provenance that ``write_table`` stored with a table.
-
-    Raises
-    ------
-    OSError, ValueError
-        If there is none, or the file is damaged.
-    """
+    """Return the provenance stored by ``write_table``; OSError or ValueError if there is none."""
     path = Path(path)
     if path.suffix == ".csv":
         found = from_json(provenance_path(path).read_text())
@@ -229,10 +211,7 @@ def from_json(text: str | bytes) -> Any:
 
 
 def check_writable(folder: str | Path) -> Path:
-    """Return a folder as an absolute path; ValueError if it is not writable.
-
-    It is created when a file is written.
-    """
+    """Return a folder, which may not exist yet, as an absolute path; ValueError if not writable."""
     folder = Path(os.path.abspath(folder))
     there = next(place for place in (folder, *folder.parents) if place.exists())
     try:

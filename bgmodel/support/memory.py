@@ -19,17 +19,7 @@ class NoMemoryError(InputError):
 
 
 def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
-    """Raise NoMemoryError, before anything is run, if there is not enough memory.
-
-    Parameters
-    ----------
-    needed_bytes : float
-        Estimated requirement, bytes.
-    what : str
-        Description of the run, for the message.
-    field : str
-        The argument to reduce.
-    """
+    """Raise NoMemoryError if a run needs more than is free; ``field`` is the argument to reduce."""
     if needed_bytes < SMALL_BYTES:
         return
     import psutil
@@ -53,13 +43,7 @@ def check_learning_memory(runs: int, episodes: int) -> None:
 
 
 def check_table_memory(path: Path) -> None:
-    """Raise NoMemoryError, before a table is read, if it does not fit into memory.
-
-    Parameters
-    ----------
-    path : path
-        A ``.parquet`` or ``.npz``, of which only the metadata are read, or a text file.
-    """
+    """Raise NoMemoryError, before a table is read, if it does not fit into memory."""
     if path.suffix == ".npz":
         with ZipFile(path) as file:
             size = sum(each.file_size for each in file.infolist())

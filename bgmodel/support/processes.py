@@ -26,23 +26,11 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def processes(
     workers: int, receive: Callable[..., object] | None = None, held: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of processes, one thread each; after an error their work is dropped.
+    """Yield a pool of single-threaded processes; after an error their work is dropped.
 
-    They end with the process that started them, also where that is killed.
-
-    Parameters
-    ----------
-    workers : int
-        Number of processes.
-    receive : function, optional
-        Called once in each process, with ``held``: large data is then sent once.
-    held : tuple
-        Arguments of ``receive``.
-
-    Raises
-    ------
-    ValueError
-        If the script that runs has no ``if __name__ == "__main__"``, or a process was killed.
+    They end with the process that started them, even if it is killed. ``receive`` is called once in
+    each with ``held``, so that large data are sent once. ValueError if a process was killed, or the
+    script has no ``if __name__ == "__main__"``.
     """
     end_if_imported()
     os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -80,8 +68,7 @@ def local_map(shared: Any) -> SharedMap:
 def shared_map(workers: int, shared: Any) -> Iterator[SharedMap]:
     """Yield a map over a pool of processes, or in this process if ``workers`` is 1.
 
-    Linear algebra uses one thread in either case, since results differ by rounding between numbers
-    of threads.
+    Linear algebra always uses one thread: results differ by rounding between numbers of threads.
     """
     if workers == 1:
         with _one_thread():

@@ -11,13 +11,7 @@ _LISTENER: ContextVar[Callable[[int], object] | None] = ContextVar("listener", d
 
 @contextmanager
 def shown_by(listener: Callable[[int], object]) -> Iterator[None]:
-    """Report every batch of trials that circuits decide within the block to a function.
-
-    Parameters
-    ----------
-    listener : function
-        Called with the number of trials of each batch, like ``tqdm.update``.
-    """
+    """Call a listener with the number of trials of each batch decided within the block."""
     token = _LISTENER.set(listener)
     try:
         yield

@@ -29,22 +29,7 @@ PLAIN = (bool, int, float, str)
 
 
 def save(record: Any, path: str | Path, *, force: bool = False) -> Path:
-    """Write a record to an .npz file, whole or not at all.
-
-    Parameters
-    ----------
-    record : record
-        A result, decisions, evidence, a circuit: any record of this package.
-    path : path
-        File to write, .npz.
-    force : bool
-        Whether a file of that name may be replaced.
-
-    Raises
-    ------
-    ValueError
-        If the file is there, can't be written, or the record holds what can't be saved.
-    """
+    """Write a record of this package, such as a result, to an .npz file, whole or not at all."""
     path = path_of(path)
     require(path.suffix == ENDING, "path", f"must end in {ENDING}", str(path))
     check_new(path, force=force)

@@ -36,13 +36,7 @@ def stream(seed: int, *names: object) -> np.random.Generator:
 
 
 def generator(rng: np.random.Generator | int, name: str = "rng") -> np.random.Generator:
-    """Return a generator unchanged, or that of a seed; ``name`` is the name of the argument.
-
-    Raises
-    ------
-    ValueError
-        If ``rng`` is neither a generator nor a seed.
-    """
+    """Return a generator unchanged, or that of a seed; ``name`` is the name of the argument."""
     if isinstance(rng, np.random.Generator):
         return rng
     if isinstance(rng, numbers.Real):

@@ -13,10 +13,7 @@ USUAL = (100, 24)
 
 
 class Readable(pd.DataFrame):
-    """A DataFrame that hides no column when it is printed: a wide one is printed in parts.
-
-    pandas replaces the middle columns of a table wider than the terminal by dots.
-    """
+    """A DataFrame that prints wide tables in parts; pandas would hide their middle columns."""
 
     @property
     def _constructor(self) -> type[Readable]:

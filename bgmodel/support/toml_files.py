@@ -21,32 +21,13 @@ STRICT = {"extra": "forbid", "strict": True}
 
 
 def read(path: str | Path, kind: type[T]) -> T:
-    """Read a TOML file as a dataclass.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    kind : dataclass
-        The dataclass, with ``STRICT`` as its ``__pydantic_config__``.
-
-    Raises
-    ------
-    ValueError
-        With the key, the value given and what is allowed.
-    """
+    """Read a TOML file as a dataclass, with ``STRICT`` as its ``__pydantic_config__``."""
     path = Path(path)
     return decoded(_given(path), kind, path.name)
 
 
 def read_text(text: str, kind: type[T], name: str) -> T:
-    """Read the text of a TOML file as a dataclass; ``name`` is what errors call it.
-
-    Raises
-    ------
-    ValueError
-        As for ``read``.
-    """
+    """Read the text of a TOML file as a dataclass; ``name`` is what errors call it."""
     return decoded(parsed_toml(text, name), kind, name)
 
 
@@ -67,8 +48,7 @@ def _given(path: Path) -> dict[str, Any]:
 def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -> T:
     """Return a dataclass from the contents of a file, or of a part of it.
 
-    Errors begin with ``name``, that of the file; "" for a part, whose key in the file is
-    ``inside``.
+    Errors begin with the file's ``name``, or "" for a part, whose key in the file is ``inside``.
     """
     from pydantic import ValidationError
 
