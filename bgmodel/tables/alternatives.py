@@ -33,22 +33,10 @@ def check_number(alternatives: int) -> None:
 
 
 def number_of(table: pd.DataFrame, alternatives: int | None, stimulus: str | None) -> int:
-    """Return the number of alternatives of a table.
+    """Return the number of alternatives of a table, 2 to 12.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Trials, with a column ``response``.
-    alternatives : int, optional
-        The number, if it is known. Otherwise a column ``alternatives`` gives it, or the number of
-        different names in the columns of responses and of correct alternatives; 2 without these.
-    stimulus : str, optional
-        Column of the correct alternative.
-
-    Raises
-    ------
-    ValueError
-        If the number differs between rows or from the names, or is not from 2 to 12.
+    It is that given, that of the column ``alternatives``, or the number of names in ``response``
+    and ``stimulus``, the column of the correct alternative; 2 without these. They must agree.
     """
     held = _held(table)
     if alternatives is not None:
@@ -116,16 +104,9 @@ def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
 
 
 def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
-    """Return 1 for a response that equals the correct alternative, 0 for another, -1 for none.
+    """Return 1 for a response equal to ``stimulus``, 0 for another, -1 for none; (trials,).
 
     Warns if accuracy differs between stimuli: models treat all alternatives alike.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Trials, with a column ``response``.
-    stimulus : str
-        Column of the correct alternative.
     """
     shown, given = names_of(table[stimulus]), names_of(table["response"])
     found = np.where(silent(table), NO_RESPONSE, shown == given).astype(np.int8)

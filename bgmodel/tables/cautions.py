@@ -78,21 +78,10 @@ def check_no_stops(table: pd.DataFrame) -> None:
 def people_and_times(
     table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str], unit: str = "s"
 ) -> tuple[npt.NDArray[np.str_], Array]:
-    """Return the participant and the response time, s, of each row of a table of any trials.
+    """Return the participant and response time, s, of each row of a table of any trials, checked.
 
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table, its rows numbered from 0.
-    wanted, used : names
-        Required columns, and those besides ``OURS`` that tell copies of trials.
-    unit : str
-        Unit of the times.
-
-    Raises
-    ------
-    ValueError
-        As for ``check_columns``, ``check_alike``, ``times`` and ``check_one_unit``.
+    Rows are numbered from 0; ``used`` are the columns, besides ``OURS``, that tell copies of
+    trials.
     """
     check_columns(table, wanted)
     check_people(table, used)
@@ -106,17 +95,9 @@ def people_and_times(
 
 
 def check_times(rt_s: Array) -> None:
-    """Refuse times that are not in seconds; warn of doubtful units and of rounding.
+    """Refuse times (trials,) not in s, NaN without a response; warn of doubtful units and rounding.
 
-    Parameters
-    ----------
-    rt_s : (trials,) float64, s
-        Response times; NaN without a response.
-
-    Raises
-    ------
-    ValueError
-        If all times are whole numbers with a median above 5, or times are in two units.
+    Whole numbers with a median above 5 are refused: hundredths of a second.
     """
     given = rt_s[np.isfinite(rt_s)]
     if len(given) < FEWEST:
@@ -185,15 +166,7 @@ def _warn_of_pile(given: Array) -> None:
 
 
 def warn_of_far(strength: Array) -> None:
-    """Warn if few trials have a strength far beyond all others, or more trials a usual code.
-
-    Either may be an error, or a missing value.
-
-    Parameters
-    ----------
-    strength : (trials,) float64
-        Signed strengths; absolute values are compared.
-    """
+    """Warn if a few signed strengths, or codes of missing values, are far beyond all others."""
     sizes, counts = np.unique(np.abs(strength), return_counts=True)
     above = sizes[1:] >= FAR * sizes[:-1]
     for first in np.flatnonzero(above & (sizes[:-1] > 0)) + 1:
@@ -208,15 +181,10 @@ def warn_of_far(strength: Array) -> None:
 
 
 def warn_of_units(strength: Array) -> None:
-    """Warn if strengths seem to be in per cent in some trials and in shares in others.
+    """Warn if signed strengths seem to be in per cent in some trials and in shares in others.
 
-    This is the case if there are at least two strengths whose hundredfold occurs too, and these
-    pairs are all but a few of the strengths.
-
-    Parameters
-    ----------
-    strength : (trials,) float64
-        Signed strengths; absolute values are compared.
+    At least two strengths must also occur a hundred times as large, and such pairs must include all
+    but a few of the strengths.
     """
     sizes, counts = np.unique(np.abs(strength[strength != 0]), return_counts=True)
     larger = np.array([np.isclose(sizes, 100 * size, rtol=SAME, atol=0) for size in sizes])
@@ -244,18 +212,10 @@ def warn_of_mixed_units(rt_s: Array, participant: npt.NDArray[np.str_]) -> None:
 def warn_of_copies(table: pd.DataFrame, used: Sequence[str]) -> None:
     """Warn of more duplicate trials than by chance: standard errors would be too small.
 
-    Duplicates are rows with the same values in all columns in use; numbers of trials or columns
-    that a merge has added do not count. Since times are rounded, two trials
-    that differ only in time may have the same time by chance. How often times within 0.1 s of each
-    other are equal is estimated from rows that differ in other columns. A warning needs 10
-    duplicates, 1 % of all rows, and an excess of a quarter and of 5 standard errors over chance.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table.
-    used : names
-        Columns of the strength and of conditions.
+    Only columns in use are compared. Rounded times may coincide by chance: how often times within
+    0.1 s of each other are equal is estimated from rows that differ in other columns. A warning
+    needs 10 duplicates, 1 % of all rows, and an excess of a quarter and of 5 standard errors over
+    chance.
     """
     table = table[[name for name in (*OURS, *used) if name in table]]
     copies = int(table.duplicated().sum())
@@ -302,13 +262,8 @@ def warn_of_twins(
 ) -> None:
     """Warn if two participants have the same trials: one of them under two names.
 
-    Parameters
-    ----------
-    participant : (trials,) text
-        The participant of each trial.
-    rt_s, response : (trials,)
-        Times, s, and responses. Trials are compared in the order of their times, and participants
-        of fewer than 10 different times are not compared.
+    Trials are compared in the order of times; participants with fewer than 10 distinct times are
+    not compared.
     """
     seen: dict[bytes, str] = {}
     twins = []
@@ -328,20 +283,7 @@ def warn_of_twins(
 
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:
-    """Refuse, or warn of, a deadline long after all responses.
-
-    Parameters
-    ----------
-    rt_s : (trials,) float64, s
-        Response times; NaN without a response.
-    deadline_s : float, s
-        Time at which a trial without a response ended.
-
-    Raises
-    ------
-    ValueError
-        If it is 10 times the slowest response or later.
-    """
+    """Refuse a deadline from 10 times the slowest response on, and warn of one from 3 times on."""
     given = rt_s[np.isfinite(rt_s)]
     if not len(given) or deadline_s < LATE * given.max():
         return
@@ -366,15 +308,7 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
 
 
 def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
-    """Raise ValueError if strengths have no sign and responses are not coded by correctness.
-
-    Parameters
-    ----------
-    strength : (trials,) float64 or None
-        Strengths; if none is negative, all favour response 1.
-    response : (trials,) int8
-        1, 0 or -1.
-    """
+    """Raise ValueError if no strength is negative, yet many responses to the largest are 0."""
     if strength is None or (strength < 0).any() or not strength.any():
         return
     most = (response >= 0) & (np.abs(strength) == np.abs(strength).max())
@@ -396,22 +330,10 @@ def warn_without_strength(
     response: npt.NDArray[np.int8],
     alternatives: int = 2,
 ) -> None:
-    """Warn if the strength of the evidence seems to be missing.
+    """Warn if a column may hold the strength; otherwise, if response 1 may not be the correct one.
 
     A column may hold it if its numbers vary, and it either has a suitable name or has at least
-    three values and is correlated with the responses. Without such a column, response 1 may not be
-    the correct one.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table.
-    used : names
-        Columns that are used as conditions.
-    response : (trials,) int8
-        1, 0 or -1.
-    alternatives : int
-        Number of alternatives; with more than two, response 1 is the correct one.
+    three values and is correlated with the responses (1, 0 or -1).
     """
     found = []
     for name in table:
@@ -450,13 +372,7 @@ def _correlation(values: Array, response: npt.NDArray[np.int8]) -> float:
 
 
 def without_rounding(strength: Array) -> Array:
-    """Merge strengths that differ by less than a millionth; warn if there are any.
-
-    Parameters
-    ----------
-    strength : (trials,) float64
-        Signed strengths; absolute values are compared.
-    """
+    """Merge signed strengths whose sizes differ by less than a millionth; warn if there are any."""
     sizes, counts = np.unique(np.abs(strength), return_counts=True)
     group = np.concatenate([[0], np.cumsum(np.diff(sizes) > SAME * sizes[1:])])
     if len(sizes) == group[-1] + 1:

@@ -64,15 +64,7 @@ def check_spelt(name: str, ours: Sequence[str]) -> None:
 
 
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
-    """Raise ValueError if a required column is missing, duplicated or misspelt.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table.
-    wanted : names
-        Required columns.
-    """
+    """Raise ValueError if a column is missing, duplicated or misspelt, or there are no rows."""
     names = names_once(table.columns)
     for name in names:
         meant = name.strip().lower()
@@ -193,17 +185,7 @@ def strengths(column: pd.Series) -> Array:
 
 
 def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
-    """Raise ValueError if any row is wrong, with the number and value of the first.
-
-    Parameters
-    ----------
-    wrong : (rows,) bool
-        Which rows are wrong.
-    column : Series
-        The column, its index the number of each row in the user's table, from 0.
-    must, hint : str
-        What its values must be, and how to correct them.
-    """
+    """Raise ValueError if any row is wrong, with the number and value of the first."""
     if wrong.any():
         at = int(np.argmax(wrong))
         count = f" ({wrong.sum()} such rows)" if wrong.sum() > 1 else ""
@@ -223,10 +205,7 @@ def texts(column: pd.Series) -> npt.NDArray[np.str_]:
 
 
 def levels(column: pd.Series) -> npt.NDArray[np.str_]:
-    """Return a column of a condition as text; errors and warnings of ``check_alike``.
-
-    A code of a missing value, such as R's NA, is no level.
-    """
+    """Return a column of a condition as text; a code of a missing value, as R's NA, is no level."""
     found = texts(column)
     refuse(np.isin(found, NOT_GIVEN), column, "given for every trial")
     check_alike(column.name, found)
@@ -234,20 +213,7 @@ def levels(column: pd.Series) -> npt.NDArray[np.str_]:
 
 
 def check_alike(column: Hashable, names: npt.NDArray[np.str_]) -> None:
-    """Refuse names that differ only in blanks; warn of those that differ only in case or digits.
-
-    Parameters
-    ----------
-    column : str
-        Name of the column.
-    names : (rows,) text
-        Its values.
-
-    Raises
-    ------
-    ValueError
-        If two names are the same but for blanks or the encoding of a character.
-    """
+    """Refuse names that differ only in blanks or encoding; warn if only in case or digits."""
     doubtful = []
     for key in (_unblanked, _plain):
         alike: dict[str, list[str]] = {}
@@ -283,13 +249,7 @@ def check_numeric(column: pd.Series) -> None:
 
 
 def numbers(column: pd.Series) -> Array:
-    """Return a column of numbers, (rows,), NaN for an empty cell.
-
-    Raises
-    ------
-    ValueError
-        If a value is not a finite number.
-    """
+    """Return a column of finite numbers, (rows,), NaN for an empty cell."""
     check_numeric(column)
     missing = _is_missing(column)
     values = np.array(
@@ -301,19 +261,9 @@ def numbers(column: pd.Series) -> Array:
 
 
 def times(column: pd.Series, unit: str = "s") -> Array:
-    """Return response times, (rows,), s; NaN if missing, or if it is HSSM's code for that.
+    """Return response times above 0, (rows,), s; NaN if missing, or if it is HSSM's code for that.
 
-    Parameters
-    ----------
-    column : Series
-        The times.
-    unit : str
-        A name in ``UNITS``.
-
-    Raises
-    ------
-    ValueError
-        If a time is not a number above 0, or times seem to be in another unit.
+    ``unit`` is that of the column; a median that seems to be in another unit is refused.
     """
     known = isinstance(unit, str) and unit in UNITS
     require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
@@ -346,15 +296,7 @@ def code(column: pd.Series) -> npt.NDArray[np.int8]:
 
 
 def delays(column: pd.Series, unit: str = "s") -> Array:
-    """Return stop-signal delays, (rows,), s; NaN in go trials, whose cell is empty or infinite.
-
-    ``unit`` is that of the column, a name in ``UNITS``.
-
-    Raises
-    ------
-    ValueError
-        If a delay is not a number of at least 0, or is too large to be in seconds.
-    """
+    """Return stop-signal delays, (rows,), s; NaN in go trials, whose cell is empty or infinite."""
     check_numeric(column)
     cells = [_number(value) for value in column]
     values = numbers(column.mask(np.isinf(cells)))
@@ -365,21 +307,9 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
 
 
 def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt.NDArray[np.int8]:
-    """Return 1, 0 or, without a response, -1 for each row, (rows,).
+    """Return 1 for 1 or the name ``upper``, 0 for the other, -1 without a response; (rows,).
 
-    Parameters
-    ----------
-    column : Series
-        1 and 0, or two names.
-    rt : Series
-        The times; where they hold HSSM's code for none, the response is ignored.
-    upper : str, optional
-        The name that counts as 1.
-
-    Raises
-    ------
-    ValueError
-        If there are other values, more than two names, or ``upper`` is not among them.
+    Where ``rt`` holds HSSM's code for no response, the response is ignored.
     """
     require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     missing = silent(pd.DataFrame({"rt": rt, "response": column}))

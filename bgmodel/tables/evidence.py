@@ -41,20 +41,8 @@ def read_evidence_table(
 ) -> NamedEvidence:
     """Read a user's evidence from a file; see ``trials_from_table`` for its columns.
 
-    Cells of a ``.csv`` are kept as written: a column becomes numeric only if each cell would be
-    written in the same way again (an id "007" stays text).
-
-    Parameters
-    ----------
-    path : path
-        ``.csv``, ``.tsv`` or ``.parquet``.
-    prior, onset_ms, step_ms :
-        As in ``Evidence``.
-
-    Raises
-    ------
-    ValueError
-        With the name of the file.
+    Text becomes numeric only if each cell would be written in the same way again (an id "007" stays
+    text).
     """
     path = path_of(path)
     plain = path.suffix in SEPARATORS and path.is_file()
@@ -109,34 +97,13 @@ def trials_from_table(
     step_ms: float = 1.0,
     shared: bool = False,
 ) -> NamedEvidence:
-    """Return the trials of a user's table of evidence.
+    """Return the trials of a user's table of evidence; trials may differ in length.
 
-    Parameters
-    ----------
-    table : DataFrame
-        One row per reading: ``trial``, an id of any kind; ``step``, 0, 1, 2, ... or 1, 2, 3, ... in
-        each trial; and a column ``ll_<name>`` for each hypothesis, holding
-        ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, the name of a hypothesis, and
-        ``participant_id``: trials of different participants are distinct even with equal ids.
-        Trials may differ in length, and rows may be in any order. Other columns are copied to the
-        results. The evidence's baseline is the mean of all these numbers.
-    prior, onset_ms, step_ms :
-        As in ``Evidence``.
-    shared : bool
-        Whether participants may have the same readings without a warning.
-
-    Raises
-    ------
-    ValueError
-        If columns are absent, duplicated or misspelt; if an id is missing, a step is missing or
-        given twice, a value is not a finite number, or a truth is not among the
-        hypotheses.
-
-    Warns
-    -----
-    UserWarning
-        As for ``Evidence``, if trials have exactly the same readings, or if the truth implies
-        that log-likelihoods are not natural logarithms (but log2 or log10).
+    One row per reading, in any order: ``trial``, an id; ``step``, from 0 or 1 on in each trial; a
+    column ``ll_<name>`` per hypothesis, ``log p(reading | hypothesis)`` in nats, whose overall mean
+    is the baseline; optionally ``truth`` and ``participant_id``, which makes equal ids distinct.
+    Other columns are copied to the results. With ``shared``, participants may have the same
+    readings without a warning.
     """
     columns = _hypotheses(table)
     if len(table) == 0:

@@ -19,22 +19,10 @@ HSSM = {"1", "-1"}
 
 
 def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
-    """Return a table with our names of columns, whatever theirs were.
+    """Return a table with our names of columns; ``given`` has the user's, None where they agree.
 
     A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
     is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table.
-    **given : str, optional
-        Its names of rt, response, participant, ...; None for those that are ours.
-
-    Raises
-    ------
-    ValueError
-        If a named column does not exist, is named twice, or its new name belongs to another column.
     """
     table = named(table, {name: (OTHER.get(name, name), own) for name, own in given.items()})
     if given.get("rt") is None and given.get("response") is None:
@@ -43,20 +31,7 @@ def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
 
 
 def named(table: pd.DataFrame, options: Mapping[str, tuple[str, str | None]]) -> pd.DataFrame:
-    """Return a table with our names of columns.
-
-    Parameters
-    ----------
-    table : DataFrame
-        A user's table.
-    options : mapping
-        By option, our name of a column and the user's; None where it has ours.
-
-    Raises
-    ------
-    ValueError
-        If a named column does not exist, is named twice, or its new name belongs to another column.
-    """
+    """Return a table with columns renamed: each option maps to our name and the user's, or None."""
     names = names_once(table.columns)
     given = {option: pair for option, pair in options.items() if pair[1] is not None}
     for option, (ours, name) in given.items():

@@ -68,18 +68,10 @@ def read_once(task: EvidenceTable) -> NamedEvidence:
 def trials_of(
     task: Task, seed: int, name: str, *, prior: Sequence[float] | None = None, **more: Any
 ) -> NamedEvidence:
-    """Return the trials of a task: evidence, names of hypotheses, and other columns of a table.
+    """Return the trials of a task: drawn with the stream of ``seed`` and ``name``, or of a table.
 
-    Parameters
-    ----------
-    task : Task
-        What is asked.
-    seed, name : int and str
-        Seed and name of the random-number stream.
-    prior : sequence of float (channels,), optional
-        Prior probabilities assumed by the integrator; equal if omitted.
-    **more
-        As for ``Drawn.evidence``.
+    ``prior`` (channels,) is that assumed by the integrator, equal if None; ``more`` is as for
+    ``Drawn.evidence``.
     """
     if isinstance(task, EvidenceTable):
         from bgmodel.tables.evidence import read_evidence_table

@@ -28,24 +28,13 @@ def _no_columns() -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class NamedEvidence:
-    """Evidence, the names of its hypotheses, and further columns of a table.
+    """Evidence, the names of its hypotheses, and further columns of a table."""
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Log-likelihoods and truth; trial k is the k-th to appear in the table.
-    names : list of str
-        Names of the hypotheses.
-    columns : DataFrame
-        One row per trial with the further columns of the table, and ``row``, the index of its
-        first row in the table, from 0. No columns for randomly drawn evidence.
-    varying : list of str
-        Columns left out because they change within a trial.
-    """
-
-    evidence: Evidence
+    evidence: Evidence  # Trial k is the k-th to appear in the table.
     names: list[str]
+    # One row per trial; ``row`` is the table's first row of the trial, from 0.
     columns: pd.DataFrame = field(default_factory=_no_columns)
+    # Columns left out because they change within a trial.
     varying: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -76,33 +65,12 @@ def trial_table(
     model: str,
     condition: str = "",
 ) -> pd.DataFrame:
-    """Return one row per trial, in the format of other tools of the field.
+    """Return one row per trial: decisions at one threshold, in the format of other tools.
 
-    Parameters
-    ----------
-    decision : Decision
-        Decisions at one threshold.
-    trials : NamedEvidence
-        Trials of the evidence.
-    seed : int, optional
-        Seed, if anything was random.
-    model, condition : str
-        Name of the model, and of its condition.
-
-    Returns
-    -------
-    DataFrame
-        Columns participant_id, trial, rt (seconds from onset; NaN if undecided), response and
-        stimulus (names of hypotheses, empty if unknown), correct (1, 0, or NA if undecided or
-        without truth), undecided, forced, premature, steps (readings used, fully or in part; at
-        most the number of readings), condition, seed, model; then the other columns of the
-        user's table. Columns with one of these names are renamed to ``given_<name>``, except
-        participant_id, trial and, unless given here, condition, which are the user's.
-
-    Raises
-    ------
-    ValueError
-        If there are several thresholds.
+    ``rt`` is in s from onset, NaN if undecided; ``response`` and ``stimulus`` are names of
+    hypotheses, "" if unknown; ``correct`` is 1, 0 or NA; ``steps`` counts readings used, fully or
+    in part. Columns of a user's table with one of these names become ``given_<name>``, but
+    participant_id, trial and, unless ``condition`` is given, condition replace ours.
     """
     import pandas as pd
 

@@ -22,35 +22,18 @@ OTHERS = (STOP_SET, SIMON_SET)
 
 @dataclass(frozen=True, eq=False)
 class Shipped:
-    """A published set, with its description.
+    """A published set, with its description."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, as for ``read_trials``.
-    table : DataFrame
-        One row per trial: participant_id, trial, rt (s), response (1 or 0 in sets of choices), and
-        its conditions.
-    columns : dict
-        Description of each column, by name.
-    strength : str or None
-        The column of the signed strength of evidence, if there is one.
-    conditions : tuple of str
-        Columns of experimental conditions.
-    citation, source, licence, licence_file, note : str
-        Publication; repository; licence of the repository, by its SPDX name; file of its text, in
-        the package's folder ``data``, or "" where the licence asks for none; remarks.
-    """
-
-    name: str
+    name: str  # As for ``read_trials``.
+    # One row per trial: participant_id, trial, rt (s), response (1 or 0), conditions.
     table: pd.DataFrame = field(repr=False)
-    columns: dict[str, str]
-    strength: str | None
+    columns: dict[str, str]  # descriptions
+    strength: str | None  # Column of the signed strength of evidence.
     conditions: tuple[str, ...]
     citation: str
     source: str
-    licence: str
-    licence_file: str
+    licence: str  # SPDX name.
+    licence_file: str  # In the package's folder ``data``; "" where the licence asks for no text.
     note: str
 
     @property

@@ -14,19 +14,7 @@ SEPARATORS = {".csv": ",", ".tsv": "\t"}
 
 
 def read_rows(path: Path) -> pd.DataFrame:
-    """Read a table from .csv, .tsv or .parquet; cells of text files are kept as text.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Raises
-    ------
-    ValueError
-        If there is no such file, it can't be read in the format of its ending, or it does not fit
-        into memory.
-    """
+    """Read a table from .csv, .tsv or .parquet; cells of text files are kept as text."""
     if path.suffix == ".parquet":
         return read_table(path)
     if path.suffix not in SEPARATORS:
