@@ -53,10 +53,7 @@ class ManyCircuitModel(CircuitModel):
         return {**super().identity(), **channels, "thresholds": [LEVELS, *thresholds]}
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
-        """Return the probability of a wrong and of a correct decision in each bin.
-
-        See ``algorithms.Model``.
-        """
+        """Return the probability of a wrong and of a correct decision; see ``algorithms.Model``."""
         drift = values[SENSITIVITY.name] * strength
         odds, levels = log_odds(values[THRESHOLD]), log_odds(self.thresholds_nats[::-1])
         places = LEVELS - 1 - np.interp(odds, levels, np.arange(LEVELS))

@@ -37,26 +37,14 @@ UNIT = 1e-3
 
 @dataclass(frozen=True)
 class ManyCrossings:
-    """Times, choices and evidence of trials at each of several thresholds.
+    """Times, choices and evidence of trials at each of several thresholds."""
 
-    Parameters
-    ----------
-    thresholds_nats : array (thresholds,)
-        The thresholds, increasing.
-    bins : int array (thresholds, trials)
-        Bin of the decision, which is also its last reading; the last bin without a decision.
-    choice : int array (thresholds, trials)
-        Channel, or -1 without a decision.
-    evidence : int array (thresholds, trials, N), 0.001 sqrt(s)
-        Sums up to then, minus their mean over channels.
-    parts : bool array (parts,)
-        Trial k counts if ``parts[k % len(parts)]`` is true.
-    """
-
-    thresholds_nats: Array
+    thresholds_nats: Array  # Increasing.
+    # (thresholds, trials), of the decision and its last reading; the last bin if none
     bins: Integers
-    choice: Integers
-    evidence: Integers
+    choice: Integers  # (thresholds, trials); channel, or -1 without a decision
+    evidence: Integers  # (thresholds, trials, N), 0.001 sqrt(s); sums up to then minus their mean
+    # Trial k counts if ``parts[k % len(parts)]`` is true.
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     _counted: dict[int, tuple[Array, Array]] = field(default_factory=dict, compare=False)
 
@@ -91,12 +79,8 @@ class ManyCrossings:
     def decided(self, rows: list[tuple[int, float]], drift: float) -> Array:
         """Return the probability of a wrong and of a correct decision in each bin, (2, bins).
 
-        Parameters
-        ----------
-        rows : list of (int, float)
-            Stored thresholds and their weights.
-        drift : float, 1/sqrt(s)
-            Drift of the correct channel minus that of the others.
+        ``rows`` are stored thresholds and their weights; ``drift`` is that of the correct channel
+        minus that of the others, 1/sqrt(s).
         """
         seen = np.sum([weight * self.counted(row)[0] for row, weight in rows], axis=0)
         never = np.sum([weight * self.counted(row)[1] for row, weight in rows], axis=0)
@@ -131,18 +115,8 @@ def count(
 ) -> None:  # fmt: skip
     """Add trials at one threshold to grids of time and evidence, over the density of all drifts.
 
-    Parameters
-    ----------
-    bins, choice, evidence, parts :
-        As in ``ManyCrossings``, at one threshold.
-    drifts : array (nodes,), 1/sqrt(s)
-        Simulated drifts.
-    low : int
-        First bin of evidence.
-    decided : array (2, bins, evidence)
-        Counts to add to, of wrong and of correct choices.
-    never : array (evidence,)
-        Counts to add to, for trials without a decision.
+    ``low`` is the first bin of evidence, ``decided`` (2, bins, evidence) holds wrong and correct
+    choices, and ``never`` (evidence,) trials without a decision.
     """
     trials, channels = evidence.shape
     for trial in range(trials):
@@ -173,21 +147,7 @@ def count(
 def simulated_many(
     run: Run, thresholds_nats: Array, channels: int, *, seconds: float, trials: int, seed: int
 ) -> ManyCrossings:
-    """Simulate trials and return their crossings.
-
-    Parameters
-    ----------
-    run : function
-        Computes OUT; see ``crossings.Run``.
-    thresholds_nats : array (thresholds,)
-        The thresholds, increasing.
-    channels : int
-        Number of channels; the evidence favours the first.
-    seconds : float, s
-        Length of a trial.
-    trials, seed : int
-        Number of trials at each drift, and the seed of their evidence.
-    """
+    """Simulate trials at each drift, which favours the first channel; return their crossings."""
     readings = math.ceil(seconds / BIN_S)
     parts: list[tuple[npt.NDArray[Any], ...]] = []
     for number, drift in enumerate(DRIFTS):

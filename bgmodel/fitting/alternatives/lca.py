@@ -37,25 +37,13 @@ def leaky(
     noise: Any, parts: Any, drift: Any, common: Any, bound: Any, leak: Any, inhibition: Any,
     step_s: Any, found: Any,
 ) -> None:  # fmt: skip
-    """Add the share of trials that decide in each bin.
+    """Add the share of trials that decide in each bin to ``found`` (2, bins): wrong, correct.
 
     ``dx_i = (input_i - leak x_i - inhibition sum_(j != i) x_j) dt + noise``, and ``x_i >= 0``
-    (Usher & McClelland 2001), by Euler's method with one step per bin. The crossing of the bound
-    is interpolated between steps and divided between two bins, so that it is continuous in all
-    parameters.
-
-    Parameters
-    ----------
-    noise : float32 array (trials, steps, N)
-        Increments of unit variance per step.
-    parts : bool array
-        Trial k counts where ``parts[k % len(parts)]`` is true.
-    drift, common, bound, leak, inhibition : float
-        Drift of the first accumulator, the correct one, beyond the common input; bound; rates, 1/s.
-    step_s : float, s
-        Width of a step and of a bin.
-    found : array (2, bins)
-        Shares of trials to add to, of wrong and of correct decisions.
+    (Usher & McClelland 2001), by Euler's method with one step per bin; ``noise`` (trials, steps, N)
+    has unit variance, ``drift`` is that of the first, correct one beyond the ``common`` input. The
+    crossing of the bound is interpolated between steps and divided between two bins, so that it is
+    continuous in all parameters.
     """
     trials, steps, channels = noise.shape
     sd, bins = math.sqrt(step_s / 2), found.shape[1]
@@ -98,22 +86,12 @@ def increments(alternatives: int, trials: int, steps: int, seed: int) -> npt.NDA
 
 @dataclass(frozen=True)
 class LcaModel(InParts):
-    """Leaky competing accumulators (Usher & McClelland 2001).
-
-    Parameters
-    ----------
-    alternatives : int
-        Number of accumulators.
-    trials, seed : int
-        Simulated trials, as for a circuit, and the seed of their noise.
-    seconds : float, s
-        Length of a trial.
-    """
+    """Leaky competing accumulators (Usher & McClelland 2001)."""
 
     alternatives: int
-    trials: int = TRIALS
+    trials: int = TRIALS  # as for a circuit
     seed: int = SIMULATION_SEED
-    seconds: float = 3.0
+    seconds: float = 3.0  # length of a trial, s
     _parts: Truths = field(default_factory=lambda: np.ones(PARTS, dtype=np.bool_), repr=False)
 
     def __post_init__(self) -> None:
@@ -130,10 +108,7 @@ class LcaModel(InParts):
         return (SENSITIVITY, HELD_INPUT, BOUND, LEAK, INHIBITION, *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
-        """Return the probability of a wrong and of a correct decision in each bin.
-
-        See ``algorithms.Model``.
-        """
+        """Return the probability of a wrong and of a correct decision; see ``algorithms.Model``."""
         drift = values[SENSITIVITY.name] * strength
         names = (INPUT.name, BOUND.name, LEAK.name, INHIBITION.name)
         settings = np.stack([drift, *(values[name] for name in names)], axis=1)

@@ -42,19 +42,7 @@ def circuit_model(alternatives: int) -> type[CircuitModel]:
 def check_many(
     model: str | Path | Circuit, mechanism: str, named: Iterable[str], alternatives: int
 ) -> None:
-    """Raise ValueError for models, mechanisms and parameters of two alternatives only.
-
-    Parameters
-    ----------
-    model : str, path or Circuit
-        A model.
-    mechanism : str
-        What changes the criterion of a circuit.
-    named : names
-        Parameters that the settings of the fit name.
-    alternatives : int
-        Number of alternatives, more than two.
-    """
+    """Raise ValueError for models, mechanisms and named parameters of two alternatives only."""
     if isinstance(model, str) and model in GAPS:
         allowed = ", ".join(MODELS)
         must = f"must be of {allowed} or a circuit with {alternatives} alternatives"

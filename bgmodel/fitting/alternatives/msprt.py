@@ -57,14 +57,7 @@ def odds_of(alternatives: int) -> Array:
 def passages(alternatives: int, drift: float, trials: int, seed: int) -> npt.NDArray[np.int32]:
     """Return first passages of paths with unit gain, (parts, thresholds, 2, steps).
 
-    Parameters
-    ----------
-    alternatives : int
-        Number of channels.
-    drift : float
-        Drift of the correct one minus that of the others, in units of the gain.
-    trials, seed : int
-        Number of paths, and the seed of their noise.
+    ``drift`` is that of the correct channel minus that of the others, in units of the gain.
     """
     odds = odds_of(alternatives)
     counts = np.zeros((PARTS, len(odds), 2, len(ends()) - 1), np.int32)
@@ -77,13 +70,7 @@ def passages(alternatives: int, drift: float, trials: int, seed: int) -> npt.NDA
 def below(
     alternatives: int, drift: float, trials: int, seed: int, parts: tuple[bool, ...]
 ) -> Array:
-    """Return the probability of both decisions by the ends of steps, from some parts of the paths.
-
-    Returns
-    -------
-    array (thresholds, 2, steps + 1)
-        Arguments as for ``passages``.
-    """
+    """Return the probability of both decisions by the ends of steps, (thresholds, 2, steps + 1)."""
     counts = passages(alternatives, drift, trials, seed)[list(parts)].sum(axis=0)
     # Trial k belongs to part k % PARTS: the first ones may have one more.
     share = np.bincount(np.arange(trials) % PARTS)[list(parts)].sum()
@@ -92,19 +79,11 @@ def below(
 
 @dataclass(frozen=True)
 class MsprtModel(InParts):
-    """The multihypothesis sequential probability ratio test in continuous time, simulated.
-
-    Parameters
-    ----------
-    alternatives : int
-        Number of alternatives.
-    trials, seed : int
-        Simulated trials, as for a circuit, and the seed of their noise.
-    """
+    """The multihypothesis sequential probability ratio test in continuous time, simulated."""
 
     any_width: ClassVar = True
     alternatives: int
-    trials: int = TRIALS
+    trials: int = TRIALS  # as for a circuit
     seed: int = SIMULATION_SEED
     _parts: Truths = field(default_factory=lambda: np.ones(PARTS, dtype=np.bool_), repr=False)
 
@@ -125,10 +104,7 @@ class MsprtModel(InParts):
         return (SENSITIVITY, Parameter(THRESHOLD, low, high, 0.25, about), *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
-        """Return the probability of a wrong and of a correct decision in each bin.
-
-        See ``algorithms.Model``.
-        """
+        """Return the probability of a wrong and of a correct decision; see ``algorithms.Model``."""
         mean = np.unique(strength[strength > 0]).mean()
         gain = 2 * values[SENSITIVITY.name] * mean
         found = np.zeros((len(strength), 2, grid.bins))

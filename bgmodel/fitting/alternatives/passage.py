@@ -18,30 +18,13 @@ TINY = 1e-300
 def walk(
     rng: Any, channels: Any, drift: Any, odds: Any, widths: Any, trials: Any, counts: Any
 ) -> None:
-    """Count first passages of the largest posterior through thresholds.
+    """Add first passages to ``counts`` (parts, thresholds, 2, steps): wrong, correct decisions.
 
-    Each channel accumulates noise of variance 1/2 per unit of time, and the first, the correct
-    one, the drift too. Within a step the log odds of a channel are a Brownian bridge, whose maximum
-    is drawn from its exact distribution given both ends. With two channels this is exact; with
-    more, their variance within a step is taken to be that at its end. A path passes all thresholds
-    with its running maximum.
-
-    Parameters
-    ----------
-    rng : Generator
-        Source of the noise.
-    channels : int
-        Number of alternatives.
-    drift : float
-        Drift of the correct channel minus that of the others.
-    odds : array (thresholds,)
-        Log odds of the thresholds, increasing, above those of the prior.
-    widths : array (steps,)
-        Duration of each step.
-    trials : int
-        Number of paths.
-    counts : int array (parts, thresholds, 2, steps)
-        Counts to add to, of wrong and of correct decisions; trial k belongs to part k % parts.
+    Each channel accumulates noise of variance 1/2 per unit of time, and the first, the correct one,
+    the drift too. Within a step the log odds of a channel are a Brownian bridge, whose maximum is
+    drawn from its exact distribution given both ends. With two channels this is exact; with more,
+    their variance within a step is taken to be that at its end. A path passes all thresholds,
+    ``odds``, with its running maximum; path k belongs to part k % parts.
     """
     sums, before, after, share = (
         np.zeros(channels), np.zeros(channels), np.zeros(channels), np.zeros(channels),

@@ -27,11 +27,6 @@ class RaceModel:
     Each has noise of variance 1/2 per second, so that differences have unit variance, as in the
     test. First-passage times are inverse Gaussian (Wald 1947), and the density of a response is
     that of its accumulator times the survivors of the others.
-
-    Parameters
-    ----------
-    alternatives : int
-        Number of accumulators.
     """
 
     alternatives: int
@@ -48,10 +43,7 @@ class RaceModel:
         return (SENSITIVITY, INPUT, BOUND, *RESPONSE)
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
-        """Return the probability of a wrong and of a correct decision in each bin.
-
-        See ``algorithms.Model``.
-        """
+        """Return the probability of a wrong and of a correct decision; see ``algorithms.Model``."""
         ends_s = np.arange(FINE * grid.bins + 1) * grid.width_s / FINE
         bound, common = values[BOUND.name][:, None], values[INPUT.name][:, None]
         right = arrived(ends_s, common + (values[SENSITIVITY.name] * strength)[:, None], bound)
@@ -84,12 +76,7 @@ def _middle(survivors: Array) -> Array:
 def arrived(time_s: Array, drift: Array, bound: Array) -> Array:
     """Return the probability that an accumulator has reached its bound, (cells, times).
 
-    Parameters
-    ----------
-    time_s : array (times,), s
-        Times, the first of them 0.
-    drift, bound : arrays (cells, 1), 1/sqrt(s) and sqrt(s)
-        Drift, 0 or more, and bound; the noise has variance 1/2 after one second.
+    The first time is 0, s; drift, 0 or more, and bound are (cells, 1), 1/sqrt(s) and sqrt(s).
     """
     from scipy.special import log_ndtr, ndtr
 

@@ -21,19 +21,7 @@ LATEST_T0_S = 1.0
 def cautions(
     found: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
 ) -> list[str]:
-    """Return warnings of a fit.
-
-    Parameters
-    ----------
-    found : Optimum
-        The optimum.
-    there : Directions
-        Identifiability of parameters at the optimum.
-    simulated : Simulation
-        Errors due to simulated trials.
-    drawn : Posterior, optional
-        Posterior samples.
-    """
+    """Return the warnings of a fit, apart from those of misfit and identifiability."""
     own = [*_rough(there, simulated), *of_bins(found.likelihood, there)]
     return [*own, *_ended(found), *_vague(found, there), *_late(found), *_short(drawn)]
 

@@ -35,17 +35,10 @@ TOGETHER = "all people together"
 
 @dataclass(frozen=True)
 class GroupMisfit:
-    """Difference between the data of a group and a hierarchical fit.
-
-    Parameters
-    ----------
-    people : dict of str to Misfit
-        That of each person.
-    cells : dict of str to list of tuple
-        Strength and levels of conditions of each person's cells.
-    """
+    """Difference between the data of a group and a hierarchical fit."""
 
     people: dict[str, Misfit]
+    # Strength and levels of conditions of each person's cells.
     cells: dict[str, list[tuple[float | str, ...]]]
 
     @cached_property
@@ -67,10 +60,7 @@ class GroupMisfit:
         return reduce(add, parts)
 
     def beyond_chance(self) -> pd.Series:
-        """Return the p values that are beyond chance, by person and test, the smallest first.
-
-        These are below 0.003 after multiplication by the number of all p values.
-        """
+        """Return p values below 0.003 / their number, by person and test, the smallest first."""
         every = {(TOGETHER, test): p for test, p in self.together.items()}
         every |= {(who, TIMES): each.p[TIMES] for who, each in self.people.items()}
         found = pd.Series(every)
@@ -93,13 +83,7 @@ class GroupMisfit:
 
 
 def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
-    """Return the misfit of a hierarchical fit.
-
-    Parameters
-    ----------
-    people : dict of str to Optimum
-        Each person's likelihood and parameters; all have one model.
-    """
+    """Return the misfit of a hierarchical fit; all people have one model."""
     found, cells = {}, {}
     for who, each in people.items():
         design = each.likelihood.design

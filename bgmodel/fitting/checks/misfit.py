@@ -45,24 +45,12 @@ FIXED = {ACCURACY: 0, MEAN: 0, TIMES: 1}
 
 @dataclass(frozen=True)
 class Excess:
-    """Observed minus predicted sums over trials.
+    """Observed minus predicted sums over trials."""
 
-    Parameters
-    ----------
-    off : array (sums,)
-        The differences.
-    variance : array (sums,)
-        Their variance for as many trials of the model.
-    parts : array (parts, sums)
-        Predictions without each part of the simulated trials; no row if the model is exact.
-    size : array (sums,)
-        Number of trials that a sum rests on.
-    """
-
-    off: Array
-    variance: Array
-    parts: Array
-    size: Array
+    off: Array  # (sums,), the differences
+    variance: Array  # (sums,), for as many trials of the model
+    parts: Array  # (parts, sums), predicted without each part of simulated trials; no row if exact
+    size: Array  # (sums,), number of trials behind each
 
     def __add__(self, other: Excess) -> Excess:
         """Return the sums over the trials of both, which share the simulated trials."""
@@ -84,12 +72,8 @@ class Excess:
     def p(self, enough: float, fixed: int = 0) -> float:
         """Return the probability of a larger chi-square.
 
-        Parameters
-        ----------
-        enough : float
-            Sums of a smaller size are tested together.
-        fixed : int
-            Number of sums that data and model have in common.
+        Sums smaller than ``enough`` are tested together; ``fixed`` sums are common to data and
+        model.
         """
         variance = self.variance + (jackknifed(self.parts) ** 2 if len(self.parts) else 0.0)
         some = variance > 0
@@ -110,15 +94,10 @@ class Excess:
 class Misfit:
     """Difference between data and a fitted model.
 
-    Parameters
-    ----------
-    z_accuracy, z_mean_rt : array (cells,)
-        Observed minus predicted share of response 1 and mean response time, in standard deviations
-        of the prediction: those of as many trials of the model, and of its simulated trials. NaN
-        in a cell without a response.
-    excess : dict of str to Excess
-        What each of the three tests compares: number of responses 1 and sum of response times of
-        each cell, and counts of all cells by response and time.
+    ``z_accuracy`` and ``z_mean_rt`` (cells,) are observed minus predicted, in standard deviations
+    of as many trials of the model and of its simulated trials; NaN without a response. ``excess``
+    has, by test, the number of responses 1 and the sum of times of each cell, and all counts by
+    response and time.
     """
 
     z_accuracy: Array
@@ -131,15 +110,7 @@ class Misfit:
         return p_values(self.excess)
 
     def cautions(self, found: Optimum) -> list[str]:
-        """Return a warning with the worst cells if data and model differ by more than chance.
-
-        This is the case if three times the smallest of the three p values is below 0.003.
-
-        Parameters
-        ----------
-        found : Optimum
-            The fit.
-        """
+        """Return a warning with the worst cells if three times the smallest p is below 0.003."""
         beyond = {name: p for name, p in self.p.items() if len(self.p) * p < BEYOND_CHANCE}
         if not beyond:
             return []
@@ -159,16 +130,7 @@ class Misfit:
 
 
 def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Misfit:
-    """Return the misfit of a fitted model.
-
-    Parameters
-    ----------
-    found : Optimum
-        The fit.
-    left : sequence of (Likelihood, array), optional
-        The likelihood without each part of the simulated trials, and its optimum; see
-        ``simulation.without_parts``.
-    """
+    """Return the misfit of a fitted model; ``left`` is as from ``error.without_parts``."""
     found = found.complete
     design, density = found.likelihood.design, found.density
     edges_s = _edges_s(design, density)

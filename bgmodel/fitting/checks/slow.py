@@ -32,11 +32,6 @@ def slow_trials(found: Optimum) -> Slow:
 
     A slow trial is one of the model's with an exponential delay. Parameters stay at the optimum, so
     this is a lower bound on the gain of a fit of share and delay.
-
-    Parameters
-    ----------
-    found : Optimum
-        The fit.
     """
     observed, density = found.likelihood.design.observed, found.density
     log = observed.each(density)
@@ -51,13 +46,7 @@ def slow_trials(found: Optimum) -> Slow:
 
 
 def warn_of_slow(found: Optimum) -> None:
-    """Warn if a tail of slow trials makes the data more likely than the fitted model alone.
-
-    Parameters
-    ----------
-    found : Optimum
-        The fit.
-    """
+    """Warn if a tail of slow trials makes the data more likely than the fitted model alone."""
     if not isinstance(found.likelihood, BinnedLikelihood):
         return
     slow = slow_trials(found)

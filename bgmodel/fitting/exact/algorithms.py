@@ -76,14 +76,8 @@ class Model(Protocol):
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
         """Return the probability of a decision for response 0 and 1 in each bin, (cells, 2, bins).
 
-        Parameters
-        ----------
-        values : dict of str to array (cells,)
-            The parameters in every cell.
-        strength : array (cells,)
-            Evidence for response 1.
-        grid : Grid
-            Bins.
+        ``values`` has each parameter in every cell, (cells,); ``strength`` (cells,) is the evidence
+        for response 1.
         """
 
     def halves(self) -> tuple[Model, Model]:
@@ -98,13 +92,7 @@ class Model(Protocol):
 
 @dataclass(frozen=True)
 class GapModel:
-    """The sequential test in continuous time, computed exactly.
-
-    Parameters
-    ----------
-    gap : Gap
-        Shape of the gap over time.
-    """
+    """The sequential test in continuous time, computed exactly."""
 
     gap: Gap = CONSTANT
     any_width: ClassVar = True

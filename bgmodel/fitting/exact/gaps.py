@@ -30,26 +30,14 @@ FLOOR = Parameter(
 
 @dataclass(frozen=True)
 class Gap:
-    """A shape of the gap over time.
+    """A shape of the gap over time."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the model that has this gap.
-    about : str
-        Its equation and source.
-    parameters : tuple of Parameter
-        Its parameters other than the bound; those of ``left`` and ``slope`` by position after the
-        rate.
-    left, slope : function
-        g and its derivative, of ``x = r t`` and of further parameters.
-    """
-
-    name: str
-    about: str
+    name: str  # Name of the model that has this gap.
+    about: str  # Equation and source.
+    # Without the bound; further ones of ``left`` and ``slope`` follow the rate.
     parameters: tuple[Parameter, ...] = ()
-    left: Callable[..., Array] = np.ones_like
-    slope: Callable[..., Array] = np.zeros_like
+    left: Callable[..., Array] = np.ones_like  # g, of ``x = r t`` and of further parameters.
+    slope: Callable[..., Array] = np.zeros_like  # Its derivative.
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,17 +45,7 @@ class Gap:
         return tuple(each.name for each in self.parameters)
 
     def at(self, bound: float, values: Mapping[str, float], time_s: Array) -> tuple[Array, Array]:
-        """Return the bound at some times, sqrt(s), and its derivative, 1/sqrt(s).
-
-        Parameters
-        ----------
-        bound : float, sqrt(s)
-            A.
-        values : dict of str to float
-            Values of ``parameters``; the floor is 0 by default.
-        time_s : array (times,), s
-            Times.
-        """
+        """Return the bound a(t) at some times, s, in sqrt(s), and its derivative, 1/sqrt(s)."""
         rate, floor = values.get(FALL.name, 0.0), values.get(FLOOR.name, 0.0)
         more = [values[name] for name in self.names if name not in (FALL.name, FLOOR.name)]
         x = rate * np.asarray(time_s, float)

@@ -24,28 +24,18 @@ NEGLIGIBLE = 1e-20
 
 
 def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the probability of the response that the drift favours.
+    """Return the probability of the response that the drift (1/sqrt(s)) favours.
 
-    Parameters
-    ----------
-    drift : array, 1/sqrt(s)
-        v.
-    bound : array, sqrt(s)
-        A, constant.
-
-    Notes
-    -----
-    ``1 / (1 + exp(-2 A |v|))`` (Palmer, Huk & Shadlen 2005).
+    ``1 / (1 + exp(-2 A |v|))``, with a constant bound A, sqrt(s) (Palmer, Huk & Shadlen 2005).
     """
     odds = 2 * np.asarray(bound) * np.abs(drift)
     return np.asarray(1 / (1 + np.exp(-odds)))
 
 
 def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the mean decision time, s.
+    """Return the mean decision time, s; arguments as for ``accuracy``.
 
-    Arguments as for ``accuracy``. ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk &
-    Shadlen 2005).
+    ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk & Shadlen 2005).
     """
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
     still = v * a < 1e-6
@@ -56,8 +46,8 @@ def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
     """Return the standard deviation of decision times, s, equal for both responses.
 
-    Arguments as for ``accuracy``. From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of
-    the time: ``sqrt(2/3) A^2`` without drift.
+    From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of the time: ``sqrt(2/3) A^2``
+    without drift.
     """
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
     x = np.maximum(a * v, 0.02)  # below it the following difference would be rounding error
@@ -67,22 +57,10 @@ def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 
 
 def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) -> Array:
-    """Return the densities of both responses for a constant bound and no drift, 1/s.
+    """Return densities for a constant bound and no drift, (2, times) or (starts, 2, times), 1/s.
 
-    By the two series of Navarro & Fuss (2009): modes for late times, images for early ones.
-
-    Parameters
-    ----------
-    bound : float, sqrt(s)
-        A.
-    time_s : array (times,), s
-        Increasing, above 0.
-    start : float, or array (starts,), sqrt(s)
-        z, between -A and A.
-
-    Returns
-    -------
-    array (2, times), or (starts, 2, times), 1/s
+    Starts are between -A and A, sqrt(s), times above 0 and increasing, s. By the two series of
+    Navarro & Fuss (2009): modes for late times, images for early ones.
     """
     scaled, z = np.asarray(time_s, float) / (2 * bound) ** 2, np.atleast_1d(start)
     # Distance from the start to the bound of response 0 and of 1, in units of that between them.
@@ -97,14 +75,8 @@ def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) ->
 def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
     """Return the density at a bound for bounds 1 apart and no drift, of any shape.
 
-    Parameters
-    ----------
-    away : array
-        Distance from the start to this bound, 0..1.
-    scaled : array
-        Time divided by the squared distance between the bounds, above 0; broadcasts with ``away``.
-    terms : int
-        Terms of either series; with 4 the error is below 1e-9.
+    ``away`` is the distance from the start to this bound, ``scaled`` the time, above 0, divided by
+    the squared distance between the bounds. With 4 terms the error is below 1e-9.
     """
     shape = np.broadcast_shapes(np.shape(away), np.shape(scaled))
     far, late = (np.array(np.broadcast_to(x, shape), float).ravel() for x in (away, scaled))
@@ -149,30 +121,13 @@ def falling_at_rest(
     width_s: Array | None = None,
     start: npt.ArrayLike = 0.0,
 ) -> Array:
-    """Return the densities of both responses for bounds +-a(t) and no drift, 1/s.
+    """Return densities for bounds +-a(t) and no drift, (2, times) or (starts, 2, times), 1/s.
 
-    Parameters
-    ----------
-    bound, slope : array (times,), sqrt(s) and 1/sqrt(s)
-        a(t), not below 0, and its derivative.
-    time_s : array (times,), s
-        Increasing, above 0.
-    width_s : array (times,), s, optional
-        Weight of each time in an integral; by default times are equally spaced and begin one
-        interval after 0.
-    start : float, or array (starts,), sqrt(s)
-        z, between -a(0) and a(0).
-
-    Returns
-    -------
-    array (2, times), or (starts, 2, times), 1/s
-        Responses 0 and 1.
-
-    Notes
-    -----
-    The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
-    where two times coincide. On a grid of times the equations of both bounds are one triangular
-    system, and starts differ only in its right side.
+    ``bound`` is a(t), sqrt(s), ``slope`` its derivative at increasing times, by default equally
+    spaced from one interval after 0, with weights ``width_s`` in an integral. By the integral
+    equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish where two times
+    coincide. On a grid of times, both bounds are one triangular system, and starts differ only in
+    its right side.
     """
     times, z = np.asarray(time_s, float), np.atleast_1d(np.asarray(start, float))
     width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
@@ -183,18 +138,10 @@ def falling_at_rest(
 
 
 def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
-    """Solve the integral equations by forward substitution.
+    """Solve the integral equations by forward substitution, (starts, 2, times), 1/s.
 
-    Parameters
-    ----------
-    first : array (starts, 2, times)
-        Twice the flux at each bound from the starts, negative where the bound is approached.
-    bound, slope, times, width : array (times,)
-        As for ``falling_at_rest``.
-
-    Returns
-    -------
-    array (starts, 2, times), 1/s
+    ``first`` is twice the flux at each bound from the starts, negative where the bound is
+    approached.
     """
     found = -first
     weight = width / np.sqrt(2 * np.pi)
@@ -228,28 +175,10 @@ def with_drift(
     start: float = 0.0,
     drift_sd: npt.ArrayLike = 0.0,
 ) -> Array:
-    """Return the densities of both responses at drifts.
+    """Return the densities of both responses at drifts, (cells, 2, times), 1/s.
 
-    Parameters
-    ----------
-    at_rest, bound, time_s : array (2, times), (times,), (times,)
-        Densities without drift, 1/s; a(t); times, s.
-    drift : array (cells,), 1/sqrt(s)
-        v; its mean if it varies.
-    start : float, sqrt(s)
-        z, as for the densities without drift.
-    drift_sd : float, or array (cells,), 1/sqrt(s)
-        Standard deviation of the drift from trial to trial, Gaussian.
-
-    Returns
-    -------
-    array (cells, 2, times), 1/s
-        Responses 0 and 1.
-
-    Notes
-    -----
-    With c the distance from the start to the bound, with its sign, the mean of
-    ``exp(u c - u^2 t / 2)`` over drifts u of mean v and variance s^2 is
+    Drifts are Gaussian across trials. With c the distance from the start to the bound, with its
+    sign, the mean of ``exp(u c - u^2 t / 2)`` over drifts u of mean v and variance s^2 is
     ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) / sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004):
     it is exact for any bound, since the drift enters only by Girsanov's theorem.
     """
@@ -274,20 +203,9 @@ def binned(
     width_s: Array,
     bins: Integers,
 ) -> Array:
-    """Return the probabilities of both responses in bins of time, at drifts.
+    """Return the probabilities of both responses in bins of time, at drifts, (cells, 2, bins).
 
-    The densities of ``with_drift``, to whose arguments two are added, are integrated.
-
-    Parameters
-    ----------
-    width_s : array (times,), s
-        Weight of each time in the integral.
-    bins : int array (times,)
-        Bin of each time, not decreasing.
-
-    Returns
-    -------
-    array (cells, 2, bins)
+    Densities of ``with_drift`` are integrated with weights ``width_s``; ``bins`` must not decrease.
     """
     v = np.asarray(drift, float)
     variance = np.zeros(v.shape) + np.asarray(drift_sd, float) ** 2

@@ -22,17 +22,10 @@ EARLIEST_S = 0.002
 
 
 def threshold_nats(bound: Array, noise_nats: Array) -> Array:
-    """Return the threshold of OUT that corresponds to bounds of a diffusion, nats.
+    """Return the threshold of OUT that corresponds to bounds a of a diffusion, sqrt(s), in nats.
 
-    ``theta = -ln P = ln(1 + exp(-n a))``, as the log odds at a bound a are n a.
-
-    Parameters
-    ----------
-    bound : array, sqrt(s)
-        a.
-    noise_nats : array
-        n: standard deviation of the log odds after one second, nats; 2 v in the test, where v is
-        the drift.
+    ``theta = -ln P = ln(1 + exp(-n a))``, as the log odds at a are n a; n, ``noise_nats``, is their
+    standard deviation after one second, 2 v in the test with drift v.
     """
     with np.errstate(invalid="ignore"):  # NaN where the go process is unknown
         return np.asarray(np.logaddexp(0, -np.asarray(noise_nats) * bound))
@@ -49,23 +42,10 @@ def raised_bound(bound: Array, noise_nats: Array, stop_nats: float) -> Array:
 def crossed_later(
     drift: float, bound: float, raised: float, since_s: Array, left_s: Array
 ) -> Array:
-    """Return the probability of reaching raised bounds after missing the lower ones.
+    """Return the probability of reaching raised bounds b after missing a until u, ``since_s``.
 
-    Parameters
-    ----------
-    drift : float, 1/sqrt(s)
-        v.
-    bound, raised : float, sqrt(s)
-        a and b.
-    since_s : array (times,), s
-        u, the time from the start to the change.
-    left_s : array (times,), s
-        Time that is left after the change.
-
-    Notes
-    -----
-    The density at u is a sum over modes; from each place the bounds are reached with the
-    probabilities of one bound alone (inverse Gaussian). Paths that would reach both are counted
+    The density at u is a sum over modes; from each place the bounds are reached in ``left_s`` with
+    the probabilities of one bound alone (inverse Gaussian). Paths that would reach both are counted
     twice; they are rare where the drift makes one response much more likely than the other.
     """
     if not np.isfinite(raised):

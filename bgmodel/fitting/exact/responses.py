@@ -25,20 +25,12 @@ EVERY_TIME = (0.0, math.inf)
 
 @dataclass(frozen=True)
 class Grid:
-    """Times at which densities are stored: the centres of bins from 0 on.
-
-    Parameters
-    ----------
-    bins : int
-        Number of bins.
-    width_s : float, s
-        Width of a bin; models whose decisions are simulated have no other than ``BIN_S``.
-    lapse_bins : int, optional
-        Number of bins, from the first, in which lapses respond; all by default.
-    """
+    """Times at which densities are stored: the centres of bins from 0 on."""
 
     bins: int
+    # Models whose decisions are simulated have no other width than ``BIN_S``.
     width_s: float = BIN_S
+    # Number of bins, from the first, in which lapses respond; all by default.
     lapse_bins: int | None = None
 
     @cached_property
@@ -56,25 +48,10 @@ def responded(
     lapse: Array,
     alternatives: int = 2,
 ) -> Array:
-    """Return the density of responses, 1/s.
+    """Return the density of responses, (cells, 2, bins), 1/s, from probabilities of decisions.
 
-    Parameters
-    ----------
-    decided : array (cells, 2, bins)
-        Probability of a decision for response 0 and 1 in each bin of the grid; with more than two
-        alternatives, 0 is any of the wrong ones.
-    grid : Grid
-        Grid of decisions and of responses.
-    t0_s, t0_sd_s : array (cells,), s
-        Mean and standard deviation of the non-decision time; Gaussian.
-    lapse : array (cells,)
-        Probability of a lapse: any response, at any time of the grid up to its ``lapse_bins``.
-    alternatives : int
-        Number of alternatives.
-
-    Returns
-    -------
-    array (cells, 2, bins), 1/s
+    With more than two alternatives, response 0 is any of the wrong ones. The non-decision time is
+    Gaussian; a lapse is any response at any time of the grid up to its ``lapse_bins``.
     """
     found = np.zeros(decided.shape)
     _delay(np.ascontiguousarray(decided), t0_s / grid.width_s, t0_sd_s / grid.width_s, found)
@@ -120,30 +97,18 @@ def _delay(decided: Array, t0: Array, t0_sd: Array, found: Array) -> None:
 class Observed:
     """Responses binned on a grid, so that their likelihood is a few sums.
 
-    Parameters
-    ----------
-    cell, response : int array (trials,)
-        Cell of the design; response 1 or 0, or -1 without a response by the deadline. With more
-        than two alternatives, 1 is correct and 0 is any of the wrong ones.
-    rt_s : array (trials,), s
-        Response time; NaN without a response.
-    grid : Grid
-        Grid of the densities.
-    deadline_s : float, s, optional
-        End of a trial. There are no later responses, and a missing response is an outcome.
-    window_s : tuple of float, s
-        Earliest and latest time of a response that is fitted. Responses at other times are
-        excluded, and the likelihood is conditional on that.
-    alternatives : int
-        Number of alternatives. The wrong ones are equally likely, so the probability of a wrong
-        response is that of all of them over their number.
+    The likelihood is conditional on responses within ``window_s``. Wrong ``alternatives`` are
+    equally likely: the probability of one is that of all of them over their number.
     """
 
     cell: Integers
+    # (trials,): 1 (correct if more than two), 0 (any wrong), -1 without a response
     response: Integers
-    rt_s: Array
+    rt_s: Array  # (trials,), s; NaN without a response
     grid: Grid
+    # No responses come later, and a missing response is an outcome.
     deadline_s: float | None = None
+    # Earliest and latest time of a response that is fitted.
     window_s: tuple[float, float] = EVERY_TIME
     alternatives: int = 2
 
@@ -175,14 +140,9 @@ class Observed:
         return np.asarray(log - np.log(kept)[self.cell])
 
     def outcomes(self, density: Array) -> tuple[Array, Array]:
-        """Return the probability of a response in each bin (cells, 2, bins), and of none (cells,).
+        """Return probabilities of a response in each bin (cells, 2, bins), and of none (cells,).
 
         Within the window of response times; they sum to 1 in each cell.
-
-        Parameters
-        ----------
-        density : array (cells, 2, bins), 1/s
-            Densities of responses.
         """
         mass = density * self.grid.width_s
         missing = np.zeros(len(mass))
@@ -195,17 +155,7 @@ class Observed:
         return mass / whole[:, None, None], missing / whole
 
     def drawn(self, density: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
-        """Return response times, s, and responses of new trials in the same cells, (trials,).
-
-        As the data are coded: without a response NaN and -1. Times are uniform within bins.
-
-        Parameters
-        ----------
-        density : array (cells, 2, bins), 1/s
-            Densities of responses.
-        rng : Generator
-            Random numbers.
-        """
+        """Return times, s, and responses of new trials, (trials,); NaN and -1 if there is none."""
         mass, missing = self.outcomes(density)
         bins = self.grid.bins
         below = np.cumsum(np.column_stack([mass.reshape(len(mass), -1), missing]), axis=1)
@@ -236,10 +186,7 @@ class Observed:
 
 
 def moments(density: Array, grid: Grid) -> dict[str, Array]:
-    """Return accuracy, mean time and sd of responses (cells,) under densities (cells, 2, bins).
-
-    For trials that responded in time; ``answered`` is their share, times are in s.
-    """
+    """Return accuracy, mean time and sd, s, of trials that responded in time, (cells,)."""
     mass = density * grid.width_s
     answered = mass.sum(axis=(1, 2))
     times = mass.sum(axis=1) / answered[:, None]

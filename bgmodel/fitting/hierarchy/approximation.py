@@ -25,15 +25,7 @@ HEAVY = 8.0
 
 @dataclass(frozen=True)
 class Person:
-    """One person's likelihood on the scale.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Likelihood of the person's trials.
-    scale : Scale
-        The scale, the same for everyone.
-    """
+    """One person's likelihood on the scale, which is the same for everyone."""
 
     likelihood: Likelihood
     scale: Scale
@@ -68,19 +60,11 @@ class Person:
 
 @dataclass(frozen=True)
 class Expansion:
-    """Everyone's log likelihood to second order: ``g'(x - x0) - (x - x0)'H(x - x0) / 2``.
+    """Everyone's log likelihood to second order: ``g'(x - x0) - (x - x0)'H(x - x0) / 2``."""
 
-    Parameters
-    ----------
-    point, slope : array (people, parameters)
-        x0 and g.
-    precision : array (people, parameters, parameters)
-        H, positive semi-definite.
-    """
-
-    point: Array
-    slope: Array
-    precision: Array
+    point: Array  # x0, (people, parameters)
+    slope: Array  # g, (people, parameters)
+    precision: Array  # H, (people, parameters, parameters), positive semi-definite
 
     @property
     def pull(self) -> Array:
@@ -98,18 +82,9 @@ class Expansion:
         """Return the proposal for a group's means and standard deviations, given standard scores.
 
         With standard scores z of its people, parameters are linear in the group's mean m and
-        standard deviations s, ``x = m + s z``, so that an expansion in x is one in (m, s).
-
-        Parameters
-        ----------
-        scores : array (people, parameters)
-            Standard scores z.
-        now : array (2 * parameters,)
-            Present means and standard deviations: those that are not drawn keep them.
-        which : int array
-            Places in it that are drawn.
-        offsets : array (people, parameters) or float
-            What is added to ``m + s z`` for each person.
+        standard deviations s, ``x = m + s z + offsets``, so that an expansion in x is one in (m,
+        s), (2 * parameters,); of these, those at ``which`` are drawn, and others stay as they are
+        ``now``.
         """
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
@@ -125,18 +100,10 @@ class Expansion:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Multivariate t distributions, with any number of leading axes.
+    """Multivariate t distributions, with any number of leading axes."""
 
-    Parameters
-    ----------
-    mean : array (..., parameters)
-        Their centres.
-    root : array (..., parameters, parameters)
-        Lower Cholesky factors of the inverses of their scale matrices.
-    """
-
-    mean: Array
-    root: Array
+    mean: Array  # (..., parameters)
+    root: Array  # Lower Cholesky factors of the inverses of their scale matrices.
 
     def draw(self, rng: np.random.Generator) -> Array:
         """Return a draw from each, (..., parameters)."""
@@ -180,15 +147,7 @@ def estimates(likelihoods: Sequence[Likelihood], workers: int = 1) -> Array:
 
 
 def started(over_people: SharedMap, start: Array) -> tuple[Group, Expansion]:
-    """Return the distribution of the group and the expansion around everyone's peak, by EM.
-
-    Parameters
-    ----------
-    over_people : SharedMap
-        Maps functions of the list of people.
-    start : array (people, parameters)
-        First estimates on the scale.
-    """
+    """Return the distribution of the group and the expansion around everyone's peak, by EM."""
     points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
         found = over_people(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])

@@ -35,14 +35,10 @@ DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Sur
 
 @dataclass(frozen=True)
 class Agreement:
-    """Diagnostics of chains.
+    """R-hat and effective sample size (smaller of bulk and tail) of each number of a fit.
 
-    Parameters
-    ----------
-    rhat, effective : array (numbers,)
-        R-hat and effective sample size (bulk and tail, the smaller) of the mean and of the standard
-        deviation of the group in each parameter, then of each person's parameters, and of slopes
-        of predictors between people.
+    First the group's mean and standard deviation in each parameter, then each person's parameters,
+    and slopes of predictors between people.
     """
 
     rhat: Array
@@ -79,31 +75,13 @@ def sampled(
     path: Path | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> list[Draws]:
-    """Return chains of draws, as long as they need to agree.
+    """Return chains of draws, as long as they need to agree, with at most ``most`` each.
 
-    Parameters
-    ----------
-    sampler : Sampler
-        The sampler.
-    group : Group
-        Where chains start.
-    seed : int
-        Seed of the chains; each has its own stream.
-    over_people : SharedMap, optional
-        Maps functions of the sampler's people, by default in this process. The draws do not depend
-        on it.
-    most : int
-        Largest number of draws kept from each chain.
-    path : path, optional
-        File (.npz) that keeps the chains after each block; those that it holds are continued.
-    tell : function
-        Called with a text on the progress.
-
-    Notes
-    -----
-    Where the surrogate is far too low, because no chain had been there when it was learned, chains
-    get stuck. If effective sample sizes are small after ``REMADE`` sweeps, it is learned again from
-    all draws so far, which are then discarded like a warm-up.
+    Draws do not depend on ``over_people``. The file ``path`` (.npz) keeps chains after each block,
+    and those in it are continued. Where the surrogate is far too low, because no chain had been
+    there when it was learned, chains get stuck. If effective sample sizes are small after
+    ``REMADE`` sweeps, it is learned again from all draws so far, which are then discarded like a
+    warm-up.
     """
     work = _Chains(sampler, seed, over_people or local_map(sampler.people), tell)
     kept = _kept(path, sampler, group) or work.warmed(group)
@@ -145,10 +123,10 @@ class _Chains:
     tell: Callable[[str], None]
 
     def warmed(self, group: Group) -> _Kept:
-        """Return the guide of a warm-up, and the states at its end.
+        """Return the guide and the states at the end of a warm-up.
 
-        In each round the guide is made from the draws of the round before, whose first quarter is
-        left out.
+        In each round the guide is made from all but the first quarter of the draws of the one
+        before.
         """
         rngs = [stream(self.seed, "hierarchy", number) for number in range(CHAINS)]
         kept = _Kept(None, [self.sampler.first(group, rng) for rng in rngs], [], 0)
@@ -167,10 +145,7 @@ class _Chains:
         return replace(kept, states=[state for state, _ in found], draws=draws)
 
     def remade(self, kept: _Kept, skipped: int = 0) -> _Kept:
-        """Return chains with a guide from their draws, which are discarded.
-
-        Those of all chains are used, so that every chain knows what any of them has found.
-        """
+        """Return chains with a guide from the draws of all of them, which are discarded."""
         every = joined([draws.part(skipped) for draws in kept.draws])
         guide = guided(self.over_people, every, stream(self.seed, "surrogate", kept.made))
         return _Kept(guide, kept.states, [], kept.made + 1)

@@ -29,15 +29,6 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
     Points are medians and lines central intervals of 0.9; the dashed line and the band are the
     median person's parameter and its interval. Values of one parameter in several conditions share
     the axis, and the order of the first.
-
-    Parameters
-    ----------
-    people : DataFrame
-        Participant, parameter, median, low and high.
-    group : DataFrame
-        Median, low and high of each parameter, its index.
-    trials : int
-        Number of trials, for the title.
     """
     count = people["participant"].nunique()
     rows = -(-len(group) // COLUMNS)

@@ -50,24 +50,12 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class GroupFit(Facts):
-    """A model fitted to a group of people, whose parameters differ by a fitted amount.
-
-    Parameters
-    ----------
-    likelihoods : dict of str to Likelihood
-        Likelihood of each person's trials.
-    scale : Scale
-        The scale on which people are Gaussian.
-    chains : list of Draws
-        Draws from the posterior, on the scale.
-    predictors : Predictors
-        What differs between people and moves their parameters.
-    """
+    """A model fitted to a group of people, whose parameters differ by a fitted amount."""
 
     likelihoods: dict[str, Likelihood]
-    scale: Scale
-    chains: list[Draws]
-    predictors: Predictors = ALIKE
+    scale: Scale  # The scale on which people are Gaussian.
+    chains: list[Draws]  # Draws from the posterior, on the scale.
+    predictors: Predictors = ALIKE  # What differs between people and moves their parameters.
 
     @property
     def people(self) -> list[str]:
@@ -101,10 +89,9 @@ class GroupFit(Facts):
 
     @cached_property
     def slopes(self) -> dict[str, Array]:
-        """Change of the median person's parameter by each predictor, (chains, draws) by name.
+        """Change of the median person's parameter per unit of each predictor, (chains, draws).
 
-        Per unit of the predictor, in units of the parameter: for two groups of people it is their
-        difference.
+        In units of the parameter: for two groups of people it is their difference.
         """
         mean = np.stack([each.mean for each in self.chains])
         slope = np.stack([each.slopes for each in self.chains])
@@ -163,11 +150,10 @@ class GroupFit(Facts):
         return found | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
 
     def summary(self) -> pd.DataFrame:
-        """Return the group's parameters, one row per parameter.
+        """Return one row per parameter of the group, with central intervals of 0.9.
 
-        Columns median (of the median person's parameter), low and high (central interval of 0.9),
-        between_people (standard deviation), its between_low and between_high, rhat and
-        effective_sample_size (the worse of the two).
+        ``median``, ``low`` and ``high`` are of the median person's parameter, ``between_...`` of
+        the standard deviation; ``rhat`` and ``effective_sample_size`` are the worse of the two.
         """
         rhat, effective = (
             np.asarray(each)[: 2 * len(self.parameters)].reshape(2, -1)
@@ -190,11 +176,7 @@ class GroupFit(Facts):
         return pd.DataFrame(_middle(flat, ("median", "low", "high")), index=index).reset_index()
 
     def cells(self) -> pd.DataFrame:
-        """Return data and model for each participant and cell of the design.
-
-        Columns participant and those of ``Fit.cells``. Predictions are for the medians of each
-        person's parameters.
-        """
+        """Return ``Fit.cells`` of each participant, at the medians of the person's parameters."""
         parts = []
         for who, each in self.typical.items():
             parts.append(cells_with_misfit(each, self.misfit.people[who]))
@@ -202,23 +184,10 @@ class GroupFit(Facts):
         return pd.concat(parts, ignore_index=True)
 
     def difference(self, first: str, second: str) -> dict[str, float]:
-        """Return the posterior of a difference between two parameters of the median person.
+        """Return the posterior of a parameter of the median person minus another one.
 
-        Parameters
-        ----------
-        first, second : str
-            Names of parameters, such as ``bound[instruction=accuracy]``; first minus second.
-
-        Returns
-        -------
-        dict of str to float
-            ``median``, ``low`` and ``high`` (central interval of 0.9), and ``above_zero``, the
-            probability that the difference is positive.
-
-        Raises
-        ------
-        ValueError
-            For an unknown name.
+        ``median``, ``low`` and ``high`` (central interval of 0.9), and ``above_zero``, the
+        probability that it is positive; names are such as ``bound[instruction=accuracy]``.
         """
         for field, name in (("first", first), ("second", second)):
             if name not in self.parameters:
@@ -253,8 +222,8 @@ class GroupFit(Facts):
     def to_datatree(self) -> xarray.DataTree:
         """Return posterior, log likelihood per trial and data for ArviZ; see ``labels``.
 
-        Numbers of the group are the median person's parameters and the standard deviations between
-        people, ``..._between_people``.
+        Numbers of the group are the median person's, and ``..._between_people``, standard
+        deviations.
         """
         from bgmodel.fitting.hierarchy.labels import labelled
 
@@ -279,15 +248,10 @@ class GroupFit(Facts):
         return draw_group(self.to_dataframe(), self.summary(), trials)
 
     def plot_cells(self) -> Figure:
-        """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot`` does.
+        """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot``.
 
         The model is the mixture of everyone's predictions (``pooled.pooled``). Bars are as if all
         trials were of one person; averages of other people would differ more.
-
-        Raises
-        ------
-        ValueError
-            If people do not have the same strengths and conditions.
         """
         from bgmodel.fitting.drawing import draw_fits
 
@@ -349,44 +313,10 @@ def fit_group(
 ) -> GroupFit:
     """Fit a model to a group of people, with partial pooling of every parameter.
 
-    Parameters of people are Gaussian on the scale of ``scale.Scale``, with a mean and a standard
-    deviation for each parameter; see ``group.Group`` for the priors. The unit of the scale is set
-    by the median of separate estimates. Chains run until they agree (R-hat below 1.01, effective
-    sample sizes of at least 400).
-
-    Parameters
-    ----------
-    likelihoods : dict of str to Likelihood
-        Likelihood of each person's trials, with the same free parameters and ranges.
-    predictors : Predictors
-        What differs between people and moves their parameters; nothing by default.
-    seed : int
-        Seed of the chains.
-    workers : int
-        Number of processes; the result does not depend on it. With more than one, a script needs
-        the guard ``if __name__ == "__main__":``.
-    most_draws : int
-        Largest number of draws kept from each of four chains; a warm-up, and draws that are left
-        out where chains get stuck (``chains.sampled``), come on top.
-    scale : Scale, optional
-        The scale on which people are Gaussian, with the unit of the priors. By default its unit is
-        set by the median of separate estimates.
-    path : path, optional
-        File (.npz) that keeps the chains; a run that was interrupted continues from it.
-    tell : function
-        Called with a text on the progress.
-
-    Raises
-    ------
-    ValueError
-        For fewer than 3 people, people with fewer than 20 responses (named), or with other levels
-        of a condition.
-
-    Warns
-    -----
-    FitWarning
-        If data differ from the model by more than chance (``checks.group_misfit``), and if the
-        chains do not agree.
+    People are Gaussian on ``scale``, its unit by default set by the median of separate estimates;
+    see ``group.Group`` for the priors. Chains run until they agree or have ``most_draws``, whatever
+    the number of workers; an interrupted run continues from ``path`` (.npz). At least 3 people with
+    20 responses each are required. Warns of misfit, and of chains that do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())

@@ -16,21 +16,12 @@ scale, where the default value of a parameter is 4 above its lower bound."""
 
 @dataclass(frozen=True)
 class Predictors:
-    """What differs between people and moves their parameters, such as patients and controls.
+    """What differs between people and moves their parameters, such as patients and controls."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Name of each slope, such as ``bound[group[T.patient]]``.
-    columns : array (slopes, people)
-        Value of each person, with mean 0 over people, so that slopes do not depend on means.
-    of : int array (slopes,)
-        Which parameter it moves.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of slopes, such as ``bound[group[T.patient]]``.
+    # (slopes, people), with mean 0 over people, so that slopes do not depend on means
     columns: Array
-    of: Integers
+    of: Integers  # (slopes,), the parameter that each moves
 
     def offsets(self, slopes: Array, size: int) -> Array:
         """Return by how much each person's mean differs from the group's, (people, parameters)."""
@@ -46,23 +37,12 @@ ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64))
 
 @dataclass(frozen=True)
 class Group:
-    """People's parameters are Gaussian on the scale, independent of each other.
-
-    Parameters
-    ----------
-    mean, variance : array (parameters,)
-        Mean and variance between people, on the scale.
-    highest : array (parameters,) or float
-        Upper end of the range of each mean, on the scale.
-    slopes : array (slopes,), optional
-        Change of a person's mean, on the scale, per unit of each predictor.
-    predictors : Predictors
-        The predictors between people.
-    """
+    """People's parameters are Gaussian on the scale, independent of each other."""
 
     mean: Array
-    variance: Array
-    highest: Array | float = np.inf
+    variance: Array  # (parameters,), between people, on the scale
+    highest: Array | float = np.inf  # Upper end of the range of each mean, on the scale.
+    # Change of a person's mean, on the scale, per unit of each predictor.
     slopes: Array = field(default_factory=lambda: np.zeros(0))
     predictors: Predictors = ALIKE
 
@@ -83,22 +63,12 @@ class Group:
         return np.asarray(-0.5 * ((scaled - self.means) ** 2 / self.variance).sum(axis=-1))
 
     def drawn(self, scaled: Array, rng: np.random.Generator) -> Group:
-        """Return a draw from the conditional posterior given people's parameters.
+        """Return a draw from the conditional posterior given people's parameters on the scale.
 
-        Parameters
-        ----------
-        scaled : array (people, parameters)
-            People's parameters on the scale.
-        rng : Generator
-            Random numbers.
-
-        Notes
-        -----
-        The prior of each mean is uniform over the range of the parameter; that of each standard
-        deviation is half-t with ``FREEDOM`` degrees of freedom and scale ``SPREAD`` (Gelman 2006),
-        a mixture of inverse gammas (Wand et al. 2011). The prior of the mean, which is not uniform
-        on the scale, accepts or rejects a draw under one that is. That of slopes is Gaussian with
-        standard deviation ``SPREAD``.
+        The prior of each mean is uniform over the range of the parameter, and accepts or rejects a
+        draw under one that is uniform on the scale. That of each standard deviation is half-t with
+        ``FREEDOM`` degrees of freedom and scale ``SPREAD`` (Gelman 2006), a mixture of inverse
+        gammas (Wand et al. 2011); that of slopes is Gaussian with standard deviation ``SPREAD``.
         """
         every, scaled = scaled, scaled - self.offsets
         people, size = scaled.shape
@@ -135,14 +105,9 @@ class Group:
 
 
 def group_of(means: Array, variances: Array | None = None) -> Group:
-    """Return the mean and variance of people's estimates on the scale, as a start.
+    """Return the mean and variance of people's estimates (people, parameters), as a start.
 
-    Parameters
-    ----------
-    means : array (people, parameters)
-        Estimates.
-    variances : array (people, parameters), optional
-        Their error variances, added as in the EM algorithm.
+    Their error variances are added, as in the EM algorithm.
     """
     spread = means.var(axis=0)
     if variances is not None:

@@ -33,39 +33,18 @@ smallest as a share of it. Steps are log-uniform between them."""
 
 @dataclass(frozen=True)
 class Guide:
-    """Moves through the posterior under a surrogate.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-        Everyone's approximate log likelihood.
-    step : array (2, parameters)
-        Standard deviations of draws of the group's means and of its standard deviations.
-    """
+    """Moves through the posterior under a surrogate."""
 
     surrogate: Surrogate
-    step: Array
+    step: Array  # (2, parameters), standard deviations of draws of the group's means and of its sds
 
     def people_moved(
         self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
     ) -> tuple[Array, Array]:
-        """Move people given the group.
+        """Move people given the group; return them and the rise of each log likelihood.
 
-        Parameters
-        ----------
-        group : Group
-            Distribution of the group.
-        scaled : array (people, parameters)
-            People's parameters on the scale.
-        vague : array (parameters,)
-            Probability with which each parameter is chosen by moves of a single one; sums to 1.
-        rng : Generator
-            Random numbers.
-
-        Returns
-        -------
-        tuple of array (people, parameters) and array (people,)
-            People's parameters, and the rise of everyone's log likelihood under the surrogate.
+        The rise is under the surrogate. ``vague`` has the probability with which each parameter is
+        chosen by moves of a single one.
         """
         _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
         return now, rise
@@ -95,11 +74,11 @@ def _wander(
     between: tuple[Array, Array, Integers], step: Array, cumulative: Array, highest: Array,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> Array:  # fmt: skip
-    """Move a group (parameters,) and its people (people, parameters) in place.
+    """Move a group and its people in place; return the rise of everyone's log likelihood.
 
     ``share`` of the moves are of people; ``cumulative`` holds the cumulative probabilities of all
     parameters but the last to be moved alone. ``offsets`` (people, parameters) are those of slopes
-    in ``between``. Returns the rise of everyone's log likelihood.
+    in ``between``.
     """
     slopes = between[0]
     logs = values(scaled, surrogate)
@@ -147,7 +126,7 @@ def _move_people(
     mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, cumulative: Array,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Move each person given the group: one parameter to a draw from the group, or all by a step.
+    """Move each person given the group: one parameter to a draw from it, or all by a step.
 
     The group's density of a parameter drawn from it cancels that of the prior.
     """
@@ -176,10 +155,7 @@ def _move_group(
     mean: Array, sd: Array, scaled: Array, offsets: Array, highest: Array,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Draw the mean or the standard deviation of each parameter given people; see ``Group.drawn``.
-
-    One of the two, since a draw of one after the other would not be reversible.
-    """
+    """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible."""
     people, size = scaled.shape
     for k in range(size):
         own = scaled[:, k] - offsets[:, k]

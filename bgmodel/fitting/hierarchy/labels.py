@@ -30,29 +30,12 @@ def labelled(
     log_likelihood: Array,
     likelihoods: Mapping[str, Likelihood],
 ) -> xarray.DataTree:
-    """Return the draws of a fit as a tree.
+    """Return the draws of a fit as a tree; ``individual`` is in the order of the parameters.
 
-    Parameters
-    ----------
-    group : dict of str to array (chains, draws)
-        Numbers of the group by name.
-    individual : dict of str to array (chains, draws, people)
-        Each person's parameters by name, in the order of the parameters of a fit.
-    log_likelihood : array (chains, draws, people), nats
-        Log likelihood of each person's trials.
-    likelihoods : dict of str to Likelihood
-        Likelihood of each person's trials.
-
-    Returns
-    -------
-    DataTree
-        Groups ``posterior`` (numbers of the group; each participant's parameter as ``..._of``),
-        ``sample_stats`` (lp, log likelihood of all trials), ``log_likelihood`` (rt, of each trial,
-        nats, for at most ``MOST_DRAWS`` evenly spaced draws of each chain),
-        ``posterior_predictive`` (rt, s, and response of one new trial in place of each, for the
-        same draws), ``observed_data`` (rt, s, and response) and ``constant_data`` (the absolute
-        strength and the conditions of each trial). Without a response, rt is NaN and response -1;
-        response 1 is the one that the strength favours.
+    ``lp`` is the log likelihood of all trials; ``log_likelihood`` and ``posterior_predictive`` (one
+    new trial in place of each) have at most ``MOST_DRAWS`` evenly spaced draws of each chain.
+    Without a response, rt (s) is NaN and response -1; response 1 is the one that the strength
+    favours.
     """
     import xarray
 
@@ -97,12 +80,7 @@ def labelled(
 def each_trial(likelihoods: Mapping[str, Likelihood], vectors: Array) -> Array:
     """Return the log likelihood of each trial, (chains, draws, trials), nats.
 
-    Parameters
-    ----------
-    likelihoods : dict of str to Likelihood
-        Likelihood of each person's trials.
-    vectors : array (chains, draws, people, parameters)
-        Parameters of each person.
+    ``vectors`` is (chains, draws, people, parameters).
     """
     parts = [
         np.array([[likelihood.each(vector) for vector in chain[:, k]] for chain in vectors])
@@ -112,10 +90,7 @@ def each_trial(likelihoods: Mapping[str, Likelihood], vectors: Array) -> Array:
 
 
 def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[Array, Integers]:
-    """Return times, s, and responses of one new trial in place of each, (chains, draws, trials).
-
-    In as few bytes as they need. Arguments as for ``each_trial``.
-    """
+    """Return times, s, and responses of one new trial in place of each, (chains, draws, trials)."""
     trials = [len(one.design.observed.response) for one in likelihoods.values()]
     shape = (*vectors.shape[:2], sum(trials))
     rt_s, response = np.empty(shape, np.float32), np.empty(shape, np.int8)

@@ -14,22 +14,12 @@ from bgmodel.fitting.optimum import Optimum
 
 
 def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
-    """Return the cells of everyone's trials and of everyone's model, or None.
+    """Return ``cells_of`` everyone's trials and model, or None if strengths or conditions differ.
 
     The prediction for a cell is the mixture of the people's distributions, each with the share of
     that person's trials, so that data and model are pooled alike: quantiles of errors exist where
     all people together make enough of them, and none is biased by few trials of single people.
-
-    Parameters
-    ----------
-    people : collection of Optimum
-        Each person's likelihood and parameters.
-
-    Returns
-    -------
-    DataFrame or None
-        As from ``fit.cells_of``; standard errors are as if all trials were of one person. None if
-        people do not have the same strengths and conditions.
+    Standard errors are as if all trials were of one person.
     """
     people = [each.complete for each in people]
     designs = [each.likelihood.design for each in people]

@@ -27,24 +27,13 @@ ALONE = 0.5
 
 @dataclass(frozen=True)
 class Draws:
-    """States of a chain after each of its sweeps.
+    """States of a chain after each of its sweeps."""
 
-    Parameters
-    ----------
-    mean, sd : array (draws, parameters)
-        Distribution of the group, on the scale.
-    scaled : array (draws, people, parameters)
-        People's parameters on the scale.
-    log_likelihood : array (draws, people), nats
-        Log likelihood of each person's trials.
-    slopes : array (draws, slopes)
-        Slopes of the predictors between people.
-    """
-
-    mean: Array
-    sd: Array
-    scaled: Array
-    log_likelihood: Array
+    mean: Array  # (draws, parameters), of the group, on the scale
+    sd: Array  # (draws, parameters), between people, on the scale
+    scaled: Array  # (draws, people, parameters), on the scale
+    log_likelihood: Array  # (draws, people), nats
+    # (draws, slopes), of the predictors between people
     slopes: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
@@ -68,23 +57,11 @@ def joined(parts: Sequence[Draws]) -> Draws:
 
 @dataclass(frozen=True)
 class State:
-    """State of a chain: distribution of the group, people's parameters, and random numbers.
-
-    Parameters
-    ----------
-    group : Group
-        Distribution of the group.
-    scaled : array (people, parameters)
-        People's parameters on the scale.
-    log : array (people,), nats
-        Log likelihood of each person's trials.
-    rng : Generator
-        Random numbers of the chain.
-    """
+    """State of a chain: distribution of the group, people's parameters, and random numbers."""
 
     group: Group
-    scaled: Array
-    log: Array
+    scaled: Array  # (people, parameters), on the scale
+    log: Array  # (people,), log likelihoods, nats
     rng: np.random.Generator
 
 
@@ -92,26 +69,13 @@ class State:
 class Sampler:
     """A sampler of the distribution of a group and of the parameters of its people.
 
-    Parameters
-    ----------
-    people : list of Person
-        Exact likelihood of each person's trials.
-    expansion : Expansion
-        Its approximation.
-    guide : Guide, optional
-        Moves under a surrogate, made from draws of the warm-up.
-
-    Notes
-    -----
-    A sweep has three steps. It draws each person's parameters given the group: the proposal is the
-    approximate likelihood times the distribution of the group, with heavier tails, or, in a share
-    ``SINGLE`` of proposals, one parameter from the distribution of the group, which reaches the
-    long tails of parameters that the trials hardly determine. The exact likelihood accepts or
-    rejects it. It draws the group given its people. And it draws the group's means and standard
-    deviations once more with everyone's standard scores fixed, so that everyone moves with them
-    (interweaving, Yu & Meng 2011): parameters that one person's trials hardly determine would mix
-    slowly without it. Most of these draws are of the mean and the standard deviation of one
-    parameter, which are accepted far more often than those of all at once.
+    A sweep draws each person's parameters given the group: from the approximate likelihood times
+    the distribution of the group, with heavier tails, or, in a share ``SINGLE``, one parameter from
+    that distribution, which reaches the long tails of parameters that trials hardly determine; the
+    exact likelihood accepts or rejects. It then draws the group given its people. Last, it draws
+    means and standard deviations, mostly of one parameter, with everyone's standard scores fixed,
+    so that people move along: such parameters would mix slowly without this interweaving (Yu & Meng
+    2011).
 
     With a guide, most sweeps replace the first and the last step by a chain of many moves under the
     surrogate, whose end the exact likelihood accepts or rejects. This costs as many exact
@@ -120,7 +84,7 @@ class Sampler:
 
     people: list[Person]
     expansion: Expansion
-    guide: Guide | None = None
+    guide: Guide | None = None  # Moves under a surrogate, made from draws of the warm-up.
 
     @cached_property
     def vague(self) -> Array:
@@ -222,17 +186,7 @@ def guided(over_people: SharedMap, draws: Draws, rng: np.random.Generator) -> Gu
 
 
 def _taken(state: State, asked: Array, log: Array, gain: Array) -> State:
-    """Return the state with those of everyone's proposals that are accepted.
-
-    Parameters
-    ----------
-    state : State
-        The state.
-    asked, log : array (people, parameters), (people,)
-        Proposals and their log likelihoods.
-    gain : array (people,)
-        Logs of the ratios of acceptance.
-    """
+    """Return the state with accepted proposals; ``gain`` is the log of acceptance ratios."""
     taken = np.log(state.rng.uniform(size=len(gain))) < gain
     scaled = np.where(taken[:, None], asked, state.scaled)
     return State(state.group, scaled, np.where(taken, log, state.log), state.rng)

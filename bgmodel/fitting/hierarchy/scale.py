@@ -17,17 +17,10 @@ PARTS = 4
 
 @dataclass(frozen=True)
 class Scale:
-    """A parameter is ``low + unit log(1 + exp(x))`` at position x on the scale.
+    """A parameter is ``low + unit log(1 + exp(x))``, at most ``high``, at x on the scale.
 
     Well above its lower bound it is linear in x, so that people are Gaussian in the parameter
     itself; near the bound, which it cannot cross, it is exponential.
-
-    Parameters
-    ----------
-    low, high : array (parameters,)
-        Bounds of the parameters. Beyond the upper one the parameter stays there.
-    unit : array (parameters,)
-        Unit of the scale.
     """
 
     low: Array
@@ -36,23 +29,12 @@ class Scale:
 
     @classmethod
     def of(cls, space: ParameterSpace, typical: Array | None = None) -> Scale:
-        """Return the scale for the free parameters of a fit.
+        """Return the scale for the free parameters of a fit, from ``typical`` values or starts.
 
-        Parameters
-        ----------
-        space : ParameterSpace
-            The free parameters.
-        typical : array (parameters,), optional
-            Typical values, by default the default ones. Where they are at the lower bound, a fifth
-            of the range is used.
-
-        Notes
-        -----
-        A coefficient of a formula has no typical value: its unit is that of the default value of
-        the parameter, divided by the largest weight of the coefficient. Far above the lower end of
-        its range, where the scale is linear, people are Gaussian in it. The unit of a parameter in
-        which people differ by factors (scale "log" or "logit") is ``1 / PARTS`` of its range, so
-        that its scale is nearly logarithmic.
+        Where these are at the lower bound, a fifth of the range is used. The unit of a coefficient
+        is that of the default value of its parameter, divided by its largest weight: far above the
+        lower end, people are Gaussian in it. The unit of parameters that differ by factors is
+        ``1 / PARTS`` of the range, so that their scale is nearly logarithmic.
         """
         width = space.high - space.low
         above = (space.start if typical is None else typical) - space.low

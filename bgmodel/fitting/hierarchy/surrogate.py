@@ -41,38 +41,21 @@ whose draws hardly moved."""
 class Surrogate:
     """Everyone's log likelihood, approximated by a quadratic function and a Gaussian process.
 
-    Parameters
-    ----------
-    root : array (people, parameters, parameters)
-        Lower Cholesky factor of the covariance of a person's draws, for steps.
-    centre, inverse : array (people, parameters), (people, parameters, parameters)
-        Mean c of the draws' heights, and inverse of the lower Cholesky factor R of their
-        covariance. The height of a parameter is its distance from the lower end of its range, in
-        units of the scale: ``y = log(1 + exp(x))`` for x on the scale, up to that of the upper end.
-        The position of parameters is ``u = R^-1 (y - c)``. The log likelihood is constant in x
-        towards both ends of a range, which no quadratic function of x is.
-    highest : array (people, parameters)
-        Height of the upper end of each range.
-    quadratic : array (people, parameters + 1, parameters + 1)
-        Lower triangle Q of the quadratic part ``(1, u)' Q (1, u)``.
-    points, weights : array (people, parameters, points), (people, points)
-        Positions of the kernels, and their weights w. The value of a kernel is
-        ``w / (l^2 + distance^2)^2``, a rational quadratic (Rasmussen & Williams 2006).
-    length : array (people,)
-        l.
-    ceiling : array (people,), nats
-        Upper limit of the surrogate.
+    The height of a parameter is its distance from the lower end of its range in units of the scale,
+    ``y = log(1 + exp(x))``, up to that of the upper end: the log likelihood is constant in x
+    towards both ends, which no quadratic function of x is. The position of parameters is
+    ``u = R^-1 (y - c)``.
     """
 
-    root: Array
-    centre: Array
-    inverse: Array
-    highest: Array
-    quadratic: Array
-    points: Array
-    weights: Array
-    length: Array
-    ceiling: Array
+    root: Array  # Lower Cholesky factor of the covariance of each person's draws, for steps.
+    centre: Array  # c, (people, parameters), mean of the draws' heights
+    inverse: Array  # R^-1, with R the lower Cholesky factor of their covariance.
+    highest: Array  # (people, parameters), height of the upper end of each range
+    quadratic: Array  # Lower triangle Q of ``(1, u)' Q (1, u)``.
+    points: Array  # (people, parameters, points), positions of the kernels
+    weights: Array  # w of each kernel ``w / (l^2 + distance^2)^2`` (Rasmussen & Williams 2006).
+    length: Array  # l, (people,)
+    ceiling: Array  # (people,), upper limit of the surrogate, nats
 
     @property
     def arrays(self) -> tuple[Array, ...]:
@@ -83,16 +66,9 @@ class Surrogate:
 def surrogate_of(
     over_people: SharedMap, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> Surrogate:
-    """Return the surrogate from draws and from new points around them.
+    """Return the surrogate from draws on the scale, and from new points around them.
 
-    Parameters
-    ----------
-    over_people : SharedMap
-        Maps functions of the list of people, whose log likelihoods are exact.
-    draws, log_likelihood : array (draws, people, parameters), (draws, people)
-        Earlier draws on the scale, and their log likelihoods, nats.
-    rng : Generator
-        Random numbers of the points that are not draws.
+    ``draws`` are (draws, people, parameters), their log likelihoods (draws, people), nats.
     """
     jobs = [
         (k, draws[:, k], log_likelihood[:, k], of_person)
@@ -105,13 +81,7 @@ def surrogate_of(
 def _of_person(
     people: Sequence[Person], k: int, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> tuple[Any, ...]:
-    """Return one person's part of each array of a surrogate.
-
-    Parameters
-    ----------
-    draws, log_likelihood : array (draws, parameters), (draws,)
-        Draws of person k.
-    """
+    """Return one person's part of each array of a surrogate, from that person's draws."""
     person, size = people[k], draws.shape[1]
     number = min(POINTS * size, MOST_POINTS)
     highest = person.scale.heights
@@ -140,10 +110,7 @@ def _heights(scaled: Array, highest: Array) -> Array:
 
 
 def _farthest(points: Array, number: int) -> Integers:
-    """Return indices of points, each the farthest from those before it.
-
-    So that the few draws of a remote mode are included.
-    """
+    """Return indices of points, each the farthest from those before it, to cover all modes."""
     chosen = [int((points**2).sum(axis=1).argmin())]
     squares = np.full(len(points), np.inf)
     while len(chosen) < min(number, len(points)):
@@ -153,7 +120,7 @@ def _farthest(points: Array, number: int) -> Integers:
 
 
 def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, float]:
-    """Fit one person's surrogate to log likelihoods at points (points, parameters).
+    """Fit one person's surrogate at points (points, parameters).
 
     Returns quadratic, points, weights, length and ceiling.
     """

@@ -39,23 +39,12 @@ CHUNKS = 8
 
 @dataclass(frozen=True)
 class KnownCircuit:
-    """A circuit as a model of decisions on known evidence.
+    """A circuit as a model of decisions on known evidence; mechanisms are edits of it.
 
-    Each trial is simulated ``runs`` times on its readings, with noise that is the same at all
-    gains. OUT after a reading is its lowest value until the next one: the circuit decides where
-    its noisy OUT crosses. The noise of ``hazard`` is added to that and smooths the
-    probabilities, which are means over the runs.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table; lesions, dopamine and other mechanisms are edits of it.
-    engine : str
-        Its engine.
-    runs : int, optional
-        Simulated runs of each trial; by default 6000 divided by the number of trials, 8 to 32.
-    seed : int
-        Seed of their noise.
+    Each trial is simulated ``runs`` times on its readings (by default 6000 over the number of
+    trials, 8 to 32), with noise that is the same at all gains. OUT after a reading is its lowest
+    value until the next one: the circuit decides where its noisy OUT crosses. The noise of
+    ``hazard`` is added to that and smooths the probabilities, which are means over the runs.
     """
 
     circuit: Circuit
@@ -91,14 +80,7 @@ class KnownCircuit:
         )
 
     def on(self, trials: KnownTrials, values: Values) -> Outputs:
-        """Return its simulated OUT on some trials.
-
-        Raises
-        ------
-        ValueError
-            If it has another number of channels, the leak is free, or the evidence is too strong
-            for it.
-        """
+        """Return its simulated OUT on some trials; the leak must be fixed."""
         channels, count = self.circuit.channels, trials.alternatives
         require(channels == count, "circuit", f"must have {count} channels", channels)
         if LEAK.name not in values:
@@ -154,16 +136,9 @@ class KnownCircuit:
 
 @dataclass(frozen=True)
 class Simulated:
-    """OUT of a circuit, stored at several gains.
+    """OUT of a circuit, stored at several gains."""
 
-    Parameters
-    ----------
-    stored : array (gains, runs, seen readings, alternatives)
-        The lowest OUT after each reading, until the next.
-    gains : array (gains,)
-        The gains.
-    """
-
+    # (gains, runs, seen readings, alternatives): the lowest OUT after each reading, until the next.
     stored: Array
     gains: Array
 

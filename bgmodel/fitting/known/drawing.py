@@ -25,22 +25,10 @@ TITLES = (
 
 @styled
 def draw_known(peaks: Mapping[str, Peak], title: str) -> Figure:
-    """Draw data and models: hazards per reading and psychophysical kernels.
+    """Draw hazards per reading and psychophysical kernels, data (95 % intervals) and models.
 
-    Parameters
-    ----------
-    peaks : dict of str to (KnownLikelihood, array)
-        Likelihoods of the same trials by the name of the model, each with its optimum.
-    title : str
-        Whose trials they are.
-
-    Returns
-    -------
-    Figure
-        Three panels: share of the running trials that respond after each reading (aligned by the
-        non-decision time of each model; data by that of the first); weight of the reading at each
-        position in the choice, from the first reading and backward from the response. Markers are
-        the data with 95 % intervals, lines the models.
+    A hazard is the share of running trials that respond after a reading, aligned by each model's
+    non-decision time, and for data by the first model's.
     """
     design = next(iter(peaks.values()))[0].design
     shares, kerns = (

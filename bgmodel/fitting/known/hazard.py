@@ -32,30 +32,12 @@ SQRT_2PI = float(np.sqrt(2 * np.pi))
 def decisions(
     out: Array, level: Array, bias: Array, scale: float, offsets: Integers, ends: Truths
 ) -> tuple[Array, Array]:
-    """Return the probability of a decision at each reading, and of none.
+    """Return the probability of a decision at each reading (readings, alternatives), and of none.
 
-    Parameters
-    ----------
-    out : array (runs, readings, alternatives)
-        OUT after each reading of all trials, one after the other. Hazards are means over runs:
-        their noise is independent from one reading to the next.
-    level : array (readings,)
-        Threshold on OUT at each reading.
-    bias : array (alternatives,)
-        Added to the threshold of each alternative.
-    scale : float
-        Scale of the noise, in the unit of OUT.
-    offsets : int array (trials + 1,)
-        Place of the first reading of each trial, and the number of all.
-    ends : bool array (trials,)
-        Whether the last reading of a trial forces a decision.
-
-    Returns
-    -------
-    decided : array (readings, alternatives)
-        Probability of a decision for each alternative at each reading.
-    left : array (trials,)
-        Probability of no decision.
+    Trials follow one another, their readings from ``offsets`` on. Hazards are means over the runs
+    of ``out`` (runs, readings, alternatives): their noise is independent from one reading to the
+    next. ``level`` (readings,) is the threshold on OUT, to which ``bias`` is added; ``scale`` is in
+    the unit of OUT; ``ends`` (trials,) tells whether the last reading forces a decision.
     """
     runs, readings, count = out.shape
     decided, left = np.zeros((readings, count)), np.ones(len(ends))
@@ -89,24 +71,9 @@ def decisions(
 def delayed(
     decided: Array, at_s: Array, rt_s: Array, offsets: Integers, t0_s: float, sd_s: float
 ) -> Array:
-    """Return the density of each alternative at the response time of each trial, 1/s.
+    """Return the density of each alternative at each response time, (trials, alternatives), 1/s.
 
-    Parameters
-    ----------
-    decided : array (readings, alternatives)
-        Probability of a decision at each reading of all trials.
-    at_s : array (readings,), s
-        Their times.
-    rt_s : array (trials,), s
-        Response times; NaN without a response.
-    offsets : int array (trials + 1,)
-        As for ``decisions``.
-    t0_s, sd_s : float, s
-        Mean and standard deviation of the non-decision time, Gaussian.
-
-    Returns
-    -------
-    array (trials, alternatives)
+    ``at_s`` are the times of the readings; the non-decision time is Gaussian.
     """
     trials, count = len(rt_s), decided.shape[1]
     found = np.zeros((trials, count))
@@ -124,19 +91,7 @@ def delayed(
 def answered(
     decided: Array, at_s: Array, by_s: Array, offsets: Integers, t0_s: float, sd_s: float
 ) -> Array:
-    """Return the probability of each response by some times in each trial.
-
-    Parameters
-    ----------
-    decided, at_s, offsets, t0_s, sd_s :
-        As for ``delayed``.
-    by_s : array (trials, times), s
-        The times.
-
-    Returns
-    -------
-    array (trials, times, alternatives)
-    """
+    """Return the probability of each response by ``by_s``, (trials, times, alternatives)."""
     (trials, times), count = by_s.shape, decided.shape[1]
     found = np.zeros((trials, times, count))
     for trial in range(trials):
@@ -153,23 +108,9 @@ def answered(
 
 @compiled
 def lowest_between(out: Reals, time_s: Array, starts: Array, ends: Array, seen: Integers) -> Array:
-    """Return the lowest OUT after each reading, until the next one.
+    """Return the lowest OUT after each reading, until the next one; 0 beyond the last reading.
 
-    Parameters
-    ----------
-    out : array (trials, ticks, alternatives)
-        Samples of OUT.
-    time_s : array (ticks,), s
-        Their times.
-    starts, ends : array (trials, readings), s
-        When each reading comes, and the next one.
-    seen : int array (trials,)
-        Number of readings of each trial.
-
-    Returns
-    -------
-    array (trials, readings, alternatives)
-        0 beyond the last reading.
+    ``starts`` and ``ends`` are when each reading comes, and the next one, (trials, readings), s.
     """
     trials, ticks, count = out.shape
     lowest = np.zeros((trials, starts.shape[1], count))

@@ -20,20 +20,8 @@ def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
     """Return the share of running trials that respond after each reading and before the next.
 
     Each interval between readings is shifted by the mean non-decision time. The model's share is
-    the mean of its probabilities in the same trials, each given that it has not responded before.
-
-    Parameters
-    ----------
-    likelihood : KnownLikelihood
-        Model and data.
-    vector : array (parameters,)
-        Free parameters.
-
-    Returns
-    -------
-    DataFrame
-        Columns reading (from 1), running (number of trials), observed, predicted, and
-        standard_error of the observed share under the model.
+    the mean of its probabilities in the same trials, each given that it has not responded before;
+    ``standard_error`` is that of the observed share under the model.
     """
     import pandas as pd
 

@@ -26,8 +26,8 @@ DATA = "data"
 def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
     """Return psychophysical kernels of the data and of a model, a ``KnownLikelihood``.
 
-    The model's is of its choices given the response times of the data. Columns as for ``kernel``;
-    ``of``, "data" or the name of the model; and ``align``, "onset" or "response".
+    The model's is of its choices given the response times of the data. To the columns of ``kernel``
+    are added ``of``, "data" or the name of the model, and ``align``, "onset" or "response".
     """
     import pandas as pd
 
@@ -49,28 +49,13 @@ def kernel(
     positions: int = POSITIONS,
     align: str = FROM_ONSET,
 ) -> pd.DataFrame:
-    """Return the weight of the reading at each position in the choice.
+    """Return the weight, per nat, of the reading at each position in the choice.
 
     A conditional logit, ``P(i) ~ exp(b_i + sum_k w_k x_ik)`` with x the log-likelihoods of
     readings: for two alternatives it is the logistic regression of choice on the difference of
-    evidence at each position. Readings after the response are left out.
-
-    Parameters
-    ----------
-    trials : KnownTrials
-        The trials; those without a response are left out.
-    chosen : array (trials, alternatives), optional
-        Probabilities of a model's choices, to get its kernel; by default the choices.
-    positions : int
-        Number of positions: the first readings, or the last ones before the response.
-    align : str
-        "onset" or "response".
-
-    Returns
-    -------
-    DataFrame
-        Columns position (1 is the first reading, or the last before the response), weight (per
-        nat), standard_error, trials (with a reading there).
+    evidence at each position. Readings after the response are left out; position 1 is the first, or
+    the last before the response. ``chosen`` (trials, alternatives) replaces choices by a model's
+    probabilities.
     """
     import pandas as pd
 
@@ -112,12 +97,7 @@ def _aligned(trials: KnownTrials, some: Integers, positions: int, align: str) ->
 def _logit(design: Array, target: Array) -> tuple[Array, Array]:
     """Return weights and standard errors of a conditional logit, by Newton's method.
 
-    Parameters
-    ----------
-    design : array (trials, weights, alternatives)
-        Factors of the weights.
-    target : array (trials, alternatives)
-        Probability of each choice.
+    ``design`` is (trials, weights, alternatives), ``target`` the probability of each choice.
     """
     scale = np.maximum(design.std(axis=(0, 2)), 1e-12)
     x = design / scale[:, None]

@@ -43,27 +43,12 @@ class KnownLikelihood(Likelihood):
     A decision at reading k has the probability of ``hazard``. The non-decision time is Gaussian, a
     lapse is any response at any time up to the latest response. A trial without a response is one
     without a decision.
-
-    Parameters
-    ----------
-    model : KnownModel
-        The model.
-    design : Design
-        One cell, with the trials that count; see ``KnownTrials.design``.
-    freedom : ParameterSpace
-        Free parameters, the same in all trials.
-    trials : KnownTrials
-        All trials.
-    outputs : Outputs
-        OUT of the model on these trials.
-    kept : int array, optional
-        Which trials count. By default all do.
     """
 
     model: KnownModel
     trials: KnownTrials
     outputs: Outputs
-    kept: Integers | None = None
+    kept: Integers | None = None  # Which trials count; all by default.
     _decided: dict[tuple[float, ...], tuple[Array, Array]] = field(
         default_factory=dict, repr=False, compare=False
     )
@@ -80,10 +65,7 @@ class KnownLikelihood(Likelihood):
         return {name: float(each[0]) for name, each in self.freedom.values(vector).items()}
 
     def decisions(self, values: Values) -> tuple[Array, Array]:
-        """Return the probability of a decision at each reading, and of none.
-
-        Shapes as for ``hazard.decisions``: (seen readings, alternatives) and (trials,).
-        """
+        """Return the probability of a decision at each reading, and of none; see ``hazard``."""
         key = tuple(value for name, value in values.items() if name not in RESPONSES)
         if key not in self._decided:
             while len(self._decided) >= CACHED:
@@ -104,13 +86,9 @@ class KnownLikelihood(Likelihood):
         )  # fmt: skip
 
     def responses(self, values: Values) -> tuple[Array, Array]:
-        """Return the density of a response at its time, and the probability of none.
+        """Return the density at each response time, 1/s, and the probability of none, (trials,).
 
-        Returns
-        -------
-        density : array (trials, alternatives), 1/s
-            For each alternative at the trial's response time; 0 in trials without a response.
-        none : array (trials,)
+        The density is (trials, alternatives), 0 in trials without a response.
         """
         decided, left = self.decisions(values)
         trials, rt_s = self.trials, self.trials.rt_s
@@ -121,10 +99,9 @@ class KnownLikelihood(Likelihood):
         return np.where(np.isfinite(rt_s)[:, None], found, 0.0), (1 - values["lapse"]) * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
-        """Return the probability of each response by some times, (trials, times, alternatives).
+        """Return the probability of each response by times (trials, times), by alternative.
 
-        Given the readings before the trial's own response: later ones may not be known. Times have
-        shape (trials, times).
+        Given the readings before the trial's own response: later ones may not be known.
         """
         trials, share = self.trials, values["lapse"]
         lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
@@ -176,13 +153,7 @@ class KnownLikelihood(Likelihood):
         return replace(self, design=self.design.part(trials), kept=kept[trials])
 
     def chosen(self, vector: Array) -> Array:
-        """Return the probability of each alternative given the time of the response.
-
-        Returns
-        -------
-        array (trials, alternatives)
-            NaN in trials without a response.
-        """
+        """Return probabilities of alternatives given the response time, NaN without a response."""
         density, _ = self.responses(self.values(vector))
         with np.errstate(invalid="ignore"):
             return np.asarray(density / density.sum(axis=1, keepdims=True))
@@ -192,11 +163,10 @@ class KnownLikelihood(Likelihood):
         return [replace(self, outputs=each, _decided={}) for each in self.outputs.parts()]
 
     def starts(self) -> list[Array]:
-        """Return the starts of a search.
+        """Return the starts of a search, for two values of the non-decision time.
 
-        For two values of the non-decision time, the threshold is the median OUT of the chosen
-        alternative at the reading of the decision, and the noise a large or a small share of the
-        spread of that OUT.
+        The threshold is the median OUT of the chosen alternative at the reading of the decision,
+        the noise a large or a small share of the spread of that OUT.
         """
         freed = self.freedom
         fastest = float(np.nanquantile(self.trials.rt_s, 0.05))
@@ -232,15 +202,7 @@ class KnownLikelihood(Likelihood):
 
 @dataclass(frozen=True)
 class OnTrials:
-    """A model of decisions on some trials; see ``fitting.likelihood.OwnModel``.
-
-    Parameters
-    ----------
-    model : KnownModel
-        The model.
-    trials : KnownTrials
-        The trials.
-    """
+    """A model of decisions on some trials; see ``fitting.likelihood.OwnModel``."""
 
     model: KnownModel
     trials: KnownTrials
@@ -249,11 +211,10 @@ class OnTrials:
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the model, and those that all models share.
 
-        Its own; ``urgency``, by which the threshold on OUT rises per second, so that less evidence
-        is required; ``run_effect``, by which OUT of an alternative falls with each cue of a run
-        after the first; a bias of each alternative but the first, added to its threshold (for two
-        alternatives the same as a start nearer one bound), free if there are two; and those of
-        responses.
+        ``urgency`` is the rise of the threshold on OUT per second, so that less evidence is
+        required; ``run_effect`` the fall of an alternative's OUT with each cue of a run after the
+        first; biases, of all but the first alternative, are added to its threshold (for two
+        alternatives the same as a start nearer one bound), and free if there are two.
         """
         own, count = self.model.parameters(self.trials.alternatives), self.trials.alternatives
         most = min(MOST_BIAS, next(each.high for each in own if each.name == "threshold"))
@@ -274,24 +235,7 @@ def known_likelihood(
     free: Sequence[str] = (),
     fixed: Mapping[str, float] | None = None,
 ) -> KnownLikelihood:
-    """Return the likelihood of trials under a model; a circuit is simulated here.
-
-    Parameters
-    ----------
-    model : KnownModel
-        The model.
-    trials : KnownTrials
-        The data.
-    free : sequence of str
-        Parameters to fit; with a plus, in addition to the default ones.
-    fixed : dict of str to float, optional
-        Fixed parameters and their values.
-
-    Raises
-    ------
-    ValueError
-        For an unknown parameter, or a value out of its range.
-    """
+    """Return the likelihood of trials under a model; a circuit is simulated here."""
     asked, made = settings_of(free=list(free), fix=fixed), OnTrials(model, trials)
     asked.check_parameters({model.name: made})
     found = asked.likelihood(trials.design, made)

@@ -73,19 +73,10 @@ def read(trials: KnownTrials) -> tuple[Array, Array]:
 
 
 def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: float = 0.0) -> Array:
-    """Return sums of readings after each reading, (trials, readings, alternatives) nats.
+    """Return sums of readings after each reading, (trials, readings, alternatives), nats.
 
-    The sum falls by ``exp(-leak_hz dt)`` in the time dt since the reading before; without a leak
-    it is the running sum.
-
-    Parameters
-    ----------
-    log_likelihood : array (trials, readings, alternatives), nats
-        The readings.
-    time_s : array (trials, readings), s
-        Their times; infinite after the last one.
-    leak_hz : float, 1/s
-        Rate of the leak.
+    The sum falls by ``exp(-leak_hz dt)`` in the time dt since the reading before; without a leak it
+    is the running sum. Times are infinite after the last reading.
     """
     if leak_hz == 0:
         return np.cumsum(log_likelihood, axis=1)
@@ -103,15 +94,6 @@ def runs_of_cues(log_likelihood: Array) -> Array:
     """Return the number of readings in a row, up to each, that favour each alternative.
 
     A reading favours the alternative under which it is most likely; a tie ends every run.
-
-    Parameters
-    ----------
-    log_likelihood : array (trials, readings, alternatives), nats
-        The readings.
-
-    Returns
-    -------
-    array (trials, readings, alternatives)
     """
     ordered = np.sort(log_likelihood, axis=2)
     clear = ordered[:, :, -1] > ordered[:, :, -2]
@@ -148,15 +130,7 @@ class ExactModel:
 
 @dataclass(frozen=True)
 class Exact:
-    """OUT computed from the readings of each trial.
-
-    Parameters
-    ----------
-    trials : KnownTrials
-        The trials.
-    model : ExactModel
-        The model.
-    """
+    """OUT computed from the readings of each trial."""
 
     trials: KnownTrials
     model: ExactModel
@@ -210,10 +184,10 @@ class Test(ExactModel):
 class LeakySum(ExactModel):
     """Leaky sums, compared with their mean: OUT is the mean of all sums minus that of each.
 
-    The limit of strong, balanced leak and inhibition of the leaky competing accumulator
-    (Bogacz & Gurney 2007), with a leak of the differences that remains. With two alternatives and
-    no leak it decides as the MSPRT does, but for the noise. A factor on the evidence would only
-    change the unit of threshold and noise, so there is no gain.
+    The limit of strong, balanced leak and inhibition of the leaky competing accumulator (Bogacz &
+    Gurney 2007), with a leak of the differences that remains. With two alternatives and no leak it
+    decides as the MSPRT does, but for the noise. A factor on the evidence would only change the
+    unit of threshold and noise, so there is no gain.
     """
 
     name: ClassVar[str] = "leaky_sum"
@@ -230,10 +204,7 @@ class LeakySum(ExactModel):
 
 @dataclass(frozen=True)
 class Runs(ExactModel):
-    """A run of equal cues: OUT is minus the number of readings in a row that favour a side.
-
-    Readings are not added up, and their strength has no effect.
-    """
+    """A run of equal cues: OUT is minus the number of readings in a row that favour a side."""
 
     name: ClassVar[str] = "run"
     sums: ClassVar[bool] = False

@@ -17,15 +17,7 @@ from bgmodel.trials.readings import Readings
 
 
 def readings_from(evidence: Evidence, names: tuple[str, ...] | None = None) -> Readings:
-    """Return the readings of all trials of some evidence.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The readings; reading k comes at ``onset_ms + k step_ms``.
-    names : tuple of str, optional
-        Names of the alternatives; "0", "1", ... by default.
-    """
+    """Return the readings of some evidence; reading k comes at ``onset_ms + k step_ms``."""
     steps = np.arange(evidence.steps)
     time_s = (evidence.onset_ms + evidence.step_ms * (steps + 1.0)) / 1000
     return Readings(
@@ -45,21 +37,7 @@ def observed(
     *,
     forced: bool = True,
 ) -> KnownTrials:
-    """Return choices and response times of a model.
-
-    Parameters
-    ----------
-    model : KnownModel
-        The model.
-    readings : Readings
-        The readings of each trial.
-    values : mapping from names to numbers
-        Its parameters; those left out have their default values, and there are no lapses.
-    seed : int
-        Seed of noise, non-decision times and lapses.
-    forced : bool
-        Whether the last reading forces a response.
-    """
+    """Return choices and response times of a model; by default there are no lapses."""
     blank, rng = waiting(readings, forced), stream(seed, "known evidence", model.name)
     likelihood = known_likelihood(model, blank)
     every = {each.name: each.start for each in likelihood.freedom.parameters}
@@ -93,16 +71,7 @@ def responding(
 ) -> KnownTrials:
     """Return trials with responses: decisions with non-decision times, and lapses.
 
-    Parameters
-    ----------
-    trials : KnownTrials
-        The trials.
-    choice, decided_s : arrays (trials,)
-        The decisions; -1 and NaN without one.
-    values : mapping from names to numbers
-        t0_s, t0_sd_s and lapse.
-    rng : Generator
-        Random numbers.
+    Without a decision ``choice`` is -1 and ``decided_s`` NaN.
     """
     delay = values["t0_s"] + values["t0_sd_s"] * rng.standard_normal(len(choice))
     rt_s = decided_s + np.maximum(delay, 0.001)

@@ -27,48 +27,18 @@ MOST_EARLY = 0.5
 class KnownTrials(Facts):
     """Choices and response times of one participant, with the readings of each trial.
 
-    Parameters
-    ----------
-    log_likelihood : array (trials, readings, alternatives), nats
-        Log-likelihood of each reading under each alternative, up to a common constant; 0 after the
-        last reading of a trial.
-    time_s : array (trials, readings), s
-        Time of each reading on the clock of the response times; infinite after the last one.
-    lengths : int array (trials,)
-        Number of readings of each trial.
-    names : tuple of str
-        The alternatives.
-    choice : int array (trials,)
-        Index of the chosen alternative; -1 without a response.
-    rt_s : array (trials,), s
-        Response time; NaN without a response.
-    ids : tuple of str
-        Id of each trial.
-    forced : bool
-        Whether the last reading of a trial forces a response.
-    source, who : str
-        Where the trials come from, and the participant.
-
-    Raises
-    ------
-    ValueError
-        For wrong shapes, times that do not increase, a response without a time or the reverse, too
-        few trials, a single response, or readings that come too late for half of the responses.
-
-    Warns
-    -----
-    UserWarning
-        If some responses precede the first reading of their trial.
+    Warns if responses precede the first reading of their trial, and raises if half of them do.
     """
 
+    # (trials, readings, alternatives), nats, up to a common constant; 0 after the last reading.
     log_likelihood: Array
-    time_s: Array
-    lengths: Integers
-    names: tuple[str, ...]
-    choice: Integers
-    rt_s: Array
+    time_s: Array  # (trials, readings), s, on the clock of ``rt_s``; infinite after the last
+    lengths: Integers  # (trials,), number of readings
+    names: tuple[str, ...]  # the alternatives
+    choice: Integers  # (trials,), index of the alternative; -1 without a response
+    rt_s: Array  # (trials,), s; NaN without a response
     ids: tuple[str, ...]
-    forced: bool = False
+    forced: bool = False  # Whether the last reading of a trial forces a response.
     source: str = "a table"
     who: str = EVERYONE
 
@@ -254,10 +224,9 @@ def gap_s(trials: KnownTrials) -> float:
 
 
 def intervals(trials: KnownTrials) -> tuple[Array, Array]:
-    """Return when each reading before the response begins and when the next one comes, s.
+    """Return when each reading before the response and the next one come, (trials, readings), s.
 
-    After the last reading of a trial it is the median time between readings. Both have shape
-    (trials, readings).
+    After the last reading of a trial it is the median time between readings.
     """
     after = np.concatenate([trials.time_s[:, 1:], np.full((trials.trials, 1), np.inf)], axis=1)
     starts = trials.time_s

@@ -61,36 +61,20 @@ BIASES_NATS = np.linspace(-0.2, BIAS.high, 8)
 class CircuitModel(InParts):
     """A circuit of two channels as a model of choices and times.
 
-    For more channels, see ``alternatives.circuit.ManyCircuitModel``.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    engine : str
-        A name in ``circuits.engines.ENGINES``.
-    mechanism : Mechanism
-        Parameters to fit other than sensitivity and threshold.
-    noise_nats : float, nats
-        Noise of the accumulated evidence after one second, as the difference of the two channels
-        in the circuit's nats. Choices and times determine only its ratio to the threshold; it
-        selects which part of the circuit's range is used.
-    seconds : float, s
-        Length of the stored trials.
-    trials, seed : int
-        Trials per drift, at least 16 (``PARTS``), and the seed of their evidence and noise.
-    folder : path, optional
-        Folder that keeps stored crossings, so that none is computed twice.
+    For more channels, see ``alternatives.circuit.ManyCircuitModel``. ``noise_nats`` is the noise of
+    the accumulated evidence after one second, as the difference of the two channels. Choices and
+    times determine only its ratio to the threshold; it selects which part of the circuit's range is
+    used.
     """
 
     circuit: Circuit
     engine: str = "population"
-    mechanism: Mechanism = NONE
+    mechanism: Mechanism = NONE  # Parameters to fit other than sensitivity and threshold.
     noise_nats: float = NOISE_NATS
-    seconds: float = 3.0
-    trials: int = TRIALS
+    seconds: float = 3.0  # length of the stored trials, s
+    trials: int = TRIALS  # number at each drift, at least ``PARTS``
     seed: int = SIMULATION_SEED
-    folder: Path | None = None
+    folder: Path | None = None  # keeps stored crossings, so that none is computed twice
     _kept: dict[tuple[float, ...], FirstPassageTimes] = field(default_factory=dict, repr=False)
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
@@ -189,12 +173,7 @@ class CircuitModel(InParts):
     def stored(self, point: tuple[float, ...], bias: float = 0.0) -> FirstPassageTimes:
         """Return the crossings at values of the axes, read from the folder or simulated.
 
-        Parameters
-        ----------
-        point : tuple of float
-            Values of the axes.
-        bias : float, nats
-            Input of the channel of response 1, or if negative of response 0.
+        ``bias``, nats, is the input of the channel of response 1, or if negative of response 0.
         """
         key = (*point, bias) if bias else point
         if key not in self._kept:
@@ -265,17 +244,7 @@ class CircuitModel(InParts):
         return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
 
     def run(self, point: tuple[float, ...], lowest_nats: float, bias: float = 0.0) -> Run:
-        """Return the function that runs the circuit at values of its axes; see ``crossings.Run``.
-
-        Parameters
-        ----------
-        point : tuple of float
-            Values of the axes.
-        lowest_nats : float
-            The lowest threshold, below which a trial may be dropped.
-        bias : float, nats
-            As for ``stored``.
-        """
+        """Return the ``crossings.Run`` at a point; trials below ``lowest_nats`` may end early."""
         model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
         model = model.until(lowest_nats - ROUNDING_NATS)
         model = replace(model, engine=model.engine.tuned(workers=2, rates=False))

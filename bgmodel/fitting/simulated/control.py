@@ -30,42 +30,21 @@ LEVELS, SLOW = 20, 3
 
 @dataclass(frozen=True)
 class Control:
-    """Walks on the evidence of stored trials, and those matched to a circuit.
+    """Walks on the evidence of stored trials, and those matched to a circuit."""
 
-    Parameters
-    ----------
-    walks : FirstPassageTimes
-        Walks of the ideal integrator; its "thresholds" are minus the bounds, sqrt(s).
-    bound_of_odds : array (3,)
-        Polynomial of the matching bound, sqrt(s), in the log odds of a threshold.
-    lag : float
-        Delay of the circuit relative to the walks, bins.
-    """
-
+    # Walks of the ideal integrator; the "thresholds" are minus the bounds, sqrt(s).
     walks: FirstPassageTimes
-    bound_of_odds: Array
-    lag: float
+    bound_of_odds: Array  # Polynomial (3,) of the bound, sqrt(s), in a threshold's log odds.
+    lag: float  # Delay of the circuit relative to the walks, bins.
 
     def part(self, parts: Truths) -> Control:
         """Return the walks of some parts of the trials."""
         return replace(self, walks=self.walks.part(parts))
 
     def excess(self, odds: float, drift: Array, bins: int) -> Array:
-        """Return the excess probability of decisions by the walks.
+        """Return the excess probability of decisions by the walks, (bins, 2, drifts).
 
-        Parameters
-        ----------
-        odds : float
-            Log odds of the threshold.
-        drift : array (drifts,), 1/sqrt(s)
-            Drift in favour of response 1.
-        bins : int
-            Number of bins of the result.
-
-        Returns
-        -------
-        array (bins, 2, drifts)
-            Probability of each response in each bin, estimated minus exact, delayed by the lag.
+        This is estimated minus exact, delayed by the lag; drifts, 1/sqrt(s), favour response 1.
         """
         levels = self.walks.thresholds_nats
         bound = np.polyval(self.bound_of_odds, odds)
@@ -88,25 +67,12 @@ def decided(
     drift: npt.ArrayLike,
     grid: Grid,
 ) -> Array:
-    """Return the probability of a decision for 0 and 1 in each bin, at drifts.
+    """Return the probability of a decision for 0 and 1 in each bin, (drifts, 2, bins).
 
-    Parameters
-    ----------
-    settings : sequence of (FirstPassageTimes, float)
-        The same trials at the settings of a circuit around the requested one, with their weights,
-        which sum to 1. If a trial's choice is the same at all of them, its time is interpolated;
-        otherwise it is divided among them.
-    threshold_nats : float
-        Threshold, within the stored range.
-    drift : array (drifts,), 1/sqrt(s)
-        Drift in favour of response 1.
-    grid : Grid
-        Bins.
-
-    Returns
-    -------
-    array (drifts, 2, bins)
-        An unbiased estimate: with a control it may be negative, by less than its error.
+    ``settings`` are the same trials at the settings of a circuit around the requested one, with
+    weights. If a trial's choice is the same at all of them, its time is interpolated; otherwise it
+    is divided among them. Drifts, 1/sqrt(s), favour response 1. The estimate is unbiased: with a
+    control it may be negative, by less than its error.
     """
     first, v = settings[0][0], np.asarray(drift, float)
     levels = first.thresholds_nats
@@ -132,13 +98,7 @@ def joined(settings: Sequence[tuple[Control, float]]) -> Control:
 
 
 def matched(crossings: FirstPassageTimes, walks: FirstPassageTimes) -> Control:
-    """Return the walks that match a circuit best: at each threshold, those with similar times.
-
-    Parameters
-    ----------
-    crossings, walks : FirstPassageTimes
-        Crossings of the circuit and of the ideal integrator on the same evidence.
-    """
+    """Return the walks that match a circuit best: at each threshold, those with similar times."""
     rows = np.linspace(0, len(crossings.thresholds_nats) - 1, LEVELS).astype(int)
     likeness, lag = np.array([_likeness(crossings, int(row), walks) for row in rows]).swapaxes(0, 1)
     best = likeness.argmax(axis=1)
@@ -188,18 +148,8 @@ def _walk(bound: float, bins: int) -> tuple[Array, Array]:
 def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
     """Return the exact probability that a walk ends in each bin, (bins, 2, drifts).
 
-    Parameters
-    ----------
-    bound : float, sqrt(s)
-        Bound on either side.
-    bins : int
-        Number of readings.
-    drift : tuple of float, 1/sqrt(s)
-        Drift in favour of response 1.
-
-    Notes
-    -----
-    Mass remaining at x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
+    Its bounds are at +-``bound``, sqrt(s); drifts, 1/sqrt(s), favour response 1. Mass remaining at
+    x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
     """
     from scipy.special import ndtr
 

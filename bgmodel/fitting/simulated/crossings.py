@@ -57,37 +57,21 @@ class Divided(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class FirstPassageTimes:
-    """Times and choices of trials at each of several thresholds.
+    """Times and choices of trials at each of several thresholds."""
 
-    Parameters
-    ----------
-    thresholds_nats : array (thresholds,)
-        The thresholds, increasing.
-    drifts : array (nodes,), 1/sqrt(s)
-        Drifts of the trials, with equal numbers of trials.
-    bins : int array (thresholds, trials)
-        Bin of the decision, which is also its last reading; the last bin without a decision.
-    choice : int array (thresholds, trials)
-        0 or 1, -1 without a decision. Evidence of positive drift favours 0.
-    evidence : array (thresholds, trials), sqrt(s)
-        X, the difference of the evidence of the two channels up to then.
-    control : control.Control, optional
-        Walks on the same evidence, whose chance differences are subtracted.
-    parts : bool array (parts,)
-        Which parts of the trials count: trial k does if ``parts[k % len(parts)]`` is true. Trials
-        are independent, and so are estimates from different parts.
-    opposite : FirstPassageTimes, optional
-        The same trials of a circuit with the opposite bias, whose mirror images count; by default
-        there is no bias, and each trial's own mirror image does.
-    """
-
-    thresholds_nats: Array
-    drifts: Array
+    thresholds_nats: Array  # Increasing.
+    drifts: Array  # (nodes,), 1/sqrt(s), with equal numbers of trials
+    # (thresholds, trials), of the decision and its last reading; the last bin if none
     bins: Integers
-    choice: Integers
+    choice: Integers  # (thresholds, trials); -1 if none; positive drift favours 0
+    # (thresholds, trials), sqrt(s): X, the difference of both channels up to then.
     evidence: npt.NDArray[np.floating[Any]]
+    # Walks on the same evidence, whose chance differences are subtracted.
     control: Divided | None = None
+    # Trial k counts if ``parts[k % len(parts)]``; estimates from different parts are independent.
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    # Trials with the opposite bias, whose mirror images count; without a bias, each trial's own
+    # does.
     opposite: FirstPassageTimes | None = None
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
@@ -128,18 +112,12 @@ class FirstPassageTimes:
 class Counts:
     """Trials on a grid of time and evidence.
 
-    Parameters
-    ----------
-    decided : array (1 or 2, bins, evidence)
-        Number of trials decided in each bin of time, by the evidence for their choice, spread over
-        neighbouring bins of evidence so that sums of smooth weights are preserved. With a bias,
-        those for choice 0 and for choice 1 are apart.
-    never : array (evidence,)
-        Number of trials without a decision, by their evidence for choice 0.
+    Those decided are counted by the evidence for their choice, spread over neighbouring bins of
+    evidence so that sums of smooth weights are preserved; others by that for choice 0.
     """
 
-    decided: Array
-    never: Array
+    decided: Array  # (1 or 2, bins, evidence); with a bias, choices 0 and 1 are apart
+    never: Array  # (evidence,), without a decision
 
     @cached_property
     def box(self) -> tuple[int, int, int]:
@@ -154,14 +132,7 @@ def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
     """Return the rows used to interpolate a table at a place between two rows, with weights.
 
     By cubic convolution (Keys 1981): exact for quadratics, with a continuous slope. Beyond the
-    first and the last row, these are repeated.
-
-    Parameters
-    ----------
-    place : float
-        0 is the first row.
-    rows : int
-        Number of rows.
+    first row, at place 0, and the last, these are repeated.
     """
     low = min(int(place), max(rows - 2, 0))
     x = place - low
@@ -181,20 +152,10 @@ def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
 def read(
     settings: Sequence[tuple[FirstPassageTimes, float]], rows: Sequence[tuple[int, float]], v: Array
 ) -> Array:
-    """Return the probability of a decision in each bin, plus one bin, from the trials alone.
+    """Return the probability of a decision from trials alone, (bins + 1, 2, drifts).
 
-    Parameters
-    ----------
-    settings : sequence of (FirstPassageTimes, float)
-        As for ``decided``.
-    rows : sequence of (int, float)
-        Stored thresholds and their weights.
-    v : array (drifts,), 1/sqrt(s)
-        Drift in favour of response 1.
-
-    Returns
-    -------
-    array (bins + 1, 2, drifts)
+    ``settings`` are as for ``control.decided``, ``rows`` stored thresholds with weights; drifts v,
+    1/sqrt(s), favour response 1.
     """
     first = settings[0][0]
     weighed = [
@@ -251,15 +212,7 @@ def _moved(largest: Array) -> Array:
 
 
 def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.ArrayLike) -> Array:
-    """Return the log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs.
-
-    Parameters
-    ----------
-    drifts : array (nodes,), 1/sqrt(s)
-        The v_j.
-    read_s, evidence : arrays that broadcast, s and sqrt(s)
-        t and X.
-    """
+    """Return the log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs."""
     nodes = np.asarray(drifts, float)
     time_s, read = np.broadcast_arrays(np.asarray(read_s, float), np.asarray(evidence, float))
     found = np.full(time_s.shape, -np.inf)
@@ -334,25 +287,7 @@ def simulated(
     seed: int,
     drifts: npt.ArrayLike = DRIFTS,
 ) -> FirstPassageTimes:
-    """Simulate trials and return their crossings.
-
-    The same seed gives every circuit the same evidence.
-
-    Parameters
-    ----------
-    run : function
-        Function that computes OUT; see ``Run``.
-    thresholds_nats : array (thresholds,)
-        The thresholds, increasing.
-    seconds : float, s
-        Length of a trial.
-    trials : int
-        Number of trials at each drift.
-    seed : int
-        Seed of the evidence.
-    drifts : array (nodes,), 1/sqrt(s)
-        Drifts of the trials.
-    """
+    """Simulate ``trials`` at each drift; the same seed gives every circuit the same evidence."""
     readings = math.ceil(seconds / BIN_S)
     parts: list[tuple[npt.NDArray[Any], ...]] = []
     nodes = np.asarray(drifts, float)

@@ -24,19 +24,10 @@ HALVED = 8
 
 @dataclass(frozen=True)
 class Simulation:
-    """Standard errors due to the simulated trials alone.
+    """Standard errors due to the simulated trials alone, 0 without simulation."""
 
-    Parameters
-    ----------
-    log_likelihood : float, nats
-        Standard error of the largest log likelihood.
-    parameters : array (parameters,)
-        Standard error of each number of the fit; NaN at a bound of its range, where a Newton step
-        is not informative; 0 in a model without simulated trials.
-    """
-
-    log_likelihood: float
-    parameters: Array
+    log_likelihood: float  # error of the largest log likelihood, nats
+    parameters: Array  # (parameters,); NaN at a bound, where a Newton step is not informative
 
 
 def jackknifed(values: npt.ArrayLike) -> Array:
@@ -55,17 +46,7 @@ def simulation_error(
     there: Directions,
     left: Sequence[tuple[Likelihood, Array]] | None = None,
 ) -> Simulation:
-    """Return the standard errors of a fit due to the simulated trials.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Likelihood of the data.
-    there : Directions
-        Directions at the optimum.
-    left : sequence of (Likelihood, array), optional
-        As from ``without_parts``; computed if omitted.
-    """
+    """Return the standard errors due to simulated trials; ``left`` is as from ``without_parts``."""
     left = without_parts(likelihood, there) if left is None else left
     vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
     values = np.array([each(there.vector) for each, _ in left])
@@ -76,20 +57,10 @@ def simulation_error(
 
 
 def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:
-    """Return the likelihood without each part of the simulated trials, and its optimum.
+    """Return the likelihood without each part of simulated trials, and its optimum.
 
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Likelihood of the data.
-    there : Directions
-        Directions at the optimum of all trials, with the information that converts a slope into a
-        step. A number at a bound of its range stays there.
-
-    Returns
-    -------
-    list of (Likelihood, array (parameters,))
-        One for each part; empty if the model is computed exactly.
+    A number that is at a bound of its range at the optimum of all trials, ``there``, stays there.
+    The list is empty if the model is computed exactly.
     """
     left = likelihood.without_parts()
     if not left:

@@ -18,15 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Axis:
-    """A number of the circuit to fit, which is simulated at several of its values.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        Its name and bounds; ``start`` is its default value.
-    points : int
-        Number of values, equally spaced from bound to bound.
-    """
+    """A number of the circuit to fit, simulated at values equally spaced from bound to bound."""
 
     parameter: Parameter
     points: int = 9
@@ -39,23 +31,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Edits of a circuit with free numbers, and these numbers.
+    """Edits of a circuit with free numbers, and these numbers."""
 
-    Parameters
-    ----------
-    edits : tuple of str
-        Edits as text, with names in braces: ``("dopamine {dopamine}",)``.
-    axes : tuple of Axis
-        One for each name.
-    about : str
-        Description.
-    instead : bool
-        Whether it replaces the threshold, which is then fixed unless a fit frees it.
-    """
-
-    edits: tuple[str, ...]
-    axes: tuple[Axis, ...]
+    edits: tuple[str, ...]  # text with names in braces: ``("dopamine {dopamine}",)``.
+    axes: tuple[Axis, ...]  # One for each name.
     about: str = ""
+    # Whether it replaces the threshold, which is then fixed unless a fit frees it.
     instead: bool = False
 
     def apply(self, circuit: Circuit, point: Sequence[float]) -> Circuit:

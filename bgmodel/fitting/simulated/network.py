@@ -39,15 +39,11 @@ SHIPPED = "macaque_likelihood.onnx"
 class LikelihoodNetwork(Facts):
     """A network for the log density of a response of a circuit.
 
-    Parameters
-    ----------
-    layers : tuple of (array (inputs, outputs), array (outputs,))
-        Weights and biases; tanh between layers.
-    about : dict
-        Circuit, engine, seeds, ``t0_sd_s`` (s), ``floor_per_s`` (1/s), ``bounds`` of the
-        parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the measured error.
+    ``about`` has circuit, engine, seeds, ``t0_sd_s``, s, ``floor_per_s``, 1/s, ``bounds`` of the
+    parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the measured error.
     """
 
+    # Weights (inputs, outputs) and biases; tanh between layers.
     layers: tuple[tuple[Array, Array], ...]
     about: Mapping[str, Any]
 
@@ -73,20 +69,10 @@ class LikelihoodNetwork(Facts):
         rt: npt.ArrayLike,
         response: npt.ArrayLike,
     ) -> Array:
-        """Return the log density of responses, log 1/s, in the common shape of the arguments.
+        """Return the log density of responses 1 or -1, log 1/s, in the arguments' common shape.
 
-        Parameters
-        ----------
-        v : array, 1/sqrt(s)
-            Drift in favour of response 1.
-        threshold : array, nats
-            OUT at which the circuit decides.
-        t0 : array, s
-            Mean non-decision time.
-        rt : array, s
-            Response times.
-        response : array
-            1 or -1.
+        ``v``, 1/sqrt(s), is the drift in favour of response 1, ``threshold`` the OUT at which the
+        circuit decides, nats, ``t0`` the mean non-decision time, s.
         """
         given = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (v, threshold, t0, rt, response))
@@ -98,13 +84,7 @@ class LikelihoodNetwork(Facts):
         return np.asarray(found[..., 0])
 
     def for_hssm(self, path: str | Path | None = None) -> dict[str, Any]:
-        """Return the arguments of ``hssm.HSSM`` other than the data: network, parameters, bounds.
-
-        Parameters
-        ----------
-        path : path, optional
-            File of the network; by default the shipped one.
-        """
+        """Return the arguments of ``hssm.HSSM`` but the data; ``path`` is that of the network."""
         return {
             "model": "bg_circuit",
             "choices": [-1, 1],
@@ -189,18 +169,7 @@ def _features(helper: Any) -> list[Any]:
 
 
 def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
-    """Read a network from its ONNX file; by default the shipped one of the circuit ``macaque``.
-
-    Parameters
-    ----------
-    path : path, optional
-        A file written by ``LikelihoodNetwork.write``.
-
-    Raises
-    ------
-    ValueError
-        If the file is not a network of bgmodel.
-    """
+    """Read a network from its ONNX file; by default the shipped one of the circuit ``macaque``."""
     import onnx
 
     path = shipped_path() if path is None else Path(path)

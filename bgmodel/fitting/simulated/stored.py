@@ -17,19 +17,7 @@ KINDS = ("bin", "choice", "evidence")
 
 
 def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **made: Any) -> None:
-    """Write crossings atomically as parquet.
-
-    Parameters
-    ----------
-    crossings : FirstPassageTimes
-        The crossings to store.
-    path : path
-        The file; its folder is created if needed.
-    seed : int
-        Seed of the trials, part of the provenance.
-    **made
-        Further settings for the provenance.
-    """
+    """Write crossings atomically as parquet, with ``made`` in the provenance."""
     path.parent.mkdir(parents=True, exist_ok=True)
     found = (crossings.bins, crossings.choice, crossings.evidence)
     columns = {
@@ -43,15 +31,7 @@ def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **ma
 def read_crossings(
     path: Path, thresholds_nats: Array, drifts: Sequence[float]
 ) -> FirstPassageTimes | None:
-    """Return stored crossings; None without a complete file.
-
-    Parameters
-    ----------
-    path : path
-        As given to ``write_crossings``.
-    thresholds_nats, drifts : arrays
-        Thresholds and drifts that they were made with.
-    """
+    """Return stored crossings; None without a complete file."""
     try:
         table = files.read_table(path)
     except ValueError:

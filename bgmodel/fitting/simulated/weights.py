@@ -12,30 +12,11 @@ def count(
     bins: Any, choice: Any, evidence: Any, share: Any, parts: Any, width: Any,
     decided: Any, never: Any,
 ) -> None:  # fmt: skip
-    """Add trials to the counts of a grid.
+    """Add trials to the counts ``decided`` and ``never`` of a grid; see ``crossings.Counts``.
 
-    A trial is given at several settings. If its choice is the same at all of them, its time and
-    evidence are interpolated; otherwise it is divided among them.
-
-    Parameters
-    ----------
-    bins : int array (settings, trials)
-        Bin of the decision, the last one without a decision.
-    choice : int array (settings, trials)
-        0 or 1, -1 without a decision.
-    evidence : array (settings, trials), sqrt(s)
-        As in ``FirstPassageTimes``.
-    share : array (settings,)
-        Weight of each setting in the interpolation; they sum to 1.
-    parts : bool array
-        Trial k counts where ``parts[k % len(parts)]`` is true.
-    width : float, sqrt(s)
-        Width of a bin of evidence.
-    decided : array (1 or 2, bins, evidence)
-        Counts to add to, of all choices or of each, by the evidence for the choice, divided between
-        two neighbouring bins.
-    never : array (evidence,)
-        Counts to add to, for trials without a decision.
+    A trial is given at several settings, of weights ``share``. If its choice is the same at all of
+    them, its time and evidence are interpolated; otherwise it is divided among them. ``width`` is
+    that of a bin of evidence, sqrt(s).
     """
     settings, trials = bins.shape
     part = -1

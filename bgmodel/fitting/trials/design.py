@@ -30,29 +30,16 @@ ALONE = 1.0
 class Design:
     """Cells of a design: strengths and conditions, and their trials.
 
-    Parameters
-    ----------
-    strength : array (cells,)
-        Absolute strength: a trial of negative strength is treated as the mirror image of a
-        positive one, with its responses exchanged.
-    conditions : dict of str to list of str (cells,)
-        Level of each cell in each column.
-    observed : Observed
-        The trials; response 1 is the one that the strength favours.
-    left_out : int
-        Number of trials excluded because their response time is outside the window.
-    who : str
-        Name of the participant, for messages.
-    choices : Trials, optional
-        Trials of the table whose response times are within the window.
+    Strengths are absolute: a trial of negative strength is treated as the mirror image of a
+    positive one, with its responses exchanged.
     """
 
     strength: Array
-    conditions: dict[str, list[str]]
-    observed: Observed
-    left_out: int = 0
+    conditions: dict[str, list[str]]  # Level of each cell in each column.
+    observed: Observed  # Response 1 is the one that the strength favours.
+    left_out: int = 0  # Number of trials outside the window of response times.
     who: str = EVERYONE
-    choices: Trials | None = None
+    choices: Trials | None = None  # Trials of the table within that window.
 
     @property
     def cells(self) -> int:
@@ -99,29 +86,9 @@ def design_of(
 ) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 
-    Parameters
-    ----------
-    choices : Trials
-        Trials of one person, or of several pooled.
-    by : sequence of str
-        Columns of conditions.
-    rt_window : tuple of float, s, optional
-        Earliest and latest response time to fit; (0, inf) keeps all. By default all times are
-        fitted if there is a deadline. Otherwise times end at the upper quartile plus 25
-        interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning gives
-        the number of excluded trials; the likelihood is conditional on the window, and lapses are
-        uniform in it.
-    pooled : bool
-        Whether to pool several participants. Without it, choices of several give a warning and are
-        pooled all the same.
-    sides : bool
-        Whether strengths of opposite sign are separate cells, for models with a bias.
-
-    Raises
-    ------
-    ValueError
-        For a column that is not among the conditions; for strengths without a sign, or with fewer
-        correct responses than by chance; for an invalid window or one with fewer than 10 responses.
+    Without a deadline, times by default end at ``window.fence_s``; the likelihood is conditional on
+    the window, s, and lapses are uniform in it. ``pooled`` choices of several people give no
+    warning; with ``sides``, for models with a bias, strengths of opposite sign are separate cells.
     """
     for column in by:
         if column not in choices.conditions:

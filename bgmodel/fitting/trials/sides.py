@@ -28,20 +28,8 @@ def name_of(choices: Trials) -> str:
 def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False) -> None:
     """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
-    Parameters
-    ----------
-    choices : Trials
-        Trials of one person, or of several pooled.
-    by : sequence of str
-        Columns of conditions: each level may have another bias.
-    biased : bool
-        Whether the model has a bias; then there is no warning of one.
-
-    Raises
-    ------
-    ValueError
-        If strengths have no sign, or responses are below chance, overall, of one person, or in one
-        level.
+    Checked are all trials together, those of each person and those of each level of ``by``, which
+    may have another bias. There is no warning of a bias if the model has one (``biased``).
     """
     who = name_of(choices)
     several = choices.alternatives > 2
@@ -111,13 +99,7 @@ def _coded(choices: Trials, share: float) -> str:
 
 
 def _check_right(choices: Trials, who: str) -> float:
-    """Return by how many standard errors more responses are correct than by chance.
-
-    Raises
-    ------
-    ValueError
-        If far fewer are.
-    """
+    """Return by how many standard errors responses are right above chance; refuse far fewer."""
     right = choices.correct[np.isfinite(choices.correct)]
     count, trials = int(right.sum()), len(right)
     chance = 1 / choices.alternatives
@@ -146,13 +128,8 @@ def lean(choices: Trials) -> tuple[float, float]:
     Models are the same for both sides: a strength and its mirror image have the same probability of
     a correct response, and strength 0 has 1/2. The bias is the excess of response 1, over all
     responses; z is the bias over its standard error in the absence of bias, given the number of
-    correct responses at each strength (Cochran 1954; Mantel & Haenszel 1959).
-
-    Parameters
-    ----------
-    choices : Trials
-        Trials of one person in one condition. Trials without a response do not count. Without
-        strengths, or if a strength has no mirror image, the bias is unknown: 0 and 0.
+    correct responses at each strength (Cochran 1954; Mantel & Haenszel 1959). Without strengths, or
+    if none has a mirror image, both are 0.
     """
     if choices.strength is None:
         return 0.0, 0.0

@@ -25,15 +25,8 @@ ENOUGH = 20
 def fence_s(rt_s: Array, cell: Integers) -> float:
     """Return the end of the default window, s; infinity if the quartiles are equal.
 
-    In each cell of at least 20 responses it is the upper quartile plus 25 interquartile ranges;
-    the latest of these is used. Without such a cell all responses are pooled.
-
-    Parameters
-    ----------
-    rt_s : array (trials,), s
-        Response times; NaN without a response.
-    cell : int array (trials,)
-        Cell of each trial.
+    In each cell of at least 20 responses it is the upper quartile plus 25 interquartile ranges; the
+    latest of these is used. Without such a cell all responses are pooled.
     """
     answered = np.isfinite(rt_s)
     groups = [rt_s[answered & (cell == each)] for each in np.unique(cell)]
@@ -46,13 +39,7 @@ def fence_s(rt_s: Array, cell: Integers) -> float:
 
 
 def check_window(rt_window: tuple[float, float]) -> None:
-    """Raise ValueError unless a window has an earliest and a later latest time.
-
-    Parameters
-    ----------
-    rt_window : tuple of float
-        Earliest and latest response time, s; infinity for no latest one.
-    """
+    """Raise ValueError unless a window has an earliest and a later latest time, s (may be inf)."""
     ends = reals("rt_window", rt_window)
     require(
         ends.shape == (2,) and 0 <= ends[0] < ends[1],
@@ -72,21 +59,8 @@ def in_window(
 ) -> tuple[tuple[float, float], Truths]:
     """Return the window of a fit, s, and which trials are in it; warn of excluded trials.
 
-    Parameters
-    ----------
-    rt_s, cell :
-        As for ``fence_s``.
-    rt_window : tuple of float, s, or None
-        As requested. None: all times if there is a deadline, otherwise those up to ``fence_s``.
-    deadline_s : float, s, optional
-        End of a trial. A trial without a response is always in the window.
-    who : str
-        Name of the participant.
-
-    Raises
-    ------
-    ValueError
-        If the window is invalid or contains fewer than 10 responses.
+    By default, without a deadline, it ends at ``fence_s``. A trial without a response is always in
+    the window; at least 10 responses must be.
     """
     rule = ""
     if rt_window is not None:
