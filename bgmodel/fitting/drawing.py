@@ -39,27 +39,11 @@ LABELS = (
 
 @styled
 def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
-    """Draw data and models: choices, mean times, spread and quantiles, and errors.
+    """Draw data and models, as from ``cells_of``, over strength, and a quantile-probability plot.
 
-    Parameters
-    ----------
-    fits : dict of str to DataFrame
-        Cells of each model, as from ``fit.cells_of``; the data are the same in all.
-    title : str
-        Title, such as the name of the participant.
-
-    Returns
-    -------
-    Figure
-        Four panels over strength: share of the response that the strength favours (response 1
-        without strengths), mean, standard deviation and quantiles of response times; and a
-        quantile-probability plot, in which quantiles of correct and of wrong times are over the
-        probability of the response. Models are shown where the data have at least
-        ``quantiles.FEWEST`` responses. Data are markers, models lines, or dashes if there is a
-        single strength: then conditions are placed along the axis. Error bars of the data are 95 %
-        intervals (Wilson's for choices, 1.96 standard errors for the others). Each condition has
-        its own marker and line. The title has the number of trials, and that of the last panel the
-        number of cells with too few errors to be shown.
+    Markers are data with 95 % intervals (Wilson's for choices, 1.96 standard errors for the
+    others). Models are lines, or dashes over conditions if there is a single strength, shown where
+    the data have at least ``quantiles.FEWEST`` responses.
     """
     figure, axes = _axes()
     first = next(iter(fits.values()))
@@ -171,17 +155,7 @@ def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
 
 @styled
 def draw_comparison(table: pd.DataFrame, by_person: Mapping[str, Array], title: str) -> Figure:
-    """Draw the difference between each model's score and the best, in total and by person.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``ModelComparison.table``, the best model first.
-    by_person : dict of str to array (people,)
-        Difference of each person's score from that under the best model, nats, by model.
-    title : str
-        Title of the figure.
-    """
+    """Draw each model's score minus the best, nats, in total and for each person."""
     figure, grid = panels(1, 2, size=(7.2, 1.2 + 0.3 * len(table)))
     total, each = grid.ravel()
     place = np.arange(len(table))[::-1]

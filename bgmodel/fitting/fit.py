@@ -46,27 +46,13 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class Fit(Facts):
-    """A model fitted to data.
-
-    Parameters
-    ----------
-    optimum : Optimum
-        The maximum of the likelihood.
-    directions : Directions
-        Identifiability of parameters at the optimum.
-    simulation : Simulation
-        Errors due to the simulated trials of a circuit.
-    misfit : Misfit
-        Difference between the data and the fitted model.
-    posterior : Posterior, optional
-        Posterior samples, if requested.
-    """
+    """A model fitted to data."""
 
     optimum: Optimum
     directions: Directions
-    simulation: Simulation
+    simulation: Simulation  # Errors due to the simulated trials of a circuit.
     misfit: Misfit
-    posterior: Posterior | None = None
+    posterior: Posterior | None = None  # Only if samples were requested.
 
     @property
     def log_likelihood(self) -> float:
@@ -91,10 +77,7 @@ class Fit(Facts):
         return found | ({"errors": few} if few else {})
 
     def residuals(self) -> pd.DataFrame:
-        """Return differences between quantiles of data and model, largest first.
-
-        One row per cell, response (correct or wrong) and quantile; see ``quantiles.residuals``.
-        """
+        """Return differences between quantiles of data and model; see ``quantiles.residuals``."""
         return residuals(self.cells())
 
     def summary(self) -> pd.DataFrame:
@@ -110,14 +93,9 @@ class Fit(Facts):
         return self.parameters()
 
     def plot(self) -> Figure:
-        """Draw data and model over strength: choices, and mean, spread and quantiles of times.
+        """Draw data with 95 % intervals and the model over strength: choices, times and errors.
 
-        Returns
-        -------
-        Figure
-            Five panels; markers are data with 95 % intervals, lines the model. The last shows
-            quantiles of correct and wrong times. The title has the number of trials. With known
-            evidence there are three: hazards per reading, and psychophysical kernels.
+        With known evidence there are three panels: hazards per reading, and psychophysical kernels.
         """
         peak = self.optimum.likelihood, self.optimum.vector
         return peak[0].draw({"Model": self.cells()}, {"Model": peak}, peak[0].design.who)
@@ -125,10 +103,10 @@ class Fit(Facts):
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.
 
-        Columns parameter, value, standard_error (all other parameters free; from the expected
-        information and, for a circuit, its simulated trials), simulation_error (the part of it
-        that is due to the simulated trials; NaN at a bound), low and high (of the posterior, a
-        central interval of 0.9, widened by the simulation error; NaN if none), at_bound.
+        Columns parameter, value, standard_error (all others free; from the expected information and
+        a circuit's simulated trials), simulation_error (the part due to these; NaN at a bound), low
+        and high (central 0.9 of the posterior, widened by the simulation error; NaN if none),
+        at_bound.
         """
         own = self.simulation.parameters
         found = {
@@ -165,21 +143,10 @@ def _impossible(found: Optimum) -> list[str]:
 
 
 def widened(drawn: Posterior, simulation: Array) -> Array:
-    """Return the central interval with ``SHARE`` of a posterior, including simulation error.
+    """Return the central interval with ``SHARE`` of a posterior, (2, parameters).
 
-    The distance of each end from the median and the error of the simulated trials, taken as
-    Gaussian, are added in quadrature.
-
-    Parameters
-    ----------
-    drawn : Posterior
-        Posterior samples.
-    simulation : array (parameters,)
-        Standard errors, as in ``Simulation``; NaN, at a bound, has no effect.
-
-    Returns
-    -------
-    array (2, parameters)
+    The distance of each end from the median and the Gaussian error of simulated trials,
+    (parameters,), are added in quadrature; a NaN error, at a bound, has no effect.
     """
     middle = np.median(drawn.draws, axis=0)
     low, high = drawn.interval(SHARE)
@@ -188,24 +155,18 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
 
 
 def cells_with_misfit(found: Optimum, apart: Misfit) -> pd.DataFrame:
-    """Return data and model for each cell of the design, one row per cell; see ``cells_of``.
-
-    Two more columns, z_accuracy and z_mean_rt, are the difference between data and model in
-    standard deviations; see ``misfit.Misfit``.
-    """
+    """Return ``cells_of`` an optimum, with ``z_accuracy`` and ``z_mean_rt`` of its ``Misfit``."""
     table = cells_of(found.complete.likelihood.design, found.complete.density)
     return table.assign(z_accuracy=apart.z_accuracy, z_mean_rt=apart.z_mean_rt)
 
 
 def cells_of(design: Design, density: Array) -> pd.DataFrame:
-    """Return data and predictions of a model's densities (cells, 2, bins), one row per cell.
+    """Return data and predictions of densities (cells, 2, bins), 1/s, one row per cell.
 
-    Columns strength, conditions, trials; accuracy (share of response 1, which the strength
-    favours), mean_s, sd_s and q10_s to q90_s of all responses, each with its prediction as
-    ``model_...``; accuracy_se and mean_se of the data; correct_s and wrong_s, mean times of
-    response 1 and 0; correct_q10_s to wrong_q90_s, their quantiles, with standard errors as
-    ``..._se``. Quantiles of a response with fewer than ``quantiles.FEWEST`` trials are NaN.
-    Predictions are for the window of response times.
+    ``accuracy`` is the share of response 1, which the strength favours; ``mean_s``, ``sd_s`` and
+    ``q10_s`` to ``q90_s`` are of all responses; each has its prediction, within the window of
+    response times, as ``model_...``. ``correct_...`` and ``wrong_...`` are of one response, their
+    quantiles NaN below ``quantiles.FEWEST`` trials; ``_se`` are standard errors of the data.
     """
     mass, _ = design.observed.outcomes(density)
     said = moments(mass / design.grid.width_s, design.grid)
@@ -251,21 +212,11 @@ def _seen(rt: Array, right: Integers) -> dict[str, float]:
 def fit_likelihood(
     likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None
 ) -> Fit:
-    """Fit a model: find the optimum, and which parameters are identifiable there.
+    """Find the optimum, its identifiability and misfit, and, with ``draws``, the posterior.
 
-    Warns if data differ from the fitted model by more than chance (``Misfit.cautions``), if the
-    data hardly identify parameters at the optimum or these end at a bound of their range, if the
-    non-decision time is above 1 s, if the error due to simulation or to bins of time is more than a
-    third of the standard error, and if there are too few posterior samples.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Model, data and free parameters.
-    draws : bool
-        Whether to sample from the posterior too.
-    tell : function
-        Called with a text on the progress.
+    ``tell`` is called with texts on the progress. Warns of misfit, unidentified parameters or ones
+    at a bound, a non-decision time above 1 s, an error of simulation or bins of time above a third
+    of the standard error, and too few posterior samples.
     """
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))

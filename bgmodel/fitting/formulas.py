@@ -20,28 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Formula:
-    """A parameter as a linear function of conditions, in the notation of Wilkinson & Rogers (1973).
-
-    Parameters
-    ----------
-    parameter : str
-        Name of the parameter.
-    terms : str
-        The right side, as the library formulaic reads it.
-    """
+    """A parameter as a linear function of conditions, in the notation of Wilkinson & Rogers."""
 
     parameter: str
-    terms: str
+    terms: str  # The right side, as the library formulaic reads it.
 
     @property
     def columns(self) -> list[str]:
-        """Columns of the table of trials that the terms name.
-
-        Raises
-        ------
-        ValueError
-            If the terms cannot be read.
-        """
+        """Columns of the table of trials that the terms name."""
         found: set[str] = set()
         for term in self._parsed():
             for factor in term.factors:
@@ -53,22 +39,10 @@ class Formula:
     def matrix(
         self, conditions: Mapping[str, Sequence[str]], cell: Integers, cells: int
     ) -> dict[str, Array]:
-        """Return the columns of the design by name, (cells,) each.
+        """Return the columns of the design by name, (cells,) each, from the level of each cell.
 
-        Parameters
-        ----------
-        conditions : dict of str to sequence of str (cells,)
-            Level of each cell in each column. Levels that are all numbers have a slope.
-        cell : int array (trials,)
-            Cell of each trial: functions such as ``center`` are over trials.
-        cells : int
-            Number of cells.
-
-        Raises
-        ------
-        ValueError
-            For an unknown column, one with a single value or more than 30 levels, terms without a
-            value in some cell, and designs whose columns are collinear.
+        Levels that are all numbers have a slope. Functions such as ``center`` are over trials,
+        whose cells are ``cell`` (trials,). Collinear columns and cells without a value are refused.
         """
         from formulaic.errors import FormulaicError
 
@@ -152,21 +126,11 @@ def formula_of(text: str) -> Formula:
 def ranged(
     within: tuple[float, float], start: float, columns: Array, k: int
 ) -> tuple[float, float, float]:
-    """Return range and start of a coefficient, such that the parameter can be within its own range.
+    """Return the range and the start of coefficient ``k`` of a formula: low, high, start.
 
-    The ends are those of the polytope of all such coefficients, by linear programming. The start
-    gives the parameter its own start in every cell, or as nearly as the columns can.
-
-    Parameters
-    ----------
-    within : tuple of float
-        Range of the parameter in every cell.
-    start : float
-        Its start.
-    columns : array (coefficients, cells)
-        Columns of its design, independent.
-    k : int
-        Number of the coefficient.
+    The ends are those of the polytope of all coefficients that keep the parameter ``within`` its
+    range in every cell, by linear programming; ``columns`` are (coefficients, cells), independent.
+    The start gives the parameter its own start in every cell, or as nearly as the columns can.
     """
     from scipy.optimize import linprog
 

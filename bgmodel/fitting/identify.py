@@ -18,24 +18,12 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Directions:
-    """How parameters change the likelihood at a point, for a design and its numbers of trials.
-
-    Parameters
-    ----------
-    names : list of str
-        The parameters.
-    vector : array (parameters,)
-        The point.
-    information : array (parameters, parameters)
-        Fisher information of all trials; also 0 if there are too few stored trials to tell.
-    idle : tuple of str
-        Parameters without effect on any probability.
-    """
+    """How parameters change the likelihood at a point, for a design and its numbers of trials."""
 
     names: list[str]
     vector: Array
-    information: Array
-    idle: tuple[str, ...] = ()
+    information: Array  # (parameters, parameters), Fisher; 0 if stored trials are too few
+    idle: tuple[str, ...] = ()  # Parameters without effect on any probability.
 
     @property
     def cosines(self) -> Array:
@@ -63,11 +51,9 @@ class Directions:
             return np.asarray(1 / np.sqrt(np.diag(self.information)))
 
     def cautions(self) -> list[str]:
-        """Return a warning for each pair of parameters that these data cannot distinguish.
+        """Return warnings of pairs and parameters that these data cannot identify.
 
-        It gives the cosine and the ridge along which one compensates for the other. Parameters
-        without effect get a warning too. If neither explains an infinite standard error, one
-        further warning does.
+        Of pairs it gives the cosine, and the ridge along which one compensates for the other.
         """
         cosines = self.cosines
         found = []
@@ -98,15 +84,7 @@ class Directions:
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
-    """Return how parameters change the likelihood at a point, priors included.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Model, design and free parameters.
-    vector : array (parameters,)
-        The point, in the numbers of the fit.
-    """
+    """Return how parameters change the likelihood at a point, priors included."""
     found, still = likelihood.information(vector)
     _, precision = likelihood.freedom.prior_slope(vector)
     return Directions(likelihood.freedom.names, vector, found + np.diag(precision), still)

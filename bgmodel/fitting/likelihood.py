@@ -85,17 +85,7 @@ Peak = tuple["Likelihood", Array]
 
 @dataclass(frozen=True)
 class Likelihood:
-    """The likelihood of one person's trials under a model.
-
-    Parameters
-    ----------
-    model : Model or TrialModel
-        The model.
-    design : Design
-        Cells and trials.
-    freedom : ParameterSpace
-        The free parameters.
-    """
+    """The likelihood of one person's trials under a model."""
 
     model: Any
     design: Design
@@ -124,10 +114,7 @@ class Likelihood:
     def draw(
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
     ) -> Figure:
-        """Draw data and fitted models, by name; see ``Fit.plot``.
-
-        ``cells`` are those of each fit, ``peaks`` the likelihood and the optimum of each.
-        """
+        """Draw the cells of each fit and its optimum, by name; see ``Fit.plot``."""
         from bgmodel.fitting.drawing import draw_fits
 
         return draw_fits(dict(cells), title)
@@ -194,8 +181,8 @@ class Likelihood:
     def starts(self) -> list[Array]:
         """Return the starting points of a search, with the non-decision time from fast responses.
 
-        One start has parameters at their default values. The other has those that start at a bound
-        in the middle of their range: a likelihood may have a maximum on either side.
+        A second one, in the middle of the range, has the parameters that start at a bound: a
+        likelihood may have a maximum on either side.
         """
         freed, times_s = self.freedom, self.design.observed.rt_s
         first = freed.start
@@ -231,15 +218,7 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class BinnedLikelihood(Likelihood):
-    """The likelihood under a model of decisions, from the densities of responses in bins of time.
-
-    Parameters
-    ----------
-    model : Model
-        The model of decisions.
-    design, freedom :
-        As in ``Likelihood``.
-    """
+    """The likelihood under a model of decisions, from densities of responses in bins of time."""
 
     model: Model
     rough: ClassVar[bool] = True
@@ -307,22 +286,11 @@ class BinnedLikelihood(Likelihood):
 
 @dataclass(frozen=True)
 class TrialLikelihood(Likelihood):
-    """The likelihood under a model of trials.
-
-    Parameters
-    ----------
-    model : TrialModel
-        The model.
-    design, freedom :
-        As in ``Likelihood``.
-    cell : int array (all trials,)
-        Cell of each trial of the table.
-    kept : int array (trials,), optional
-        Which trials count; densities follow from all of them. By default all count.
-    """
+    """The likelihood under a model of trials."""
 
     model: TrialModel
-    cell: Integers
+    cell: Integers  # (all trials,), the cell of each
+    # Which trials count, all by default; densities follow from all of them.
     kept: Integers | None = None
 
     def part(self, trials: Array | Integers) -> Self:
@@ -389,10 +357,9 @@ def likelihood_of(
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
 
-    ``formulas`` gives parameters that are linear in conditions of the design. Bounds and start of
-    sensitivity are divided by the largest strength, by default that of the design, so that the
-    drift has the same range in every unit of strength. Warns of responses that are later than the
-    end of a model's simulated trials.
+    Bounds and start of sensitivity are divided by the ``largest`` strength, by default that of the
+    design, so that the drift has the same range in every unit of strength. Warns of responses later
+    than the end of a model's simulated trials.
     """
     _warn_of_later(model, design)
     unit = design.strength.max() if largest is None else largest

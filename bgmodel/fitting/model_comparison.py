@@ -37,28 +37,14 @@ Peak = tuple[Likelihood, Array]
 
 @dataclass(frozen=True)
 class Score:
-    """How well a model predicts each trial.
+    """How well a model predicts each trial."""
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Log density of each trial under the model fitted without it.
-    person : int array (trials,)
-        Index of the person of each trial.
-    log_likelihood : float, nats
-        Largest log likelihood of all trials; NaN for a hierarchy.
-    numbers : float
-        Number of fitted parameters; NaN for a hierarchy, in which people are not free of each
-        other.
-    unreliable : int
-        Number of trials whose score is unreliable, from importance sampling.
-    """
-
-    predicted: Predicted
-    person: Integers
-    log_likelihood: float = np.nan
+    predicted: Predicted  # each trial under the model fitted without it
+    person: Integers  # (trials,), index of the person
+    log_likelihood: float = np.nan  # at its maximum, nats; NaN for a hierarchy
+    # Number of fitted parameters; NaN for a hierarchy, where people are not free of each other.
     numbers: float = np.nan
-    unreliable: int = 0
+    unreliable: int = 0  # number of trials with an unreliable score
 
     @property
     def trials(self) -> Array:
@@ -73,21 +59,11 @@ class Score:
 
 @dataclass(frozen=True, repr=False)
 class ModelComparison(Facts):
-    """Models compared on the same trials.
-
-    Parameters
-    ----------
-    scores : dict of str to Score
-        The score of each model.
-    people : list of str
-        Names of the people.
-    method : str
-        ``cross-validation`` or ``PSIS-LOO``.
-    """
+    """Models compared on the same trials."""
 
     scores: dict[str, Score]
     people: list[str]
-    method: str
+    method: str  # ``cross-validation`` or ``PSIS-LOO``.
 
     @property
     def best(self) -> str:
@@ -104,12 +80,11 @@ class ModelComparison(Facts):
     def table(self) -> pd.DataFrame:
         """One row per model, the best first.
 
-        Columns log_likelihood, parameters, bic (the three unknown for hierarchies), score (sum
-        over trials of the log density of each, predicted without it, nats), difference (from the
-        best), standard_error (of the difference: from the trials, or from people if there are
-        several, and from a circuit's simulated trials), simulation_error (the part that is due to
-        these), people_better (number of people whom the model predicts better than the best), and
-        verdict.
+        ``log_likelihood``, ``parameters`` and ``bic`` are unknown for hierarchies. ``score`` is the
+        sum of log densities of trials, each predicted without it, nats; ``difference`` is from the
+        best, its ``standard_error`` from trials, or from people if there are several, and from a
+        circuit's simulated trials (``simulation_error``); ``people_better`` counts people whom it
+        predicts better.
         """
         best = self.scores[self.best]
         rows = {
@@ -214,15 +189,7 @@ def compare_fits(
 def crossvalidated(
     optima: Mapping[str, Mapping[str, Peak]], *, tell: Tell = lambda _: None
 ) -> ModelComparison:
-    """Compare models by cross-validation; see ``compare_fits``.
-
-    Parameters
-    ----------
-    optima : dict of str to dict of str to (Likelihood, array)
-        Likelihood of each person's trials under each model, and where it is largest.
-    tell : function
-        Called with a text on the progress.
-    """
+    """Compare models by cross-validation from each person's optimum; see ``compare_fits``."""
     _check_same({m: {who: one[0] for who, one in each.items()} for m, each in optima.items()})
     scores = {}
     for name, people in optima.items():

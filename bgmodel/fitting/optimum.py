@@ -29,19 +29,7 @@ SINGULAR = 1e-10
 
 @dataclass(frozen=True)
 class Optimum:
-    """The maximum of the likelihood.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        The likelihood.
-    vector : array (parameters,)
-        The free parameters.
-    log_likelihood : float, nats
-        Its logarithm there.
-    evaluations : int
-        Number of evaluations of the search.
-    """
+    """The maximum of the likelihood (or posterior density) at ``vector``, (parameters,); nats."""
 
     likelihood: Likelihood
     vector: Array
@@ -81,23 +69,12 @@ def optimum(
     seed: int = OPTIMUM_SEED,
     tell: Callable[[int, float], None] | None = None,
 ) -> Optimum:
-    """Return the optimum.
+    """Return the optimum; by default from ``likelihood.starts``.
 
-    A smooth likelihood is climbed along its slope from each start (L-BFGS-B, Byrd et al. 1995), and
-    in the end by steps along the scores of all trials: ridges, such as that of threshold and
-    non-decision time, slow a quasi-Newton search down. One with steps, as from simulated trials, is
-    searched by CMA-ES (Hansen 2016).
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        The likelihood to maximise.
-    starts : sequence of array, optional
-        Starting points; by default those of ``likelihood.starts``.
-    seed : int
-        Seed of the stochastic search.
-    tell : function, optional
-        Called with the number of evaluations and the best height so far, nats.
+    A smooth likelihood is climbed along its slope (L-BFGS-B, Byrd et al. 1995), and in the end by
+    steps along the scores of all trials: ridges, such as that of threshold and non-decision time,
+    slow a quasi-Newton search down. One with steps, as from simulated trials, is searched by CMA-ES
+    (Hansen 2016). ``tell`` is called with the number of evaluations and the best height, nats.
     """
     begin = likelihood.starts() if starts is None else list(starts)
     if likelihood.rough:

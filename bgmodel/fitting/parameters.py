@@ -106,24 +106,14 @@ RESPONSE = (
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One number of a fit: a parameter in some cells of a design, or a coefficient of a formula.
+    """One number of a fit: a parameter in some cells of a design, or a coefficient of a formula."""
 
-    Parameters
-    ----------
-    name : str
-        ``t0_s``, ``t0_s[stimulation=on]`` or ``t0_s[stimulation[T.on]]``.
-    parameter : Parameter
-        The parameter, with the bounds and the start of this number.
-    weights : array (cells,)
-        Its column of the design: what the number is multiplied by in each cell. In cells where all
-        numbers of a parameter have weight 0, the parameter keeps its default value.
-    effect : bool
-        Whether it is a difference or a slope: no cell has this number as its value.
-    """
-
-    name: str
-    parameter: Parameter
+    name: str  # ``t0_s``, ``t0_s[stimulation=on]`` or ``t0_s[stimulation[T.on]]``.
+    parameter: Parameter  # The parameter, with the bounds and the start of this number.
+    # (cells,), the factor of the number in each; where a parameter has only 0, it keeps its
+    # default.
     weights: Array
+    # Whether it is a difference or a slope: no cell has this number as its value.
     effect: bool = False
 
 
@@ -155,17 +145,7 @@ class _Sum:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The free numbers of a fit, and their mapping to the parameters of every cell.
-
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        All parameters of the model.
-    moved : tuple of FreeParameter
-        The free parameters, in order.
-    cells : int
-        Number of cells of the design.
-    """
+    """The free numbers of a fit, and their mapping to the parameters of every cell."""
 
     parameters: tuple[Parameter, ...]
     moved: tuple[FreeParameter, ...]
@@ -301,10 +281,7 @@ class ParameterSpace:
         return {p.name: p.start for p in self.parameters if p.name not in free}
 
     def values(self, vector: Array) -> dict[str, Array]:
-        """Return each parameter in every cell, (cells,), from the numbers of a fit.
-
-        What a formula gives is limited to the range of the parameter.
-        """
+        """Return each parameter in every cell, (cells,); formulas are limited to its range."""
         found = {name: start.copy() for name, start in self._starts.items()}
         for each in self._sums:
             value = each.value(vector)
@@ -331,31 +308,11 @@ def freedom(
     vary: Mapping[str, str] | None = None,
     designs: Mapping[str, Mapping[str, Array]] | None = None,
 ) -> ParameterSpace:
-    """Return the free numbers of a fit.
+    """Return the free numbers of a fit; ``conditions`` has the level of each cell by column.
 
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        Parameters of the model.
-    conditions : dict of str to sequence of str (cells,)
-        Level of each cell in each column of conditions.
-    cells : int
-        Number of cells.
-    free : sequence of str, optional
-        Parameters to fit; by default those with ``free``.
-    fixed : dict of str to float, optional
-        Fixed parameters and their values.
-    vary : dict of str to str, optional
-        Parameters with a separate value in each level of a column; ``column/level`` fixes one level
-        at the default value.
-    designs : dict of str to dict of str to array (cells,), optional
-        Parameters that are linear in the columns of a design, as of ``formulas.Formula.matrix``;
-        levels of ``vary`` are such columns too, 1 in the cells of a level and 0 in others.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, a value outside its bounds, or no free parameter.
+    By default parameters with ``free`` are free. ``vary`` gives one a separate value in each level
+    of a column (``column/level`` fixes a level at the default), ``designs`` makes one linear in
+    columns (cells,), as of ``formulas.Formula.matrix``.
     """
     fixed, vary, designs = dict(fixed or {}), dict(vary or {}), dict(designs or {})
     known = {each.name: each for each in parameters}

@@ -23,17 +23,7 @@ class Piece(NamedTuple):
 
 
 def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
-    """Return a finished fit, or None if no undamaged file has this key.
-
-    Parameters
-    ----------
-    folder : path
-        Folder of finished fits.
-    title : str
-        Beginning of the names of its files.
-    key : dict
-        All its settings.
-    """
+    """Return a finished fit, or None if no undamaged file has this title and all these settings."""
     try:
         return Piece(
             *(
@@ -54,13 +44,7 @@ def write_piece(folder: Path, title: str, key: dict[str, Any], piece: Piece, *, 
 
 
 def safe(title: str) -> str:
-    """Return a title as a file name: invalid characters become _, and a hash is added.
-
-    Parameters
-    ----------
-    title : str
-        Any text, such as the id of a participant.
-    """
+    """Return a title as a file name: invalid characters become _, and a hash is added."""
     plain = re.sub(r"[^\w .+=-]", "_", title)
     return plain if plain == title else f"{plain} {_digest(title)}"
 

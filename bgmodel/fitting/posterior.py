@@ -27,28 +27,13 @@ ENOUGH = 50
 
 @dataclass(frozen=True)
 class Posterior:
-    """Samples from the posterior.
-
-    Parameters
-    ----------
-    names : list of str
-        The parameters.
-    draws : array (draws, parameters)
-        Parameters of each sample.
-    log_density : array (draws,), nats
-        Log density of each sample, up to a constant; with flat priors its log likelihood.
-    effective : float
-        Effective sample size for the worst parameter: number of draws divided by the
-        autocorrelation time.
-    lasts : float
-        Length of the chain in autocorrelation times. Below ``ENOUGH`` the autocorrelation time is
-        underestimated, and the effective sample size is smaller than ``effective``.
-    """
+    """Samples from the posterior."""
 
     names: list[str]
-    draws: Array
-    log_density: Array
-    effective: float
+    draws: Array  # (draws, parameters)
+    log_density: Array  # (draws,), nats, up to a constant; with flat priors the log likelihood
+    effective: float  # number of draws / autocorrelation time of the worst parameter
+    # Length of the chain in autocorrelation times; below ``ENOUGH``, ``effective`` is too large.
     lasts: float
 
     @property
@@ -61,10 +46,7 @@ class Posterior:
         return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))
 
     def to_datatree(self) -> xarray.DataTree:
-        """Return the draws for ArviZ: groups ``posterior`` and ``sample_stats``.
-
-        All walkers form one chain, since they are not independent of each other.
-        """
+        """Return ``posterior`` and ``sample_stats`` for ArviZ; dependent walkers are one chain."""
         import xarray  # only when labels are needed
 
         axes = {"chain": [0], "draw": np.arange(len(self.draws))}
@@ -94,26 +76,11 @@ def posterior(
 ) -> Posterior:
     """Sample from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
 
-    Walkers step along differences of others (ter Braak & Vrugt 2008), which has less than half the
-    autocorrelation time of the stretch move. The sampler ends when the second half of its chain is
-    ``ENOUGH`` autocorrelation times long, or after ``most_steps``; see ``Posterior.long_enough``.
-    The likelihood of stored crossings takes a few milliseconds and has no noise, so it is sampled
-    directly, without a surrogate.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Likelihood of the data.
-    start : Directions
-        Directions at the optimum, around which walkers begin within its standard errors.
-    walkers : int
-        Number of walkers.
-    steps, most_steps : int
-        Steps of each walker between two checks of the chain, and in total.
-    seed : int
-        Seed of the sampler.
-    tell : function, optional
-        Called with the number of steps done.
+    They begin around the optimum and step along differences of others (ter Braak & Vrugt 2008),
+    which has less than half the autocorrelation time of the stretch move. Sampling ends, checked
+    every ``steps``, when the second half of the chain is ``ENOUGH`` autocorrelation times long, or
+    after ``most_steps``. Stored crossings have no noise and take milliseconds, so that no surrogate
+    is needed.
     """
     import emcee
 

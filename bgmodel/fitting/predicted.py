@@ -21,38 +21,19 @@ FOLDS, FOLDS_SEED = 5, 24_301
 
 @dataclass(frozen=True)
 class Predicted:
-    """Log likelihood of each trial under the fit to the other folds.
+    """Log likelihood of each trial under the fit to the other folds."""
 
-    Parameters
-    ----------
-    each : array (trials,), nats
-        Log likelihood of each trial.
-    without : array (parts, trials), nats
-        The same with each part of the model's simulated trials left out in turn; no rows if the
-        model is exact.
-    """
-
-    each: Array
-    without: Array
+    each: Array  # (trials,), nats
+    without: Array  # (parts, trials), without each part of simulated trials; no rows if exact
 
 
 @dataclass(frozen=True)
 class Better:
-    """Advantage of one model's predictions over another's.
-
-    Parameters
-    ----------
-    nats : float
-        Difference of the log likelihoods of all trials.
-    error : float
-        Its standard error, from the number of trials and from the simulated trials of both models.
-    simulation_error : float
-        The part of it that is due to the simulated trials.
-    """
+    """Advantage of one model's predictions over another's, summed over trials, nats."""
 
     nats: float
-    error: float
-    simulation_error: float
+    error: float  # from the data and from the simulated trials of both models
+    simulation_error: float  # the part due to simulated trials
 
 
 def predicted(
@@ -65,20 +46,9 @@ def predicted(
 ) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
-    With the same seed all models have the same folds, so that they can be compared trial by trial.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Model, design, and free parameters.
-    start : array, optional
-        Start of each search, such as the optimum for all trials; by default those of ``optimum``.
-    folds : int
-        Number of parts into which the trials of each cell are divided evenly.
-    seed : int
-        Seed of the division.
-    tell : function, optional
-        Called with the number of folds done.
+    The trials of each cell are divided evenly. With the same seed all models have the same folds,
+    so that they can be compared trial by trial. Searches begin at ``start``; ``tell`` is called
+    with the number of folds done.
     """
     part = _divided(likelihood.groups, folds, seed)
     each = np.empty(len(part))
@@ -101,13 +71,8 @@ def predicted(
 def better_by(first: Predicted, second: Predicted, person: Integers | None = None) -> Better:
     """Return the advantage of one model's predictions over another's, nats.
 
-    Parameters
-    ----------
-    first, second : Predicted
-        Predictions of the same trials and folds, with the same evidence in parts of simulations.
-    person : int array (trials,), optional
-        Index of the person of each trial. With several people they are the sample, since trials of
-        one person are alike; by default trials are.
+    Both must have the same folds and simulated evidence. With several people, indexed by ``person``
+    (trials,), they are the sample, since trials of one person are alike; by default trials are.
     """
     apart = first.each - second.each
     if person is not None and person.max() > 0:

@@ -25,23 +25,10 @@ PERCENT = {q: round(100 * q) for q in QUANTILES}
 
 
 def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
-    """Return quantiles of correct and wrong response times with their standard errors, s.
+    """Return ``correct_q10_s``, its standard error ``correct_q10_se``, ..., ``wrong_q90_se``, s.
 
-    Parameters
-    ----------
-    rt_s, response : array (trials,)
-        Times, s, and responses, 1 or 0.
-
-    Returns
-    -------
-    dict of str to float
-        ``correct_q10_s``, ``correct_q10_se``, ..., ``wrong_q90_se``; NaN for a response that
-        occurs fewer than ``FEWEST`` times.
-
-    Notes
-    -----
-    Quantiles by Hazen's rule, whose bias in small samples is below 0.2 standard errors; standard
-    errors of Maritz & Jarrett (1978), the limit of a bootstrap.
+    NaN for a response with fewer than ``FEWEST`` trials. Hazen's rule has a bias below 0.2 standard
+    errors in small samples; errors are those of Maritz & Jarrett (1978), the limit of a bootstrap.
     """
     from scipy.stats.mstats import mjci
 
@@ -58,20 +45,7 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
 
 
 def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
-    """Return quantiles of all, of correct and of wrong times under a model, s.
-
-    Parameters
-    ----------
-    mass : array (2, bins)
-        Probability of response 0 and 1 in each bin of a grid.
-    width_s : float, s
-        Width of a bin.
-
-    Returns
-    -------
-    dict of str to float
-        ``model_q10_s``, ..., ``model_correct_q10_s``, ..., ``model_wrong_q90_s``.
-    """
+    """Return ``model_q10_s``, ..., ``model_wrong_q90_s``, s; ``mass`` is (2, bins)."""
     parts = {"model_": mass.sum(axis=0)}
     parts |= {f"model_{name}_": mass[side] for name, side in SIDES.items()}
     edges = np.arange(mass.shape[1] + 1) * width_s
@@ -94,20 +68,11 @@ def conditions_of(cells: pd.DataFrame) -> list[str]:
 
 
 def residuals(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return differences between quantiles of data and model, the largest first.
+    """Return differences between quantiles of data and model, the largest ``z`` first.
 
-    Parameters
-    ----------
-    cells : DataFrame
-        Cells of one fit, as from ``fit.cells_of``.
-
-    Returns
-    -------
-    DataFrame
-        Columns strength, those of conditions, response (correct or wrong), responses (their
-        number), quantile, data_ms and model_ms, residual_ms (data minus model), se_ms (standard
-        error of the data) and z, their ratio, by whose absolute value rows are sorted. There are
-        no rows for responses that occur fewer than ``FEWEST`` times.
+    Cells are as from ``fit.cells_of``; ``residual_ms`` is data minus model, ``se_ms`` the standard
+    error of the data and ``z`` their ratio. Responses that occur fewer than ``FEWEST`` times have
+    no rows.
     """
     columns = ["strength", *conditions_of(cells)]
     found = pd.DataFrame(
@@ -144,13 +109,7 @@ def _counts(row: Row) -> dict[str, int]:
 
 
 def too_few(cells: pd.DataFrame) -> str:
-    """Return a sentence on cells with too few errors for quantiles; empty if there are none.
-
-    Parameters
-    ----------
-    cells : DataFrame
-        Cells of one fit, as from ``fit.cells_of``.
-    """
+    """Return a sentence on cells with too few errors for quantiles; empty if there are none."""
     rows = cells.to_dict("records")
     few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
     if not few:

@@ -144,11 +144,8 @@ class FitSettings:
     def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
         """Return the settings without the formulas of predictors between people, and these.
 
-        Raises
-        ------
-        ValueError
-            For a predictor that differs between people, and within none of them, without a
-            hierarchy, in ``vary``, or in a formula with others.
+        A predictor that differs between people alone needs a hierarchy, and a formula of its own
+        kind.
         """
         apart = set() if self.pooled else _between(trials)
         between = [each for each in self._parsed if apart & set(each.columns)]
@@ -233,13 +230,7 @@ class FitSettings:
         return list(dict.fromkeys([*default, *named])) or None
 
     def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
-        """Return the trials of a table, with the conditions of the fit, or those that are given.
-
-        Raises
-        ------
-        ValueError
-            As for ``read_trials``, and for options of reading that trials, once read, ignore.
-        """
+        """Return the trials of a table, with the conditions of the fit, or those that are given."""
         if isinstance(data, Trials):
             reading = ("strength", "columns", "evidence", "step_ms", "forced")
             self.check_unused(reading, "on trials that are read (give it to read_trials)")
@@ -288,19 +279,10 @@ class FitSettings:
     ) -> AnyModel:
         """Return a model to fit.
 
-        Parameters
-        ----------
-        model : str, path or Circuit
-            A name in ``gaps.GAPS`` (two alternatives) or in ``alternatives.models.MODELS`` (any
-            number), a circuit with a channel for each: by name, as a .toml file or a Circuit; or a
-            model of trials (``likelihood.TrialModel``).
-        seconds : float
-            Length of simulated trials, s; see ``seconds_of``. The model's parameters are the same
-            for any length.
-        folder : path, optional
-            Folder that keeps simulated trials for other fits.
-        alternatives : int, optional
-            Number of alternatives; by default that of the settings, or 2.
+        By a name in ``gaps.GAPS`` (two alternatives) or ``alternatives.models.MODELS`` (any
+        number), as a circuit with a channel for each (name, .toml file or Circuit), or a
+        ``TrialModel``. Simulated trials last ``seconds``, which does not change parameters, and are
+        kept in ``folder``.
         """
         from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
         from bgmodel.fitting.exact.algorithms import GapModel
@@ -340,13 +322,7 @@ class FitSettings:
         )
 
     def check_parameters(self, models: Mapping[str, AnyModel]) -> list[str]:
-        """Return a warning for each model that lacks a free parameter which another model has.
-
-        Raises
-        ------
-        ValueError
-            For a parameter that no model has.
-        """
+        """Return warnings of models that lack a free parameter; a name that none has is refused."""
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (
             ("free", self.named), ("fix", self.fixed), ("vary", self.varied),
@@ -372,19 +348,13 @@ class FitSettings:
     def likelihood(
         self, design: Design, model: AnyModel, largest: float | None = None
     ) -> Likelihood:
-        """Return the likelihood of one person's trials under a model.
-
-        ``largest`` is as for ``likelihood.likelihood_of``.
-        """
+        """Return the likelihood of one person's trials; ``largest`` is as for ``likelihood_of``."""
         from bgmodel.fitting.likelihood import likelihood_of
 
         return likelihood_of(model, design, **self.freedom(model), largest=largest)
 
     def freedom(self, model: AnyModel) -> dict[str, Any]:
-        """Return the arguments free, fixed, vary and formulas of ``likelihood.likelihood_of``.
-
-        Options are ignored for parameters that only other models have.
-        """
+        """Return arguments of ``likelihood_of``, without parameters that only other models have."""
         known, own = {each.name: each for each in model.parameters}, partial(own_name, model=model)
         fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
@@ -403,10 +373,7 @@ class FitSettings:
         }
 
     def likelihoods(self, designs: Mapping[str, Design], model: AnyModel) -> dict[str, Likelihood]:
-        """Return the likelihood of each person's choices, with the same ranges of parameters.
-
-        For hierarchical fits; ValueError for more than two alternatives.
-        """
+        """Return the likelihoods of a hierarchical fit: all people have the same ranges."""
         number = max(each.observed.alternatives for each in designs.values())
         if number > 2:
             must = "must be 2 in a hierarchical fit: fit each person separately"
@@ -485,10 +452,7 @@ def settings_of(
 
 
 def seconds_of(designs: Iterable[Design]) -> float:
-    """Return the length of simulated trials, s: that of the longest fitted trial.
-
-    Rounded up to half seconds, so that participants share simulated trials.
-    """
+    """Return the length of the longest fitted trial, s, rounded up to half seconds to be shared."""
     import numpy as np
 
     seen = [design.observed for design in designs]
