@@ -250,8 +250,9 @@ class GroupFit(Facts):
     def plot_cells(self) -> Figure:
         """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot``.
 
-        The model is the mixture of everyone's predictions (``pooled.pooled``). Bars are as if all
-        trials were of one person; averages of other people would differ more.
+        The model is the mixture of everyone's predictions (``pooled.pooled``); all must have the
+        same strengths and conditions. Bars are as if all trials were of one person; averages of
+        other people would differ more.
         """
         from bgmodel.fitting.drawing import draw_fits
 

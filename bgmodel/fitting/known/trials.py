@@ -27,7 +27,8 @@ MOST_EARLY = 0.5
 class KnownTrials(Facts):
     """Choices and response times of one participant, with the readings of each trial.
 
-    Warns if responses precede the first reading of their trial, and raises if half of them do.
+    Warns if responses precede the first reading of their trial; raises if more than half of them
+    do.
     """
 
     # (trials, readings, alternatives), nats, up to a common constant; 0 after the last reading.
