@@ -29,21 +29,9 @@ def resampled(
 ) -> Array:
     """Return weights (1 + resamples, trials): ones, then how often each trial is drawn.
 
-    Parameters
-    ----------
-    trials, resamples : int
-        Number of trials and of bootstrap resamples.
-    rng : numpy.random.Generator or int
-        Random numbers of the draws, or a seed.
-    groups : array (trials,), optional
-        A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), for example
-        if trials share taps. With G groups the interval is too narrow by about sqrt(1 - 1 / G),
-        and with few groups it is rough.
-
-    Raises
-    ------
-    ValueError
-        If groups are not one per trial, or fewer than two.
+    Whole ``groups`` (trials,) are drawn (Efron & Tibshirani 1993), for example if trials share
+    taps. With G groups the interval is too narrow by about sqrt(1 - 1 / G), and with few groups it
+    is rough.
     """
     resamples, rng = whole("resamples", resamples, 1), generator(rng)
     check_memory(8.0 * resamples * trials, f"{resamples} resamples", "resamples")
@@ -54,13 +42,7 @@ def resampled(
 
 
 def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
-    """Refuse an invalid number of resamples; warn of intervals that are too rough.
-
-    Parameters
-    ----------
-    resamples, groups :
-        As for ``resampled``.
-    """
+    """Refuse an invalid number of resamples; warn of intervals that are too rough."""
     drawn = {"resamples": whole("resamples", resamples, 1)}
     if groups is not None:
         drawn["groups"] = len(np.unique(np.asarray(groups)))

@@ -27,48 +27,19 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 @dataclass(frozen=True, kw_only=True)
 class Watched:
-    """A folder of images and how they are decided on.
+    """A folder of images and how they are decided on."""
 
-    Parameters
-    ----------
-    folder : path
-        Folder to which the sensor writes its images; existing images are read first.
-    decoder, taps : path
-        The decoder, and taps of the same sensor decoded with it, for the likelihoods.
-    mm_per_px : float
-        Scale of the images.
-    task : Tactile
-        What is decided, with the time between readings and the deadline of a trial.
-    model : BasalGanglia, optional
-        The circuit that decides; without it, the test does.
-    posterior : float
-        Posterior at which to decide.
-    first_deg : float
-        Direction of the first alternative of edge-direction, degrees.
-    idle_s : float
-        Stop when no image has arrived for this time, s.
-    skipped : callable
-        Called with the reason when an image is skipped.
-    latency_ms : list of float
-        Latency of each reading, ms, added while images are read.
-
-    Raises
-    ------
-    ValueError
-        If the folder is missing, or the decoder is of another kind of taps.
-    """
-
-    folder: Path
+    folder: Path  # the sensor writes to it; existing images are read first
     decoder: Path
-    taps: Path
+    taps: Path  # of the same sensor and decoder, for the likelihoods
     mm_per_px: float
-    task: Tactile
-    model: BasalGanglia | None
+    task: Tactile  # with the time between readings and the deadline of a trial
+    model: BasalGanglia | None  # without a circuit, the test decides
     posterior: float
-    first_deg: float
-    idle_s: float
-    skipped: Callable[[str], None] = print
-    latency_ms: list[float] = field(default_factory=list)
+    first_deg: float  # direction of the first alternative of edge-direction
+    idle_s: float  # stop when no image has arrived for this time
+    skipped: Callable[[str], None] = print  # called with the reason
+    latency_ms: list[float] = field(default_factory=list)  # of each reading
 
     def __post_init__(self) -> None:
         if not self.folder.is_dir():
@@ -161,17 +132,10 @@ class Watched:
 
 
 def images(folder: Path, idle_s: float) -> Iterator[Path]:
-    """Yield the images of a folder in order of modification time, and wait for more.
+    """Yield the images of a folder in order of modification time; wait up to ``idle_s`` for more.
 
     An image is yielded once its size is unchanged between two polls, so that images still being
     written are not read.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder to which images are written.
-    idle_s : float
-        Stop when no image has arrived for this time, s.
     """
     seen: set[str] = set()
     sizes: dict[str, int] = {}

@@ -64,52 +64,27 @@ LETTERS = ("a  ", "b  ", "c  ", "d  ")
 
 @dataclass(frozen=True, repr=False)
 class Touched(Facts):
-    """Results for one sensor's decoded taps.
+    """Results for one sensor's decoded taps."""
 
-    Parameters
-    ----------
-    axis : str
-        Quantity that varies between stimuli, with its unit.
-    psychometric : DataFrame
-        One row per stimulus: accuracy of a single reading (mean, low and high over folds of taps);
-        claimed, the mean posterior of the likeliest hypothesis, equal to the accuracy if
-        likelihoods are calibrated; spread_deg, the standard deviation of readings within a
-        hypothesis; shrink, the factor on log-likelihoods that best predicts held-out taps, 0 for
-        uninformative readings.
-    curves : DataFrame
-        Speed-accuracy tradeoff of test and circuit: model, accuracy, mean_ms.
-    table : DataFrame
-        Circuit and test at equal accuracy, as in ``Comparison.table``.
-    learning : DataFrame
-        Course of the learned criteria: who, run, episode, mean_separation. It is the boundary
-        separation of the test, and of the circuit the one that corresponds to its threshold, nats
-        of evidence; with more than two alternatives the log odds of its posterior.
-    learned : DataFrame
-        Decisions of test, populations and spikes at what was learned, as from
-        ``decide_as_learned``.
-    numbers : dict
-        Summary measures by name.
-    courses : DataFrame
-        OUT of "test" and "circuit in spikes" on one trial: who, channel, time_ms, out_nats.
-    decided : DataFrame
-        Their decisions on this trial: who, choice, time_ms.
-    step_ms : float
-        Time between readings, ms.
-    remarks : tuple of str
-        Warnings issued during the analysis.
-    """
-
-    axis: str
+    axis: str  # quantity that varies between stimuli, with its unit
+    # One row per stimulus: accuracy of a reading (mean, low and high over folds of taps);
+    # claimed, the mean posterior of the likeliest hypothesis, equal to the accuracy if
+    # calibrated; spread_deg, the SD of readings within a hypothesis; shrink, the factor on
+    # log-likelihoods that best predicts held-out taps, 0 for uninformative readings.
     psychometric: pd.DataFrame
-    curves: pd.DataFrame
-    table: pd.DataFrame
+    curves: pd.DataFrame  # tradeoff of test and circuit: model, accuracy, mean_ms
+    table: pd.DataFrame  # circuit and test at equal accuracy, see Comparison.table
+    # who, run, episode, mean_separation: the boundary separation of the test, and the one that
+    # corresponds to the circuit's threshold, nats of evidence; with more than two alternatives
+    # the log odds of its posterior.
     learning: pd.DataFrame
-    learned: pd.DataFrame
-    numbers: dict[str, float]
+    learned: pd.DataFrame  # from decide_as_learned
+    numbers: dict[str, float]  # summary measures by name
+    # OUT of "test" and "circuit in spikes" on one trial: who, channel, time_ms, out_nats.
     courses: pd.DataFrame
-    decided: pd.DataFrame
+    decided: pd.DataFrame  # their decisions on this trial: who, choice, time_ms
     step_ms: float
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # warnings of the analysis
 
     def facts(self) -> dict[str, str]:
         """Return the axis and the summary measures."""
@@ -152,16 +127,11 @@ class Touched(Facts):
         """Draw one reading, speed and accuracy, the learned criteria, and one decision in spikes.
 
         Panel a: accuracy of a single reading, mean and range over folds of taps, with the mean
-        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision time
-        of test and populations, with pointwise 95 % intervals; markers are the decisions of test
-        and spikes at what each learned. Panel c: the learned gap of the test, and the circuit's,
+        posterior of the likeliest hypothesis. Panel b: expected accuracy over mean decision time of
+        test and populations, with pointwise 95 % intervals; markers are the decisions of test and
+        spikes at what each learned. Panel c: the learned gap of the test, and the circuit's,
         learned by populations; median and 10 to 90 % of runs. Panel d: OUT in spikes on one trial;
         vertical lines are decisions.
-
-        Returns
-        -------
-        Figure
-            Four panels.
         """
         figure, axes = panels(2, 2, size=(7.2, 5.4))
         self.draw(axes.flat)
@@ -317,22 +287,11 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Chain:
-    """What reward taught test and circuit, and their decisions with it.
+    """What reward taught test and circuit, and their decisions with it."""
 
-    Parameters
-    ----------
-    courses, learned : DataFrame
-        Courses of learning and decisions at what was learned, see ``Touched``; empty if readings do
-        not distinguish the hypotheses.
-    gap : dict
-        The test's learned gap, the best one and the regret; empty for more than two alternatives.
-    circuit : CircuitLearned, optional
-        What the circuit learned.
-    """
-
-    courses: pd.DataFrame
-    learned: pd.DataFrame
-    gap: dict[str, float]
+    courses: pd.DataFrame  # see Touched.learning; empty if readings are uninformative
+    learned: pd.DataFrame  # likewise, see Touched.learned
+    gap: dict[str, float]  # the test's learned gap, the best one, regret; empty for N > 2
     circuit: CircuitLearned | None = None
 
     @property
@@ -352,20 +311,8 @@ def chain(
 ) -> Chain:
     """Let reward set the gap of the test and the threshold of the circuit, and decide with both.
 
-    The circuit learns by populations and decides in spikes.
-
-    Parameters
-    ----------
-    readings : Folds
-        Readings of taps, from which trials for learning are drawn.
-    model : BasalGanglia
-        The circuit that learns, at the gain that it decides with.
-    evidence : Evidence
-        Trials to decide at what was learned.
-    learner, seed, workers :
-        As for ``touch``.
-    spiking : int
-        Largest number of these trials that are decided in spikes, the first ones.
+    The circuit learns by populations, at the gain that it decides with, and decides the first
+    ``spiking`` trials of the evidence in spikes.
     """
     pooled = readings.pooled
     if pooled.silent:
@@ -530,17 +477,7 @@ PANELS = (_psychometric, _speed, _learning, _decision)
 
 
 def page(of: Touched, title: str, made: str) -> str:
-    """Return a story as a single HTML page: figure, numbers and warnings.
-
-    Parameters
-    ----------
-    of : Story
-        The story.
-    title : str
-        Sensor and task.
-    made : str
-        Provenance: command and version.
-    """
+    """Return a story as one HTML page: figure, numbers and warnings; ``made`` is provenance."""
     picture = io.BytesIO()
     saved(of.plot(), picture, format="png")
     encoded = base64.b64encode(picture.getvalue()).decode()

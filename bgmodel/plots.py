@@ -108,20 +108,9 @@ def choice_times(
 ) -> Figure:
     """Draw histograms of decision times: errors below correct responses, or one per choice.
 
-    Parameters
-    ----------
-    choice, time_ms, forced : arrays (trials,)
-        As in ``Decision``; a choice below 0 is undecided.
-    truth : array (trials,), optional
-        The true hypotheses. Without them there is one histogram per choice, stacked.
-    ax : Axes, optional
-        Axes to draw on; by default those of a new figure.
-
-    Returns
-    -------
-    Figure
-        Hatched parts are trials that the deadline decided. The title has the proportion correct of
-        decided trials with Wilson's 95 % interval, and the numbers of trials.
+    Choices below 0 are undecided. Without a truth there is one histogram per choice, stacked.
+    Hatched parts are trials that the deadline decided. The title has the proportion correct of
+    decided trials with Wilson's 95 % interval, and the numbers of trials.
     """
     given, (figure, ax) = ax is not None, one_panel(ax)
     chosen, times, late = np.asarray(choice), np.asarray(time_ms), np.asarray(forced, dtype=bool)
@@ -184,18 +173,8 @@ def _limit(
 ) -> None:
     """Set the limits by decisions before the deadline; write the number on a bar that is cut off.
 
-    Parameters
-    ----------
-    ax : Axes
-        The histogram.
-    edges : array (bins + 1,)
-        Edges of its bins.
-    tops : dict of arrays (bins,)
-        Height of all trials on each side, 1 above and -1 below.
-    highest : float
-        Largest height without trials that the deadline decided.
-    sides : set of int
-        The sides in use.
+    ``tops`` holds heights of all trials, (bins,), by side, 1 above and -1 below; ``highest`` is the
+    largest height without trials that the deadline decided.
     """
     limits = [0.0, 0.0]
     for side in sides:
@@ -216,15 +195,7 @@ def tradeoff(
     decided: npt.ArrayLike,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw accuracy against mean decision time, a point per threshold, with Wilson intervals.
-
-    Parameters
-    ----------
-    mean_ms, correct, decided : arrays (thresholds,)
-        Mean time, and numbers of correct and of decided trials.
-    ax : Axes, optional
-        Axes to draw on; by default those of a new figure.
-    """
+    """Draw accuracy against mean decision time, a point per threshold, with Wilson intervals."""
     given, (figure, ax) = ax is not None, one_panel(ax)
     order = np.argsort(mean_ms)
     x, k, n = (np.asarray(values, dtype=float)[order] for values in (mean_ms, correct, decided))

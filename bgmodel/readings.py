@@ -31,18 +31,8 @@ CORRELATED = 0.5
 def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> None:
     """Warn if values look like probabilities or running sums, or if axes seem to be exchanged.
 
-    Parameters
-    ----------
-    log_likelihood : array (trials, steps, hypotheses)
-        Log-likelihoods of each reading, nats.
-    lengths : array (trials,), int, optional
-        Number of readings of each trial; all of them by default.
-
-    Warns
-    -----
-    UserWarning
-        If all values lie between 0 and 1, if successive readings of a trial correlate, if trials
-        seem to be padded to one length, or if there are many hypotheses, and more than readings.
+    That is, if all values, (trials, steps, hypotheses) nats, lie between 0 and 1, successive
+    readings correlate, trials seem to be padded, or hypotheses are many, and more than readings.
     """
     _, steps, hypotheses = log_likelihood.shape
     if hypotheses >= MANY and hypotheses > steps:
@@ -74,15 +64,10 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
 
 
 def _warn_of_padding(values: Reals) -> None:
-    """Warn if trials seem to be padded to one length.
+    """Warn if trials, (trials, steps, hypotheses), seem to be padded to one length.
 
     This is the case if readings that are the same for all hypotheses occur at the ends of trials
     only, and not equally many in each. Trials without any other reading do not count.
-
-    Parameters
-    ----------
-    values : array (trials, steps, hypotheses)
-        Log-likelihoods of trials that are taken to be of the same length, nats.
     """
     # Hypothesis by hypothesis: NumPy is slow along axes of few elements.
     empty = np.ones(values.shape[:2], bool)
@@ -100,19 +85,9 @@ def _warn_of_padding(values: Reals) -> None:
 
 
 def warn_of_confounds(inputs: Array, truth: Integers) -> None:
-    """Warn if a further input comes in none or in all of the trials with one truth.
+    """Warn if an input, (trials, times, inputs), comes in none or all of the trials with one truth.
 
-    Parameters
-    ----------
-    inputs : array (trials, times, inputs), nats
-        The inputs, as in ``Evidence``.
-    truth : array (trials,), int
-        Index of the true hypothesis of each trial.
-
-    Warns
-    -----
-    ConfoundWarning
-        If that is less probable than ``CHANCE`` for an input independent of the truth.
+    The warning requires this to be less probable than ``CHANCE`` for an input independent of truth.
     """
     trials, times, columns = inputs.shape
     names, hypothesis = np.unique(truth, return_inverse=True)
@@ -153,19 +128,10 @@ def _log_chances(counts: Integers) -> Array:
 
 
 def products(readings: Reals) -> Array:
-    """Return the sums over one trial from which a serial correlation is pooled.
+    """Return the sums over one trial, (steps, hypotheses), that give a serial correlation, (3,).
 
-    Parameters
-    ----------
-    readings : array (steps, hypotheses)
-        Log-likelihoods, nats.
-
-    Returns
-    -------
-    array (3,)
-        The products of successive deviations from the mean over the trial, corrected for that of
-        independent readings, which is ``-1 / steps`` of the squares; the squares; the number of
-        readings.
+    They are the products of successive deviations from the mean over the trial, corrected for that
+    of independent readings, ``-1 / steps`` of the squares; the squares; and the number of readings.
     """
     between = readings - readings.mean(axis=1, keepdims=True)
     deviation = between - between.mean(axis=0)
@@ -185,13 +151,6 @@ def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
 
     Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be equal by
     chance and do not count.
-
-    Parameters
-    ----------
-    log_likelihood : array (trials, steps, hypotheses)
-        Log-likelihoods of each reading, nats.
-    lengths : array (trials,), int
-        Number of readings of each trial.
     """
     seen: set[bytes] = set()
     copies = 0
@@ -209,12 +168,8 @@ def warn_of_copies(log_likelihood: Reals, lengths: Integers) -> None:
 def serial_correlation(values: Reals, read: Truths) -> float:
     """Return the correlation of successive readings within a trial; 0 if unknown.
 
-    Parameters
-    ----------
-    values : array (trials, steps, hypotheses)
-        Log-likelihoods, nats. The part common to the hypotheses of a reading is ignored.
-    read : bool array (trials, steps)
-        Whether the trial has this reading. Trials with fewer than ``SHORTEST`` are ignored.
+    The part of the values, (trials, steps, hypotheses), that is common to the hypotheses is
+    ignored, and so are trials with fewer than ``SHORTEST`` readings.
     """
     long = read.sum(axis=1) >= SHORTEST
     values, read = values[long].astype(np.float64), read[long]

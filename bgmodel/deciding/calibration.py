@@ -30,21 +30,9 @@ SCALES = (0.83, 1.52)
 
 
 def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
-    """Return the posterior of choices at the times of decisions.
+    """Return the posterior of choices at times since the onset of evidence, ms, (..., trials).
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings of all trials.
-    time_ms : array (..., trials), ms
-        Times of decisions since the onset of evidence.
-    choice : int array (..., trials)
-        Chosen hypotheses.
-
-    Returns
-    -------
-    array (..., trials)
-        Posterior after the last reading before the decision; before the first, the prior.
+    It is that after the last reading before the decision; before the first, the prior.
     """
     reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
@@ -52,18 +40,13 @@ def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
 
 
 def warn_of_units(evidence: Evidence) -> None:
-    """Warn if, judging by the truth, log-likelihoods are not natural logarithms.
+    """Warn if, judging by the truth, log-likelihoods of independent trials are not in nats.
 
     If their unit is ``k`` nats, posteriors are those of ``k`` times the evidence. Each trial is
     read up to a posterior of ``STOP``. At that point the derivative with respect to k of the log
     posterior of the truth, ``L_true - sum_i P_i L_i`` at k = 1, has a mean of 0 if the unit is
     nats, under any stopping rule. Its z score is tested at 99.9 %: at most one false alarm in a
     thousand tables, since k must also be outside ``SCALES``.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Independent trials. No warning without a truth, or if a hypothesis is never true.
     """
     some = evidence[:: -(-evidence.trials // SCALED_TRIALS)]
     if (
@@ -114,21 +97,8 @@ def calibration(posterior: float, accuracy: float, decisions: float) -> str:
     """Return a warning if mean posterior at the decision and accuracy differ, or an empty string.
 
     If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
-    because the posterior is a martingale.
-
-    Parameters
-    ----------
-    posterior : float
-        Mean posterior of the choice, at the decision.
-    accuracy : float
-        Proportion correct of the same decisions.
-    decisions : float
-        Number of these decisions.
-
-    Notes
-    -----
-    The variance of ``right - posterior`` is ``E[P (1 - P)]`` for calibrated posteriors, at most
-    ``Q (1 - Q)`` with Q the mean posterior.
+    because the posterior is a martingale. The variance of ``right - posterior`` is ``E[P (1 - P)]``
+    for calibrated posteriors, at most ``Q (1 - Q)`` with Q the mean posterior.
     """
     off, which = accuracy - posterior, miscalibrated(posterior, accuracy, decisions)
     if not which:
@@ -161,15 +131,7 @@ def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
 
 
 def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
-    """Warn if the mean posterior at the decision differs from the accuracy: see ``calibration``.
-
-    Parameters
-    ----------
-    stated : array (trials,)
-        Posterior of the choice, at the decision.
-    correct : array (trials,)
-        Whether the choice is correct.
-    """
+    """Warn if mean posterior at the decision and accuracy differ: see ``calibration``."""
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
     if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
         CalibrationWarning.warn(said)
@@ -179,14 +141,8 @@ def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
     """Return a warning if choices go against the evidence, or an empty string.
 
     Random choices have a mean posterior of chance, ``1 / hypotheses``; choices guided by evidence
-    have a higher one. It is lower if OUT rises with evidence, as without dopamine.
-
-    Parameters
-    ----------
-    stated : array (trials,)
-        Posterior of the choice, at the decision. Fewer than ``FEWEST_CHOICES`` are not judged.
-    hypotheses : int
-        Number of hypotheses.
+    have a higher one. It is lower if OUT rises with evidence, as without dopamine. Fewer than
+    ``FEWEST_CHOICES`` are not judged.
     """
     posterior, chance = np.asarray(stated, dtype=np.float64), 1 / hypotheses
     if len(posterior) < FEWEST_CHOICES:
@@ -202,15 +158,7 @@ def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
 
 
 def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
-    """Warn if decisions at one threshold go against the evidence or are not calibrated.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings of all trials; without a truth there is no accuracy to compare with.
-    decision : Decision
-        The decisions; undecided trials do not count.
-    """
+    """Warn if decisions at one threshold go against the evidence or are not calibrated."""
     decided = decision.choice != UNDECIDED
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is not the time of a reading
     stated = posterior_at(evidence, times, decision.choice)

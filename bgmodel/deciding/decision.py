@@ -258,19 +258,7 @@ def first_crossing(
 def crossing_of_each(
     trace: Trace, thresholds: Reals, *, forced: bool = True, checked: bool = True
 ) -> Decision:
-    """Decide each trial at its own threshold, as for a learner that explores.
-
-    Parameters
-    ----------
-    trace : Trace
-        Output (trials, ticks, hypotheses) in nats.
-    thresholds : array (trials,), nats
-        One threshold per trial, for all of its responses; the rule of ``first_crossing``.
-    forced : bool
-        Whether the deadline forces a response.
-    checked : bool
-        As for ``first_crossing``.
-    """
+    """Decide each trial at its own threshold, (trials,) nats, as for a learner that explores."""
     from bgmodel.deciding.crossing import cross_each
 
     out, first, ends, numbers = ready(trace)
@@ -290,10 +278,7 @@ def crossing_of_each(
 def check_decision(
     decision: Decision, thresholds: npt.ArrayLike, *, forced: bool, of_test: bool
 ) -> None:
-    """Refuse if no decision needed a reading; warn if most did not.
-
-    Arguments: those and the results of ``first_crossing``, and those of ``check_early_and_late``.
-    """
+    """Refuse if no decision needed a reading; warn if most did not."""
     late = decision.forced | (decision.choice == UNDECIDED)
     late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
     trials = late.shape[-1]
@@ -304,13 +289,6 @@ def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
     """Whether each evidence-free trial ends in a response, (trials,).
 
     The rule is that of ``first_crossing`` up to the onset of evidence.
-
-    Parameters
-    ----------
-    out_nats : array (trials, ticks, hypotheses), nats
-        Output without evidence.
-    threshold_nats : float
-        One threshold for all responses.
     """
     ticks = out_nats.shape[1]
     before_onset = Trace(out_nats, np.arange(ticks, dtype=np.float64), onset_ms=float(ticks))

@@ -77,27 +77,13 @@ SHARES = (
 
 @dataclass(frozen=True)
 class Behaviour:
-    """Decisions of one circuit at one threshold, and its anticipatory responses.
+    """Decisions of one circuit at one threshold, and its anticipatory responses."""
 
-    Parameters
-    ----------
-    decision : Decision
-        Decisions of all trials, with their truth; trials forced by the deadline are missed.
-    posterior : array (trials,)
-        Posterior of the choice, given the readings up to the decision.
-    anticipatory : bool array (trials,)
-        Whether a separately simulated foreperiod without evidence ended in a response.
-    hypotheses : int
-        Number of alternatives.
-    ssd_ms : array (trials,), ms, optional
-        Stop-signal delays, in a task with stop signals; NaN in go trials.
-    """
-
-    decision: Decision
-    posterior: Array
-    anticipatory: Truths
+    decision: Decision  # with truth; trials forced by the deadline are missed
+    posterior: Array  # (trials,), of the choice, by the readings up to it
+    anticipatory: Truths  # (trials,), a separate foreperiod ended in a response
     hypotheses: int
-    ssd_ms: Array | None = None
+    ssd_ms: Array | None = None  # (trials,), stop-signal delays; NaN in go trials
 
     @property
     def go(self) -> Truths:
@@ -243,23 +229,13 @@ def ez_diffusion(
 ) -> tuple[Array, Array, Array]:
     """Return drift, boundary separation and non-decision time (s) of EZ-diffusion.
 
-    Parameters
-    ----------
-    accuracy : array
-        Proportion correct, P.
-    mean_s, variance : arrays, s and s^2
-        Mean and variance of the times of correct responses.
-    trials : array
-        Number of trials, for the correction of a P of 1, 0 or 1/2.
-
-    Notes
-    -----
-    Wagenmakers, van der Maas & Grasman 2007, equations 5 and 7 to 9, with l = logit P and s = 0.1:
+    Mean and variance (s, s^2) are those of correct responses. Wagenmakers, van der Maas & Grasman
+    2007, equations 5 and 7 to 9, with l = logit P and s = 0.1:
     ``v = sign(P - 1/2) s (l (P^2 l - P l + P - 1/2) / VRT)^(1/4)``, ``a = s^2 l / v``,
     ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The starting point is
     half-way between the boundaries and no parameter varies between trials. The distribution
-    includes late decisions: if many trials are cut off, the variance is too small and the drift
-    too large. A P of 1, 0 or 1/2 is moved by half a trial, as they advise for 1.
+    includes late decisions: if many trials are cut off, the variance is too small and the drift too
+    large. A P of 1, 0 or 1/2 is moved by half a trial, as they advise for 1.
     """
     p, mean_s, variance, half = np.broadcast_arrays(
         *(np.asarray(x, dtype=np.float64) for x in (accuracy, mean_s, variance, trials))

@@ -22,31 +22,16 @@ MOST = 0.5
 
 @dataclass(frozen=True)
 class ReadOut:
-    """The range of OUT, and the meaning of thresholds on it.
-
-    Parameters
-    ----------
-    name : str
-        The test or the circuit.
-    lowest : float
-        Lowest OUT that can be reached, or that the read-out can resolve, in ``unit``.
-    rest : float
-        Lowest OUT at rest: a threshold at or above it needs no evidence. Infinity if the ticks of
-        the trace before the first reading show it.
-    unit : str
-        "nats" for OUT = -ln P; "nats of log odds" for the SPRT; or another unit.
-    warn_of_noise : callable, optional
-        Warns if noise alone crosses a threshold.
-    advice : str
-        What to change so that OUT rests above its thresholds.
-    """
+    """The range of OUT, and the meaning of thresholds on it."""
 
     name: str
-    lowest: float = -np.inf
+    lowest: float = -np.inf  # that can be reached, or that the read-out can resolve
+    # Lowest OUT at rest: a threshold at or above it needs no evidence. Infinity if the ticks of
+    # the trace before the first reading show it.
     rest: float = np.inf
-    unit: str = NATS
-    warn_of_noise: Callable[[float], None] | None = None
-    advice: str = ""
+    unit: str = NATS  # "nats" for OUT = -ln P, "nats of log odds" for the SPRT, or another
+    warn_of_noise: Callable[[float], None] | None = None  # called with a threshold
+    advice: str = ""  # how to change where OUT rests
 
     @property
     def of_test(self) -> bool:
@@ -63,13 +48,7 @@ class ReadOut:
             )
 
     def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
-        """Return the threshold on OUT that corresponds to a stopping posterior.
-
-        Raises
-        ------
-        ValueError
-            If a posterior is not above chance and below 1, or is undefined in this unit.
-        """
+        """Return the threshold on OUT of a stopping posterior above chance and below 1."""
         if self.unit not in (NATS, LOG_ODDS):
             raise InputError(
                 f"{self.name} works in {self.unit}, not nats: a posterior has no meaning there; "
@@ -95,19 +74,9 @@ class ReadOut:
         return level
 
     def check(self, thresholds: npt.ArrayLike) -> None:
-        """Refuse thresholds that are met without evidence or are never reached.
+        """Refuse thresholds, in ``unit``, that are met without evidence or are never reached.
 
         Of several, warn with the number of such thresholds, and refuse only if none is left.
-
-        Parameters
-        ----------
-        thresholds : float, array (K,) or array (K, hypotheses)
-            As for ``first_crossing``, in ``unit``.
-
-        Raises
-        ------
-        ValueError
-            If refused; the message states OUT at rest, or the lowest OUT.
         """
         levels = np.atleast_1d(reals("thresholds", thresholds))
         if not levels.size or not np.isfinite(levels).all():
@@ -199,26 +168,11 @@ def check_early_and_late(
     forced: bool,
     of_test: bool,
 ) -> None:
-    """Refuse if all decisions came before any reading; warn if most did, or most never came.
+    """Refuse if all decisions of a test came before any reading; warn if most did, or never came.
 
-    Parameters
-    ----------
-    late, early : int array (K,)
-        Trials that met no threshold before their end, and trials that responded before their
-        first reading, at each of K thresholds.
-    trials : int
-        Number of trials.
-    thresholds : array (K,) or (K, hypotheses)
-        The thresholds on OUT.
-    forced : bool
-        Whether the deadline forces the choice of late trials.
-    of_test : bool
-        Whether OUT is that of a test: without noise, the same in each trial before evidence.
-
-    Raises
-    ------
-    ValueError
-        If no trial of a test needed a reading.
+    ``late`` and ``early`` (K,) count trials that met no threshold before their end, and that
+    responded before their first reading. ``of_test``: OUT has no noise, so that before evidence it
+    is the same in each trial.
     """
     levels, count = np.atleast_1d(thresholds), len(late)
     if of_test and (early == trials).all():

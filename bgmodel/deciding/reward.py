@@ -12,22 +12,7 @@ from bgmodel.support.checks import check_positive, one_per_trial
 
 
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
-    """Return ``xi W - T`` in readings, for single trials or for means.
-
-    Parameters
-    ----------
-    error : array (...)
-        Whether a trial is an error (W = -1), or the error rate.
-    steps : array (...)
-        Decision time T in readings, or its mean.
-    xi : float
-        Cost of an error in readings.
-
-    Raises
-    ------
-    ValueError
-        If xi is not finite and above 0.
-    """
+    """Return ``xi W - T`` in readings, W = -1 for errors, of single trials or of means."""
     check_xi(xi)
     found: Array = -xi * np.asarray(error) - np.asarray(steps)
     return found

@@ -57,24 +57,9 @@ class Tally(Facts):
 def tally(
     trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
 ) -> Tally:
-    """Count correct and forced choices at each threshold, without keeping single decisions.
+    """Count correct and forced choices at each threshold, (K,) nats, without single decisions.
 
-    Parameters
-    ----------
-    trace : Trace
-        Output (trials, ticks, hypotheses) in nats.
-    truth : int array (trials,)
-        The true hypothesis of each trial.
-    thresholds : array (K,), nats
-        One for all responses, each; responses are forced at the deadline.
-    checked : bool
-        As for ``first_crossing``.
-
-    Raises
-    ------
-    ValueError
-        If the truth is not known or not one per trial, or thresholds are not (K,) finite
-        numbers.
+    Responses are forced at the deadline; ``checked`` is that of ``first_crossing``.
     """
     from bgmodel.deciding.crossing import ROUNDING, tally_all
 

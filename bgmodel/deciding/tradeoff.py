@@ -57,28 +57,15 @@ class ChoicesAndTimes:
 
 @dataclass(frozen=True, repr=False)
 class Tradeoff(Facts):
-    """Decisions of one integrator at K settings, from careless to careful or the reverse.
+    """Decisions of one integrator at K settings, from careless to careful or the reverse."""
 
-    Parameters
-    ----------
-    settings : array (K,)
-        In falling order: thresholds in the unit of OUT, or levels of dopamine at one threshold.
-    choice : int array (K, trials)
-        Trials, forced at the end of the trace.
-    time_ms : array (K, trials)
-        Decision times, ms from the onset of evidence.
-    forced, premature : bool arrays (K, trials)
-        Whether the choice was forced at the end of the trace; made before the first reading.
-    posterior : array (K, trials)
-        Posterior of the choice, given all readings up to it. Its mean is the expected accuracy,
-        with a smaller standard error than the proportion correct; it requires correct likelihoods.
-    """
-
-    settings: Array
-    choice: Integers
-    time_ms: Array
-    forced: Truths
-    premature: Truths
+    settings: Array  # (K,), falling: thresholds in the unit of OUT, or levels of dopamine
+    choice: Integers  # (K, trials)
+    time_ms: Array  # (K, trials), from the onset of evidence
+    forced: Truths  # (K, trials), at the end of the trace
+    premature: Truths  # (K, trials), before the first reading
+    # (K, trials), of the choice, by all readings up to it. Its mean is the expected accuracy,
+    # with a smaller standard error than the proportion correct; it requires correct likelihoods.
     posterior: Array
 
     def facts(self) -> dict[str, str]:
@@ -154,15 +141,10 @@ class Tradeoff(Facts):
 def decides_without_evidence(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
     """Whether a circuit decides without evidence, judged by two shares of its responses.
 
-    Parameters
-    ----------
-    premature, anticipatory : float
-        Shares of trials decided before their first reading, and of foreperiods that end in a
-        response.
-    foreperiod_ms : float
-        Duration of these foreperiods, ms. At a constant hazard a share p corresponds to
-        ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second; this value is compared, so that the
-        result does not depend on the duration.
+    ``premature`` is that of trials decided before their first reading, ``anticipatory`` that of
+    foreperiods that end in a response. At a constant hazard a share p corresponds to
+    ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second; this value is compared, so that the
+    result does not depend on the duration.
     """
     within = 1 - (1 - anticipatory) ** (REST_MS / foreperiod_ms)
     return bool(max(premature, within) > WITHOUT_EVIDENCE_SHARE)
@@ -220,18 +202,9 @@ def tradeoff(
     thresholds: npt.ArrayLike | None = None,
     accuracies: Sequence[float] = (),
 ) -> Tradeoff:
-    """Return an integrator's decisions at many thresholds.
+    """Return an integrator's decisions at many thresholds, (K,), placed by accuracy if omitted.
 
-    Parameters
-    ----------
-    trace : Trace
-        The output of the integrator for this evidence.
-    evidence : Evidence
-        Readings of all trials.
-    thresholds : array (K,), optional
-        Placed by accuracy if omitted, see ``levels``.
-    accuracies : sequence of float
-        Accuracies that placed thresholds reach to within a single decision.
+    Placed thresholds reach ``accuracies`` to within a single decision, see ``levels``.
     """
     check_trace(trace)
     if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):

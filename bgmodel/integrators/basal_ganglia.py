@@ -545,20 +545,9 @@ class BasalGanglia(Facts):
 def drive_of(evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf) -> Array:
     """Return the drive of a circuit that needs centred input, (trials, steps + 1, hypotheses) nats.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings; the first step of the drive is the prior alone.
-    gain : float
-        kappa.
-    max_deficit_nats : float
-        Drives are clipped at this distance below the leader's.
-
-    Notes
-    -----
-    ``Y_i - mean_j Y_j``, ``Y_i = max(kappa L_i, max_j kappa L_j - reach)``, with L the log prior
-    plus all readings so far: a common input cancels (Bogacz & Gurney 2007), and without the mean
-    no rate has to be negative.
+    It is ``Y_i - mean_j Y_j``, ``Y_i = max(gain L_i, max_j gain L_j - max_deficit_nats)``, with L
+    the log prior (the first step alone) plus all readings so far: a common input cancels (Bogacz &
+    Gurney 2007), and without the mean no rate has to be negative.
     """
     total = gain * evidence.totals
     total = np.maximum(total, total.max(axis=2, keepdims=True) - max_deficit_nats)

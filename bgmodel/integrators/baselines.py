@@ -86,13 +86,9 @@ class Lca:
     """Leaky competing accumulators without a floor (Usher & McClelland 2001), solved exactly.
 
     ``dx_i/dt = input_i - leak x_i - inhibition sum_{j != i} x_j``, with each reading held as input
-    until the next, and ``OUT_i = -x_i``. It starts at 0, whatever the prior.
-
-    Parameters
-    ----------
-    leak_hz, inhibition_hz : float
-        Rates per second; 100 and 100 in Bogacz & Gurney 2007. If they are equal, differences
-        between the accumulators do not leak. Their common part leaks fast but does not cancel.
+    until the next, and ``OUT_i = -x_i``. It starts at 0, whatever the prior. If leak and inhibition
+    are equal (100 and 100 per second in Bogacz & Gurney 2007), differences between the accumulators
+    do not leak; their common part leaks fast but does not cancel.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -119,14 +115,8 @@ class LinearGpe:
 
     GPe is ``a Sigma`` where the MSPRT requires ``Sigma - ln Sigma``, with Sigma the STN output. It
     solves ``a Sigma + ln Sigma = ln sum_j exp y_j``, by Wright's omega function, and
-    ``OUT_i = Sigma - y_i``. Terms common to all channels do not cancel.
-
-    Parameters
-    ----------
-    gain : float
-        Factor on the evidence; 1 in the exact test.
-    slope : float
-        The slope a; 1, or 0.84 with a gain of 0.4, in their figure 3.
+    ``OUT_i = Sigma - y_i``. Terms common to all channels do not cancel. The slope a is 1, or 0.84
+    with a gain on the evidence of 0.4, in their figure 3.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -155,13 +145,7 @@ BASELINES: dict[str, type[Baseline]] = {
 
 
 def baselines_on(zero_is_nothing: bool) -> list[str]:
-    """Return the names of the baseline models that apply to the evidence.
-
-    Parameters
-    ----------
-    zero_is_nothing : bool
-        Whether a zero means no evidence, as in ``separated_evidence``.
-    """
+    """Return the baseline models that apply: some need a zero to mean no evidence."""
     return [name for name, model in BASELINES.items() if zero_is_nothing or not model.needs_zero]
 
 

@@ -34,20 +34,7 @@ class LoweredGain(float):
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
-    """Return the given gain, or by default that of the circuit, 1 for an exact circuit.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    given : float, optional
-        The user's gain.
-
-    Raises
-    ------
-    ValueError
-        If none is given and the circuit has no default.
-    """
+    """Return the given gain, or by default that of the circuit, 1 for an exact circuit."""
     found = circuit.default_gain if given is None else given
     if found is None and (circuit.unedited or circuit).exact:
         return 1.0  # the output of an exact table is -ln P at any gain
@@ -61,25 +48,12 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
 
 
 def fitting_gain(highest: float, most_nats: float, lead_nats: float) -> float:
-    """Return the largest gain at which a lead stays within what a circuit tracks.
+    """Return the largest gain, up to ``highest``, at which a lead is within what a circuit tracks.
 
-    Cortical responses adapt to the range of their input in the same way (Dean, Harper & McAlpine
-    2005; Carandini & Heeger 2012).
-
-    Parameters
-    ----------
-    highest : float
-        The circuit's default gain, at which its read-out was tuned; never exceeded.
-    most_nats : float
-        Largest lead that the circuit tracks, nats of drive per 100 ms.
-    lead_nats : float
-        Lead gained by the evidence, nats of evidence per 100 ms; a lead that is not finite, of a
-        hypothesis that is ruled out, does not lower the gain.
-
-    Returns
-    -------
-    float
-        Rounded down to two digits, so that other trials of a task mostly give the same gain.
+    Leads are nats per 100 ms, of drive (``most_nats``) and of evidence (``lead_nats``); an infinite
+    one, of a hypothesis that is ruled out, does not lower the gain. It is rounded down to two
+    digits, so that other trials of a task mostly give the same. Cortical responses adapt to the
+    range of their input in the same way (Dean, Harper & McAlpine 2005; Carandini & Heeger 2012).
     """
     if not math.isfinite(lead_nats) or highest * lead_nats <= most_nats:
         return float(highest)
@@ -124,20 +98,7 @@ def rest_out(circuit: Circuit) -> float:
 
 
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
-    """Refuse a threshold that OUT is past before any evidence, or can never reach.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    threshold_nats : float
-        OUT at which it decides, in the circuit's unit.
-
-    Raises
-    ------
-    ValueError
-        If the threshold is refused; the message states OUT at rest.
-    """
+    """Refuse a threshold, in the circuit's unit, that OUT is past at rest, or can never reach."""
     readout_of(circuit).check(threshold_nats)
 
 
@@ -194,18 +155,6 @@ def check_conditions(
 
     A manipulated circuit that rests below its threshold is a valid outcome: it decides without
     evidence. A threshold beyond the range of its read-out is refused.
-
-    Parameters
-    ----------
-    control, manipulated : Circuit
-        The circuit before and after a manipulation.
-    control_nats, manipulated_nats : float
-        OUT at which each decides.
-
-    Raises
-    ------
-    ValueError
-        If the control would decide without evidence, or a circuit can never reach its threshold.
     """
     check_threshold(control, control_nats)
     if manipulated_nats < manipulated.readable_nats[0]:

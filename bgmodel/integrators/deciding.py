@@ -55,13 +55,8 @@ def thresholds_of(
 ) -> Array:
     """Return the thresholds of ``thresholds_about`` that the circuit can use.
 
-    Usable thresholds are below OUT at rest and within reach of the read-out. Without nats they
-    are evenly spaced between these two.
-
-    Raises
-    ------
-    ValueError
-        If none is usable: the circuit would decide without evidence, or never, at each.
+    Usable thresholds are below OUT at rest and within reach of the read-out. Without nats they are
+    evenly spaced between these two. Raises if none is usable.
     """
     if circuit.unit != NATS:
         least = max(circuit.readable_nats[0], silent_nats(circuit))
@@ -102,26 +97,9 @@ def decide_at_thresholds(
 ) -> dict[str, Tradeoff]:
     """Return the decisions of a circuit and, if it has noise, of a decoder of its input.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence : Evidence
-        Readings of all trials.
-    thresholds : array (K,), nats
-        As from ``thresholds_about``.
-    decoder_tau_ms : float, optional
-        Time constant of the decoder; None for no decoder.
-
-    Raises
-    ------
-    ValueError
-        If OUT of the circuit cannot reach even the highest threshold.
-
-    Notes
-    -----
     If the engine supports it, a trial is dropped once its OUT is a little below the lowest
-    threshold. If the decoder has not crossed all thresholds by then, it is run again to its end.
+    threshold, (K,) nats. If the decoder has not crossed all thresholds by then, it is run again to
+    its end. ``decoder_tau_ms`` of None leaves the decoder out.
     """
     if np.max(thresholds) < model.circuit.readable_nats[0]:
         # Thresholds above OUT at rest may be of interest; unreachable ones are not.
@@ -179,30 +157,9 @@ def behaviour_of(
 ) -> Behaviour:
     """Measure choices at one threshold, and anticipations in a foreperiod without evidence.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence : Evidence
-        Readings of all trials; its truth must be known.
-    threshold_nats : float, nats
-        OUT at which the circuit decides.
-    foreperiod_ms : float, ms
-        Length of the foreperiod, simulated separately for each trial, unless the evidence has an
-        informative foreperiod: then that one counts.
-    stopping : tuple of Decision and array (trials,), optional
-        The decisions in a task with stop signals and the stop-signal delays, ms (NaN in go trials);
-        by default there are no stop signals.
-
-    Returns
-    -------
-    Behaviour
-        The decisions of all trials, and whether each foreperiod ended in a response.
-
-    Raises
-    ------
-    ValueError
-        If the evidence does not fit the circuit, or a run is impossible (its rates run away).
+    The foreperiod is simulated separately for each trial, unless the evidence has an informative
+    one: then that one counts. ``stopping`` holds the decisions in a task with stop signals and the
+    stop-signal delays, (trials,) ms, NaN in go trials.
     """
     needed_truth(evidence)
     decision, ssd_ms = stopping or (model.decided(evidence, threshold_nats), None)

@@ -26,14 +26,8 @@ def decoded(
 ) -> Trace:
     """Return ``decoded_input`` for trials that were dropped once the circuit had decided.
 
-    Parameters
-    ----------
-    activity, trace, tau_ms :
-        As for ``decoded_input``.
-    lowest : float
-        Lowest threshold, nats. Trials whose decoder has not crossed it yet are run again.
-    again : callable
-        Maps the number of a trial to its activity and OUT, run to the end.
+    Trials whose decoder has not crossed the lowest threshold yet are run again: ``again`` maps the
+    number of a trial to its activity and OUT, run to the end.
     """
     found = decoded_input(activity, trace, tau_ms)
     dropped = np.isnan(trace.out_nats[:, -1, 0])
@@ -49,16 +43,8 @@ def decoded_input(activity: Activity, trace: Trace, tau_ms: float = 20.0) -> Tra
 
     Spikes are counted through one exponential filter; the rest of the computation is exact. A
     circuit's loss relative to this decoder therefore arises within the circuit. The decoder is no
-    upper limit: another filter, or knowing when readings come, may do better.
-
-    Parameters
-    ----------
-    activity : Activity
-        Activity of a spiking engine, with rates.
-    trace : Trace
-        The circuit's OUT in that activity; the result has its times.
-    tau_ms : float
-        Time constant of the filter, ms.
+    upper limit: another filter, or knowing when readings come, may do better. The result has the
+    times of ``trace``, the circuit's OUT.
     """
     # Importing scipy.signal takes half a second: only when spikes are decoded.
     from scipy.signal import lfilter

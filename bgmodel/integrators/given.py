@@ -10,20 +10,7 @@ from circuits.errors import InputError
 
 
 def checked_circuit(given: Circuit | str | Path, channels: int | None = None) -> Circuit:
-    """Return a circuit, given as such, by name or as a .toml file.
-
-    Parameters
-    ----------
-    given : Circuit, str or path
-        The user's argument.
-    channels : int, optional
-        Number of alternatives, unless ``given`` is a circuit already.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name or an argument of another type.
-    """
+    """Return a circuit, given as such, or by name or .toml file with a number of channels."""
     if isinstance(given, Circuit):
         return given
     if isinstance(given, (str, Path)):

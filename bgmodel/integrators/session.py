@@ -35,33 +35,14 @@ class Session:
 
     Each trial gives the same OUT, choice and time, to the byte, as ``decide`` with all readings at
     once. A reading is held for a step, so a circuit may decide between two readings. No state is
-    kept from one trial to the next.
+    kept from one trial to the next; they are numbered from ``first_trial``, which sets their noise.
+    A trial ends after ``t_max`` steps, with a response if ``forced``. A ``baseline`` is needed if
+    each channel gets its own evidence.
 
     Readings are added up here: give each reading alone, not the sum so far. Sums are decided much
     too early and are wrong more often. Once trials of five readings or more add up to a hundred
     readings, a warning is given if successive readings correlate as sums do. Sums that are decided
     within fewer readings cannot be distinguished from strong evidence.
-
-    Parameters
-    ----------
-    begin : function
-        Maps the number of a trial to its reader.
-    hypotheses : int
-        Number of values in a reading.
-    threshold : float
-        OUT at which the model decides, in its unit.
-    step_ms : float
-        Time from one reading to the next, ms.
-    t_max : int
-        Most steps of a trial; at its end the deadline forces a response, if ``forced``.
-    prior : sequence of float, optional
-        Prior probabilities; equal if omitted.
-    baseline : float, optional
-        As for ``Evidence``: needed if each channel gets its own evidence.
-    forced : bool
-        Whether the deadline forces a response.
-    first_trial : int
-        Number of the first trial: it sets the noise.
 
     Examples
     --------
@@ -106,27 +87,11 @@ class Session:
         self._read = self._begin(self.trial)
 
     def add(self, reading: npt.ArrayLike, *, at_ms: float | None = None) -> Decision | None:
-        """Add a reading; return the decision of this one trial, or None while undecided.
+        """Add a reading, nats; return the decision of this one trial, or None while undecided.
 
-        Parameters
-        ----------
-        reading : array (hypotheses,), nats
-            Log-likelihoods of the reading.
-        at_ms : float, optional
-            Time of the reading, ms from the onset of evidence; by default a step after the last
-            one. Steps in between pass without a reading.
-
-        Raises
-        ------
-        ValueError
-            If the trial is decided, the reading does not fit, or it comes before the last one.
-
-        Warns
-        -----
-        DeadlineWarning
-            If the reading comes more than half a step late.
-        DataWarning
-            Once, if the readings of the trials so far look like running sums.
+        ``at_ms`` is its time from the onset of evidence, by default a step after the last one;
+        steps in between pass without a reading. Warns if it comes more than half a step late and,
+        once, if the readings so far look like running sums. A trial that is decided raises.
         """
         if self.decision is not None:
             raise InputError("this trial is decided: session.next() begins another one", "reading")
@@ -203,13 +168,7 @@ class Session:
         return first_crossing(self.trace, self.threshold, forced=forced, checked=False)
 
     def finish(self) -> Decision:
-        """End the trial: return its decision, or that made at the deadline.
-
-        Raises
-        ------
-        ValueError
-            Before the first reading.
-        """
+        """End the trial: return its decision, or that made at the deadline."""
         if self.trace is None:
             raise InputError("a trial without a reading cannot end", "reading")
         if self.decision is None:

@@ -203,14 +203,7 @@ class Msprt(Decides):
 
 
 def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
-    """Equal to ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace.
-
-    Raises
-    ------
-    ValueError
-        If there are not two hypotheses, the truth is not known, or thresholds are not (K,) finite
-        numbers.
-    """
+    """Equal to ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace."""
     from bgmodel.deciding.crossing import tally_odds
 
     check_evidence(evidence)
@@ -276,22 +269,9 @@ class Stream:
     """One trial of a test, one reading at a time, for use in a robot's control loop.
 
     The decision is that of the batch form for the same readings. Readings are added up here: give
-    each one alone, not the sum so far, which one trial does not reveal.
-
-    Parameters
-    ----------
-    test : Sprt or Msprt
-        The integrator.
-    threshold : float or array (hypotheses,), nats
-        Threshold on OUT, for all responses or one per response.
-    hypotheses : int
-        Number of hypotheses.
-    prior : array (hypotheses,), optional
-        Prior probabilities; equal if omitted.
-    t_max : int, optional
-        Number of readings after which a response is forced; never, if omitted.
-    number : int
-        Number of the trial, as in ``Evidence``; used to break ties.
+    each one alone, not the sum so far, which one trial does not reveal. The threshold, nats, is one
+    for all responses or one per response; the number of the trial breaks ties. Without ``t_max`` no
+    response is forced.
     """
 
     test: Sprt | Msprt
@@ -329,8 +309,7 @@ class Stream:
     def update(self, log_likelihood: npt.ArrayLike) -> int | None:
         """Take one reading (hypotheses,) in nats; return the choice, or None while undecided.
 
-        Raises ValueError if the reading has the wrong shape or is not finite, and RuntimeError
-        if the trial is already decided.
+        Raises RuntimeError if the trial is already decided.
         """
         reading = np.asarray(reals("a reading", log_likelihood), dtype=np.float64)
         fits = reading.shape == (self.hypotheses,) and np.isfinite(reading).all()

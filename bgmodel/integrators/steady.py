@@ -19,15 +19,7 @@ SETTLE_MS = 1500
 
 
 def leader_drive(log_odds: npt.ArrayLike, channels: int) -> Array:
-    """Return a steady drive that favours the first channel, (log odds, 1, channels) nats.
-
-    Parameters
-    ----------
-    log_odds : array or float
-        Log odds of the first channel against each other one, nats.
-    channels : int
-        Number of alternatives.
-    """
+    """Return a steady drive that favours the first channel, (log odds, 1, channels) nats."""
     odds = np.ravel(np.asarray(log_odds, dtype=np.float64))
     drive = np.zeros((odds.size, 1, channels))
     drive[:, 0, 0] = odds
@@ -37,14 +29,8 @@ def leader_drive(log_odds: npt.ArrayLike, channels: int) -> Array:
 def leader_out(circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table") -> Array:
     """Return the favoured channel's OUT at the fixed point, nats, in the shape of ``log_odds``.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    log_odds : array (...) or float
-        Log odds of the favoured channel against each other one, in the circuit's nats.
-    laws : str
-        "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
+    Log odds are those against each competitor, nats; ``laws`` is that of
+    ``circuits.engines.Algebra``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     # Drop the record of edits: those that the fixed point ignores should not warn here.
@@ -58,16 +44,8 @@ def out_shift(
 ) -> Array:
     """Return the shift of the winner's OUT by an edit at the fixed point, nats.
 
-    All are NaN if the fixed point of any OUT does not exist or is not known.
-
-    Parameters
-    ----------
-    circuit, edited : Circuit
-        The circuit before and after the edit.
-    out_nats : array (...)
-        OUT (``-ln P``) before the edit; the result has its shape.
-    laws : str
-        "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
+    ``out_nats`` is OUT (``-ln P``) before the edit; the result has its shape. All are NaN if the
+    fixed point of any OUT does not exist or is not known.
     """
     circuit.check_nats("an OUT of -ln P")
     n = circuit.channels
@@ -85,16 +63,8 @@ def steady_out(
 ) -> Array:
     """Return the favoured channel's OUT under constant evidence, (log odds, trials) nats.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        A circuit of spiking cells.
-    log_odds : array
-        Log odds of the favoured channel against each other one, in the circuit's nats.
-    seed, trials : int
-        Seed of the noise and number of trials; trial t has the same noise in every circuit.
-    mean_ms : int
-        Time over which OUT is averaged, after ``SETTLE_MS``, ms.
+    OUT is averaged over ``mean_ms`` after ``SETTLE_MS``; trial t has the same noise in every
+    circuit.
     """
     circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
@@ -115,13 +85,10 @@ def steady_shifts(
 ) -> pd.DataFrame:
     """Measure the shift of OUT by edits in the spiking circuit and compare it with theory.
 
-    Returns
-    -------
-    DataFrame
-        One row per variant and log odds: variant, log_odds, out_nats (before the edit), exact_nats
-        (the shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the
-        cells' f-I laws, and also with the noise of their finite number), value, low, high (the
-        measured shift and its 95 % interval, trials paired by their noise).
+    One row per variant and log odds: out_nats (before the edit), exact_nats (the shift of the
+    algebraic fixed point), own_laws_nats and finite_nats (with the cells' f-I laws, and also with
+    the noise of their finite number), value, low, high (the measured shift and its 95 % interval,
+    trials paired by their noise).
     """
     # Importing scipy.stats takes half a second: only when shifts are measured.
     from scipy.stats import ttest_1samp
@@ -170,13 +137,10 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
 def resting_activity(
     circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5
 ) -> pd.DataFrame:
-    """Measure the resting activity of a spiking circuit, without evidence.
+    """Measure the resting activity of a spiking circuit, one row per nucleus.
 
-    Returns
-    -------
-    DataFrame
-        One row per nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of
-        inter-spike intervals, mean over cells with ten or more in a trial (NaN if none).
+    interval_cv is the coefficient of variation of inter-spike intervals, mean over cells with ten
+    or more in a trial (NaN if none).
     """
     names = tuple(row.name for row in circuit.populations if row.spiking)
     model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)

@@ -36,38 +36,11 @@ def decide_as_learned(
 ) -> pd.DataFrame:
     """Let a circuit decide at its learned threshold, in spikes too, and the test at its gap.
 
-    All decide the same trials, which were not used for learning. The cost of a trial is its
-    duration plus ``xi`` readings for an error.
-
-    Parameters
-    ----------
-    learned : CircuitLearned
-        The circuit and its learned threshold, as from ``learn_in_circuit``.
-    evidence : Evidence
-        Readings of the trials, with their truth.
-    gaps : (float, float), optional
-        Gap that the test has learned, and the best one, nats; without them the test is left out.
-    engine : Engine or str
-        Engine that simulates spikes.
-    groups, resamples : optional
-        As for ``bootstrap.resampled``.
-    seed : int
-        Seed of the bootstrap.
-
-    Returns
-    -------
-    DataFrame
-        One row per decider and measure: who, measure, value, low, high (95 % interval, a bootstrap
-        over trials or their groups). Measures: criterion (the learned OUT, nats), accuracy,
-        readings (mean decision time), cost (readings), regret (excess cost over the best criterion,
-        per cent) and above_test (excess cost over the test, per cent). The best criterion of the
-        circuit is that of the trials from which it learned; on other trials the learned one may be
-        better by chance, with a regret below 0.
-
-    Raises
-    ------
-    ValueError
-        If a level of dopamine was learned instead, or the truth is not known.
+    All decide the same trials, which were not used for learning; ``gaps`` are the learned and the
+    best gap of the test, nats. One row per decider and measure, with 95 % bootstrap intervals:
+    criterion (nats of OUT), accuracy, readings, cost (duration plus ``xi`` per error), regret and
+    above_test (excess cost over the best criterion and over the test, per cent). The best criterion
+    is that of the trials of learning, so that regret can fall below 0 by chance.
     """
     require(learned.what == CRITERION, "learned", "must be a learned criterion", learned.what)
     check_resamples(resamples, groups)

@@ -39,17 +39,7 @@ posteriors of 0.75 to 0.99 at the fixed point."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
-    """Return the leader's OUT at the fixed point, nats, in the shape of ``log_odds``.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    level : float
-        Level of dopamine.
-    log_odds : array (M,) or float
-        Log odds of the leader against each other alternative, in the circuit's nats.
-    """
+    """Return the leader's OUT at the fixed point, nats, by its log odds over each competitor."""
     circuit.check_nats("a drive of log odds")
     return leader_out(circuit.dopamine(level), log_odds)
 
@@ -70,16 +60,9 @@ def _odds(circuit: Circuit) -> Array:
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level at which the fixed point decides by evidence.
 
-    Below this range, the leader's OUT stays above the threshold whatever the evidence, so that the
-    circuit never decides. Above it, OUT at rest is already below the threshold, so that the circuit
-    decides without evidence, unless the range ends at 2, the highest level allowed. With spiking
-    noise, OUT at rest crosses the threshold at lower levels too, and OUT occasionally crosses where
-    the fixed point never does.
-
-    Raises
-    ------
-    ValueError
-        If the threshold is outside the range of the read-out, or no level in 0..2 works.
+    Below this range, OUT stays above the threshold whatever the evidence. Above it, OUT at rest is
+    already below, so that the circuit decides without evidence, unless the range ends at 2, the
+    highest level allowed. Spiking noise blurs both limits.
     """
     circuit = checked_circuit(circuit)
     require(is_number(threshold_nats), "threshold_nats", "must be a number", threshold_nats)
@@ -112,13 +95,8 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
     """Return the lowest and highest level that a learner should use.
 
     This is the working range, reduced by ``MARGIN`` at both ends (but not at a level of 2). With
-    noise it also ends below the level at which noise alone decides, that is, at which OUT at rest
-    meets the threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
-
-    Raises
-    ------
-    ValueError
-        As for ``working_range``, or if no level is left.
+    noise it also ends below the level at which OUT at rest meets the threshold in more than
+    ``NOISE_SHARE`` of 200 trials of half a second.
     """
     low, high = working_range(model.circuit, threshold_nats)
     low = low * (1 + MARGIN)
@@ -159,21 +137,7 @@ def playable_levels(
 def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
     """Return the posterior at which the fixed point decides, with equal competitors.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    level : float
-        Level of dopamine, within ``working_range``.
-    threshold_nats : float
-        OUT at which the circuit decides.
-    gain : float
-        Nats in the circuit per nat of evidence.
-
-    Raises
-    ------
-    ValueError
-        If the level is outside the working range.
+    ``gain`` is in nats of drive per nat of evidence. A level outside ``working_range`` raises.
     """
     check_positive(gain=gain)
     circuit = checked_circuit(circuit)
@@ -200,34 +164,10 @@ def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, ga
 def decide_at_levels(
     model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
 ) -> Tradeoff:
-    """Return decisions of a circuit at several levels of dopamine, with a fixed threshold.
+    """Decide at several levels of dopamine, (K,), with one threshold, nats, and the same noise.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit.
-    evidence : Evidence
-        Readings of all trials. Evidence and noise are the same at all levels.
-    levels : array (K,)
-        Levels of dopamine.
-    threshold_nats : float
-        OUT at which the circuit decides.
-
-    Returns
-    -------
-    Tradeoff
-        With the levels as ``settings``, highest first.
-
-    Raises
-    ------
-    ValueError
-        If levels are not allowed or not distinct, or the unchanged circuit would decide without
-        evidence at that threshold or can never reach it.
-
-    Warns
-    -----
-    UserWarning
-        If the circuit decides against the evidence at a level.
+    The levels are the ``settings`` of the result, highest first. A threshold at which the unchanged
+    circuit would decide without evidence, or that it never reaches, raises.
     """
     check_threshold(model.circuit, threshold_nats)
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]

@@ -49,16 +49,7 @@ def level_outcomes(
 ) -> LevelOutcomes:
     """Return the outcomes of a circuit's decisions at each level of dopamine.
 
-    Raises
-    ------
-    ValueError
-        If the circuit decides without evidence at the threshold, or if the deadline decides most
-        trials at every level.
-
-    Warns
-    -----
-    UserWarning
-        If the deadline decides most trials at some levels.
+    Raises if the deadline decides most trials at every level, and warns if it does so at some.
     """
     decided = decide_at_levels(model, evidence, levels, threshold_nats)
     outcomes = LevelOutcomes.of(decided, evidence)
@@ -91,32 +82,8 @@ def learn_level(
 ) -> Learned:
     """Learn the level of dopamine from reward, in several independent runs.
 
-    Parameters
-    ----------
-    outcomes : LevelOutcomes
-        Outcomes of the circuit; the learner sees only their rewards.
-    xi : float
-        Cost of an error in readings.
-    start_level : float
-        Initial tonic level.
-    runs : int
-        Number of runs, with independent trials and exploration.
-    seed, name :
-        Seed and name of the random-number streams.
-    policy, learner :
-        A ``GaussianPolicy`` on the levels of the outcomes, with final exploration ``LAST_SHARE``,
-        and the learner of the abstract test.
-
-    Returns
-    -------
-    Learned
-        ``played`` is the level of each trial, ``mean_played`` the tonic level, and
-        ``prediction_error`` phasic dopamine.
-
-    Raises
-    ------
-    ValueError
-        If the start or an action is outside the levels of the outcomes, or there is no run.
+    In the result ``played`` is the level of each trial, ``mean_played`` the tonic level, and
+    ``prediction_error`` phasic dopamine, readings. Exploration ends at ``LAST_SHARE`` by default.
     """
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
@@ -137,29 +104,12 @@ def learn_level(
 
 
 def learned_table(learned: Learned) -> pd.DataFrame:
-    """Return a course of learning as a table.
-
-    Returns
-    -------
-    DataFrame
-        One row per trial of a run: run, episode, tonic (the mean level), level (as sampled),
-        reward, phasic (the reward prediction error).
-    """
+    """Return a row per trial and run, with tonic (mean) and phasic (prediction error) dopamine."""
     return course(learned, mean="tonic", played="level", error="phasic")
 
 
 def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
-    """Return the excess cost of a level over the best one, as a share of the least cost.
-
-    Parameters
-    ----------
-    level : array
-        Levels of dopamine; the result is NaN outside the levels of ``fresh``.
-    fresh : LevelOutcomes
-        Outcomes of the circuit on trials not used for learning.
-    xi : float
-        Cost of an error in readings.
-    """
+    """Return excess costs of levels as a share of the least; NaN outside those of ``fresh``."""
     best = fresh.best(xi)[1]
     return (best - fresh.expected(level, xi)) / abs(best)
 
@@ -172,26 +122,10 @@ def scored_runs(
     start_level: float,
     first: LevelOutcomes | None = None,
 ) -> pd.DataFrame:
-    """Score learned levels on trials not used for learning.
+    """Score the level learned by each run, (runs,), on trials not used for learning.
 
-    Parameters
-    ----------
-    ends : array (runs,)
-        Level learned by each run.
-    fresh : LevelOutcomes
-        Outcomes of the circuit on trials not used for learning.
-    xi : float
-        Cost of an error in readings.
-    start_level : float
-        Initial level of all runs.
-    first : LevelOutcomes, optional
-        Outcomes that include the start, if ``fresh`` does not.
-
-    Returns
-    -------
-    DataFrame
-        One row per run: run, learned_level, reward and regret (NaN outside the levels of
-        ``fresh``), start_level, start_regret, best_level and best_reward.
+    One row per run; reward and regret are NaN outside the levels of ``fresh``. ``first`` are
+    outcomes that include the start, if ``fresh`` does not.
     """
     learned = np.asarray(ends, dtype=np.float64)
     inside = (learned >= fresh.levels[0]) & (learned <= fresh.levels[-1])
@@ -212,34 +146,16 @@ def scored_runs(
 
 @dataclass(frozen=True, repr=False)
 class CircuitLearned:
-    """What a circuit has learned from reward, scored on trials that were not used for learning.
+    """What a circuit has learned from reward, scored on trials that were not used for learning."""
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, at the gain that the evidence was run with.
-    learned : Learned
-        The course of learning.
-    outcomes, fresh : LevelOutcomes
-        Outcomes of the trials for learning, and of those for scoring.
-    xi : float
-        Cost of an error in readings.
-    start : float
-        Initial level or criterion.
-    what : str
-        What is learned: ``LEVEL`` or ``CRITERION``.
-    groups : array (trials,), optional
-        As for ``bootstrap.resampled``, of the trials for scoring.
-    """
-
-    model: BasalGanglia
+    model: BasalGanglia  # at the gain fitted to the evidence
     learned: Learned
     outcomes: LevelOutcomes
     fresh: LevelOutcomes
-    xi: float
+    xi: float  # cost of an error, readings
     start: float
-    what: str
-    groups: npt.ArrayLike | None = None
+    what: str  # LEVEL or CRITERION
+    groups: npt.ArrayLike | None = None  # of the fresh trials, for bootstrap.resampled
 
     @property
     def value(self) -> float:
@@ -254,7 +170,7 @@ class CircuitLearned:
 
     @cached_property
     def regrets(self) -> pd.DataFrame:
-        """Regret with its 95 % interval (bootstrap over trials), in per cent of the least cost.
+        """Return regrets with 95 % bootstrap intervals, per cent of the least cost.
 
         Rows "learned" (mean over runs), "start" and "change" (learned minus start); columns value,
         low and high.
@@ -337,41 +253,9 @@ def learn_in_circuit(
     """Learn the level of dopamine of a circuit, or the criterion at which it decides, from reward.
 
     The circuit decides every trial at every level; the learner samples levels and draws the reward
-    from those decisions. Both kinds of trials have the gain that fits those for learning.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence, fresh : Evidence
-        Trials for learning, and others for scoring, which have other noise.
-    what : str
-        ``LEVEL`` or ``CRITERION``.
-    levels : array (K,), optional
-        Levels or criteria, rising; by default those at which the circuit decides by evidence and
-        neither without it nor by noise.
-    threshold_nats : float
-        OUT at which the circuit decides, if the level is learned.
-    xi : float
-        Cost of an error in readings.
-    start : float, optional
-        Initial value; by default that of the earliest decisions.
-    runs, seed, learner :
-        Number of independent runs, seed of their random numbers, and their learner.
-    groups : array (trials,), optional
-        Groups of the fresh trials that share taps, for the interval of the regret.
-
-    Raises
-    ------
-    ValueError
-        If no level decides by evidence, the start is outside the levels, or the deadline decides
-        most trials at every level.
-
-    Warns
-    -----
-    LearningWarning
-        If learning ended worse than it began, the trials do not tell which level is best, or the
-        best one is at an end of the range.
+    from those decisions. By default levels are those at which the circuit decides by evidence, not
+    by noise, and the start is that of the earliest decisions. ``fresh`` trials score the result;
+    both kinds have the gain that fits those of learning.
     """
     require(what in (LEVEL, CRITERION), "what", f"must be {LEVEL!r} or {CRITERION!r}", what)
     model = model.adapted_to(evidence)
@@ -424,27 +308,11 @@ def criterion_outcomes(
 
 
 def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
-    """Return post-error slowing of each run: time after errors minus after correct choices.
+    """Return the post-error slowing of each run, readings, and its share of errors.
 
-    For the second half of the trials; each is compared with the mean of the 50 around it, without
-    itself and the one before, to remove slow drifts.
-
-    Parameters
-    ----------
-    learned : Learned
-        With rewards ``xi W - T``.
-    xi : float
-        Cost of an error in readings; must exceed any trial's duration, to identify errors.
-
-    Returns
-    -------
-    DataFrame
-        Columns run, slower (readings) and errors (share).
-
-    Raises
-    ------
-    ValueError
-        If there may be trials that take xi readings or more.
+    Each trial of the second half is compared with the mean of the 50 around it, without itself and
+    the one before, to remove slow drifts. Rewards are ``xi W - T``; xi must exceed any duration,
+    because errors are identified by it.
     """
     cost = -learned.reward[:, learned.reward.shape[1] // 2 :]
     wrong = cost >= xi

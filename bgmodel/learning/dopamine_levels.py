@@ -54,28 +54,10 @@ def level_table(
 ) -> pd.DataFrame:
     """Return measures of decisions at each level of dopamine, with the fixed point and tests.
 
-    Parameters
-    ----------
-    swept : Tradeoff
-        As from ``dopamine.decide_at_levels``.
-    tests : mapping of Tradeoff
-        Tests by name, as from ``comparison.thresholds.msprt_tradeoffs``, on the same evidence.
-    circuit, gain, threshold_nats :
-        The circuit of ``swept``.
-    latency_ms : float
-        Non-decision time, known independently, not fitted to these data.
-    rng : numpy.random.Generator
-        Random numbers of the bootstrap over trials.
-
-    Returns
-    -------
-    DataFrame
-        One row per level and measure: level, measure, value, low, high, reference. Measures:
-        mean_posterior (of the choice), fixed_point (the posterior at which the fixed point
-        decides, NaN outside its range), mean_ms, forced, premature; and for each test accuracy_gap
-        decides, NaN outside its range), mean_ms, forced, premature; and for each test accuracy_gap
-        (expected accuracy minus the test's at the same mean time minus the latency) and extra_ms
-        (mean time minus the test's at the same expected accuracy, latency included).
+    One row per level and measure: mean_posterior (of the choice), fixed_point (posterior at which
+    the fixed point decides, NaN outside its range), mean_ms, forced, premature; and per test
+    accuracy_gap (expected accuracy minus the test's at the same mean time less ``latency_ms``) and
+    extra_ms (mean time minus the test's at the same expected accuracy, latency included).
     """
     weights = resampled(swept.trials, resamples, rng)
     weights = weights / weights.sum(axis=1, keepdims=True)
@@ -110,20 +92,8 @@ def _between(at: Array, x: Array, y: Array) -> Array:
 def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.DataFrame:
     """Return ``level_table`` for 2 and 4 alternatives and all engines, and the tests' curves.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of evidence, noise and bootstrap.
-    trials : int
-        Number of trials of Gaussian evidence for each number of alternatives.
-    spiking_every : int
-        Run the spiking engine at every ``spiking_every``-th level.
-
-    Returns
-    -------
-    DataFrame
-        The columns of ``level_table``, and channels and engine. Rows with the measure "curve" are
-        those of a test: level is its posterior, value its mean time, ms.
+    The spiking engine runs every ``spiking_every``-th level. Rows with the measure "curve" are
+    those of a test: level is its posterior, value its mean time, ms.
     """
     parts = []
     for channels, steps in STEPS.items():

@@ -74,38 +74,20 @@ UNITS = {THRESHOLD: "boundary separation (nats)", DOPAMINE: "level of dopamine",
 
 @dataclass(frozen=True, repr=False)
 class FromReward(Facts):
-    """What reward taught, scored on trials that were not used for learning.
+    """What reward taught, scored on trials that were not used for learning."""
 
-    Parameters
-    ----------
-    what : str
-        What was learned: ``"threshold"``, ``"dopamine"`` or ``"weights"``.
-    unit : str
-        What its values are, with their unit.
-    learned : array (runs,)
-        The learned value of each run; for weights the slope against exact log-likelihoods.
-    best : float
-        The best value; for weights 1, that of exact log-likelihoods.
-    regrets : DataFrame
-        Excess cost over the best, in per cent of the least cost, with 95 % intervals: rows
-        "learned" and "start", columns value, low and high. The cost is the mean decision time plus
-        ``xi`` readings for each error; for weights it is the time at 90 % correct.
-    table : DataFrame
-        The course of learning: run, episode, mean, played, reward, dopamine (the reward prediction
-        error); for weights the weights: run, hypothesis, unit, weight.
-    cautions : tuple of str
-        What limits the result, usually empty.
-    found : CircuitLearned, LearnedWeights or dict
-        The result in detail.
-    """
-
-    what: str
-    unit: str
-    learned: Array
-    best: float
+    what: str  # "threshold", "dopamine" or "weights"
+    unit: str  # what the values are, with their unit
+    learned: Array  # (runs,); for weights the slope against exact log-likelihoods
+    best: float  # for weights 1, the slope of exact log-likelihoods
+    # Rows "learned" and "start", columns value, low, high: excess over the least cost, per cent,
+    # with 95 % intervals. The cost is mean time plus xi readings per error; for weights, the time
+    # at 90 % correct.
     regrets: pd.DataFrame
+    # The course: run, episode, mean, played, reward, dopamine (the reward prediction error); for
+    # weights run, hypothesis, unit, weight.
     table: pd.DataFrame
-    cautions: tuple[str, ...]
+    cautions: tuple[str, ...]  # what limits the result, usually empty
     found: CircuitLearned | LearnedWeights | dict[str, Any]
     scored: Features | None = None
 

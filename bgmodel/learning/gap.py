@@ -54,14 +54,7 @@ def search_folds(
     name: object,
     block: int = 50_000,
 ) -> pd.DataFrame:
-    """Score every gap on every fold, by simulation and exactly.
-
-    Returns
-    -------
-    DataFrame
-        Columns fold, boundary_separation, trials, accuracy, mean_steps, forced (share),
-        exact_accuracy and exact_mean_steps.
-    """
+    """Score every gap on every fold by simulation and exactly, one row each; forced is a share."""
     rows = []
     gaps = np.atleast_1d(np.asarray(separations, dtype=float))
     for fold, readings in enumerate(sources):
@@ -172,15 +165,9 @@ def learn_folds(
 ) -> pd.DataFrame:
     """Learn the gap on every fold from each start, and score the learned values.
 
-    Each start has several repeats. All runs are simulated together, which is faster than one start
-    at a time.
-
-    Returns
-    -------
-    DataFrame
-        ``keep`` rows per run: period_mm, start_separation, fold, repeat, episode,
-        smoothed_separation (running mean of the mean), and, constant within a run,
-        learned_separation, regret, optimal_separation, optimal_cost and start_regret.
+    ``keep`` rows per run; smoothed_separation is the running mean over ``window`` trials, and what
+    was learned, its regret and the optimum are constant within a run. All runs are simulated
+    together, which is faster than one start at a time.
     """
     sources = fold_sources(taps, period_mm)
     optima = [optimal_separation(*increments(one), xi, t_max=t_max) for one in sources]
@@ -253,20 +240,9 @@ def learn_gap(
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Learn the gap on the readings of one task and fold; compare with the exact optimum.
 
-    Parameters
-    ----------
-    readings : Source
-        Readings of two hypotheses.
-    name : (float, int)
-        Numbers of the stimulus and of the fold, the names of random-number streams.
-
-    Returns
-    -------
-    table : DataFrame
-        One row per trial of a run: run, episode, mean_separation, boundary_separation, reward,
-        dopamine (the reward prediction error).
-    summary : dict
-        learned_separation and regret of each run, optimal_separation, optimal_cost.
+    ``name`` is the number of the stimulus and of the fold, which name random-number streams.
+    Returns one row per trial and run (dopamine is the reward prediction error), and
+    learned_separation, regret, optimal_separation and optimal_cost.
     """
     check_start(start_separation)
     optimum = optimal_separation(*increments(readings), xi, t_max=t_max)

@@ -22,20 +22,7 @@ if TYPE_CHECKING:
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], separations: npt.ArrayLike) -> Tally:
-    """Count decisions at every gap on every trial.
-
-    Parameters
-    ----------
-    evidence : Evidence, or an iterable of blocks of it
-        Evidence of two hypotheses.
-    separations : array (K,), nats
-        Gaps to try, all in one pass.
-
-    Returns
-    -------
-    Tally
-        With one entry per gap in ``accuracy``, ``mean_steps`` and ``mean_reward``.
-    """
+    """Count decisions at every gap, (K,) nats, on every trial of two hypotheses, in one pass."""
     thresholds = Sprt.threshold(np.atleast_1d(separations))
     total: Tally | None = None
     for block in [evidence] if isinstance(evidence, Evidence) else evidence:
@@ -82,40 +69,17 @@ class Learner:
 
 @dataclass(frozen=True)
 class Learned:
-    """The course of learning in several runs; actions are gaps or levels of dopamine.
+    """The course of learning in several runs; actions are gaps or levels of dopamine."""
 
-    Parameters
-    ----------
-    played : array (runs, episodes)
-        Gap (nats) or level in each trial.
-    mean_played : array (runs, episodes)
-        Mean of the policy, before exploration; for levels, the tonic level.
-    reward : array (runs, episodes), readings
-        Reward of each trial.
-    prediction_error : array (runs, episodes), readings
-        Reward minus its learned baseline: the presumed signal of phasic dopamine.
-    learned : array (runs,)
-        The learned gap or level: ``mean_played`` over the last trials.
-    """
-
-    played: Array
-    mean_played: Array
-    reward: Array
-    prediction_error: Array
-    learned: Array
+    played: Array  # (runs, episodes), nats or level
+    mean_played: Array  # (runs, episodes), before exploration; the tonic level
+    reward: Array  # (runs, episodes), readings
+    prediction_error: Array  # (runs, episodes), reward minus its baseline: phasic dopamine
+    learned: Array  # (runs,), mean_played over the last trials
 
 
 def course(learned: Learned, *, mean: str, played: str, error: str) -> pd.DataFrame:
-    """Return every trial of every run, one row each: run, episode, mean, action, reward and error.
-
-    Parameters
-    ----------
-    learned : Learned
-        The course of learning.
-    mean, played, error : str
-        Names of the columns of ``mean_played``, ``played`` and ``prediction_error``; that of the
-        reward is "reward".
-    """
+    """Return one row per trial and run, with names for mean_played, played and prediction_error."""
     import pandas as pd
 
     runs, episodes = learned.played.shape
@@ -150,24 +114,11 @@ def learn(
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn a gap or a level of dopamine in several independent runs in parallel.
+    """Learn a gap (nats) or a level of dopamine in several independent runs in parallel.
 
-    Parameters
-    ----------
-    environment : callable
-        ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, with gaps as
-        actions, and ``LevelOutcomes`` for a circuit, with levels as actions.
-    start : float or array (runs,)
-        Initial mean of the policy: a gap (nats) or a level of dopamine.
-    rngs : list of numpy.random.Generator
-        One per run, for its exploration, so that runs are independent of each other.
-    policy, learner :
-        The policy of exploration, and the parameters of learning.
-
-    Raises
-    ------
-    LearningStopped
-        If a reward or a learned value is not finite.
+    ``environment(episode, played (runs,))`` returns rewards, (runs,): see ``trials_of`` and
+    ``LevelOutcomes``. Each run has its own generator, so that runs are independent. Raises
+    ``LearningStopped`` if a value is not finite.
     """
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes

@@ -23,16 +23,9 @@ from circuits.errors import require
 def trials_of(
     draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 1000
 ) -> Environment:
-    """Return an environment whose run i decides the trials of ``draws[i]``.
+    """Return an environment whose run i decides trials that ``draws[i](trials)`` returns.
 
-    Parameters
-    ----------
-    draws : list of callables
-        ``draws[i](trials)`` returns the next trials of run i, from the generator of that run.
-    xi : float
-        Cost of an error in readings.
-    block : int
-        Number of trials drawn at a time.
+    Trials are drawn ``block`` at a time, by the generator of their run.
     """
     check_xi(xi)
     drawn = -1
@@ -62,24 +55,12 @@ def trials_of(
 
 @dataclass(frozen=True)
 class LevelOutcomes:
-    """Outcomes of a circuit's decisions at each level of dopamine, on the same trials.
+    """Outcomes of a circuit's decisions at each level of dopamine, on the same trials."""
 
-    Parameters
-    ----------
-    levels : array (K,)
-        Levels of dopamine, increasing.
-    correct : bool array (K, trials)
-        Whether the choice was correct.
-    steps : array (K, trials)
-        Time of the decision in readings, all latencies included.
-    forced : array (K,)
-        Share of trials decided by the deadline.
-    """
-
-    levels: Array
-    correct: Truths
-    steps: Array
-    forced: Array
+    levels: Array  # (K,), increasing
+    correct: Truths  # (K, trials)
+    steps: Array  # (K, trials), readings, all latencies included
+    forced: Array  # (K,), share decided by the deadline
 
     def __post_init__(self) -> None:
         shape = (len(self.levels), self.correct.shape[-1])
@@ -119,10 +100,7 @@ class LevelOutcomes:
         return float(self.levels[means.argmax()]), float(means.max())
 
     def regrets(self, level: float, xi: float, weights: Array) -> Array:
-        """Return the regret of a level on resampled trials (rows of weights), in per cent.
-
-        It is the excess cost over the best level of each resample, as a share of its cost.
-        """
+        """Return a level's excess cost over the best per resample (row of weights), per cent."""
         means = weights @ self.rewards(xi).T / weights.sum(axis=1, keepdims=True)
         place = np.interp(level, self.levels, np.arange(len(self.levels)))
         low = min(int(place), max(len(self.levels) - 2, 0))

@@ -20,21 +20,9 @@ def with_arkypallidal(circuit: Circuit, weight: float = 0.5, neurons: int = 300)
     """Return a circuit with arkypallidal cells that inhibit D1 and D2 of their channel.
 
     At rest they send nothing, as pathways transmit deviations from resting rates, so that nothing
-    but the noise of OUT changes until a signal reaches them.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        A circuit with D1 and D2, such as the default one.
-    weight : float
-        Fall of the input of D1 and D2 per nat of arkypallidal activity, assumed.
-    neurons : int
-        Number of cells per channel, assumed. The fewer there are, the noisier is D1.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has no D1 or D2, or the nucleus already.
+    but the noise of OUT changes until a signal reaches them. ``weight`` is the fall of the input of
+    D1 and D2 per nat of their activity; it and the number of cells per channel are assumed. The
+    fewer cells, the noisier is D1.
     """
     cells = Population(
         NAME, Phase(1.0), neurons=neurons, baseline_hz=9.8, gain_hz_per_nat=9.8, transmitter=GABA,

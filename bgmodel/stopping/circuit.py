@@ -58,18 +58,6 @@ def decide_with_stop(
 
     A response is made when OUT crosses the threshold, and withheld if it does not cross before the
     trial ends. Parameters are those of ``with_stop`` and ``BasalGanglia.decide``.
-
-    Raises
-    ------
-    ValueError
-        If the signal is given to a nucleus at which common input is cancelled, or as for
-        ``with_stop`` and ``BasalGanglia.threshold``.
-
-    Warns
-    -----
-    UserWarning
-        If the evidence leaves the circuit's range, or noise alone crosses the threshold, as in
-        ``BasalGanglia.decide``.
     """
     model = receiving(model, signal)
     level = model.threshold(threshold, posterior)
@@ -83,10 +71,7 @@ def decide_with_stop(
 def receiving(model: BasalGanglia, signal: StopSignal) -> BasalGanglia:
     """Return a model with an input for a stop signal.
 
-    Raises
-    ------
-    ValueError
-        If common input is cancelled at the nucleus, so that the signal would have no effect.
+    Raises if common input is cancelled at the nucleus, so that the signal would have no effect.
     """
     name = signal.nucleus
     nucleus = name.partition("[")[0]
@@ -106,26 +91,10 @@ def step_response(
     time_ms: float = 1000.0,
     step_ms: float = 10.0,
 ) -> tuple[Array, Array]:
-    """Return c(t), the change of the leader's OUT by a signal at time 0, in rates without noise.
+    """Return times and c(t), nats: how a signal at time 0 changes the leader's OUT, without noise.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit and its gain.
-    signal : StopSignal
-        The signal; its afferent delay is left out.
-    posterior : float
-        Posterior of the leader, held constant. Where OUT is high, as at rest, its rate saturates
-        and the signal changes it less.
-    time_ms, step_ms : float
-        Length and resolution.
-
-    Returns
-    -------
-    time_ms : array (ticks,)
-        Times from the onset of the signal on.
-    added_nats : array (ticks,)
-        c at these times.
+    The leader's posterior is constant: where OUT is high, as at rest, its rate saturates and the
+    signal changes it less. Times run from the onset of the signal; its afferent delay is left out.
     """
     channels, steps = model.circuit.channels, round((SETTLE_MS + time_ms) / step_ms)
     nats = np.log([posterior, *[(1 - posterior) / (channels - 1)] * (channels - 1)]) / model.gain
@@ -144,16 +113,8 @@ def step_response(
 def closed_form(trace: Trace, ssd_ms: npt.ArrayLike, signal: StopSignal, added: Array) -> Trace:
     """Add a stop signal to go trials by the closed form: OUT plus c(t - SSD).
 
-    Parameters
-    ----------
-    trace : Trace
-        OUT of the trials without a signal.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays; NaN in go trials.
-    signal : StopSignal
-        How it reaches the circuit.
-    added : array (ticks,), nats
-        c at the ticks of the trace, from the onset of the signal on; see ``step_response``.
+    ``added`` is c at the ticks of the trace, from the onset of the signal on, see
+    ``step_response``; delays, (trials,) ms, are NaN in go trials.
     """
     sample_ms = trace.time_ms[1] - trace.time_ms[0]
     onset = np.nan_to_num(signal.onsets(ssd_ms), nan=np.inf)

@@ -34,34 +34,16 @@ NODES = 40
 
 @dataclass(frozen=True, repr=False)
 class StopEstimate(Facts):
-    """Estimates from the stop-signal trials of one participant.
+    """Estimates from the stop-signal trials of one participant."""
 
-    Parameters
-    ----------
-    ssrt_ms : float
-        Stop-signal reaction time, integration method with omissions replaced.
-    ssrt_mean_ms : float
-        The same by the mean method: mean go time minus mean delay; biased (Verbruggen et al.).
-    p_respond : float
-        Probability of responding on stop trials.
-    go_ms, failed_ms : float
-        Mean response time on go trials and on stop trials with a response.
-    ssd_ms : float
-        Mean stop-signal delay.
-    omissions : float
-        Proportion of go trials without a response.
-    refusal : str
-        Why the consensus guide does not accept the estimate; empty if it does.
-    """
-
-    ssrt_ms: float
-    ssrt_mean_ms: float
-    p_respond: float
-    go_ms: float
-    failed_ms: float
-    ssd_ms: float
-    omissions: float
-    refusal: str = ""
+    ssrt_ms: float  # integration method with omissions replaced
+    ssrt_mean_ms: float  # mean go time minus mean delay; biased (Verbruggen et al.)
+    p_respond: float  # on stop trials
+    go_ms: float  # mean response time on go trials
+    failed_ms: float  # mean response time on stop trials
+    ssd_ms: float  # mean stop-signal delay
+    omissions: float  # proportion of go trials without a response
+    refusal: str = ""  # why the consensus guide rejects the estimate; empty if not
 
     @property
     def failed_minus_go_ms(self) -> float:
@@ -80,24 +62,9 @@ class StopEstimate(Facts):
 def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     """Return the stop-signal reaction time of one participant.
 
-    Parameters
-    ----------
-    trials : StopTrials
-        Go and stop trials.
-    checked : bool
-        Whether to raise an error if the guide accepts no estimate; if not, ``refusal`` says why.
-
-    Raises
-    ------
-    ValueError
-        Without stop trials or responses on go trials; if checked, also if the guide accepts no
-        estimate: the probability of responding is outside 0.25 to 0.75, or failed stops are slower
-        than go responses, which contradicts the race model that the estimate assumes.
-
-    Warns
-    -----
-    UserWarning
-        With fewer than 50 stop trials.
+    If ``checked``, raises where the guide accepts no estimate (``refusal`` says why): the
+    probability of responding is outside 0.25 to 0.75, or failed stops are slower than go responses,
+    which contradicts the race model that the estimate assumes. Warns of fewer than 50 stop trials.
     """
     if not trials.stop.any():
         raise InputError.of("ssd_ms", "must have stop trials", "none")
@@ -146,13 +113,10 @@ def _refusal(found: dict[str, float]) -> str:
 def inhibition_function(trials: StopTrials) -> pd.DataFrame:
     """Return the inhibition function, the probability of responding at each stop-signal delay.
 
-    Returns
-    -------
-    DataFrame
-        One row per delay: ssd_ms, trials, p_respond with low and high (95 %, Wilson), failed_ms
-        (mean time of failed stops), and ssrt_ms, the quantile of the go times at p_respond minus
-        the delay (omissions replaced). In an independent race with a constant stop-signal reaction
-        time, ssrt_ms is the same at all delays.
+    One row per delay: p_respond has 95 % Wilson intervals, failed_ms is the mean time of failed
+    stops, and ssrt_ms the quantile of the go times at p_respond minus the delay (omissions
+    replaced). In an independent race with a constant stop-signal reaction time, ssrt_ms is the same
+    at all delays.
     """
     go = trials.rt_ms[~trials.stop]
     replaced = np.where(np.isnan(go), np.nanmax(go), go)
@@ -171,17 +135,12 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 
 
 def ssrt_by_delay(table: pd.DataFrame) -> float:
-    """Return the stop-signal reaction time, ms: the mean of those at each delay.
+    """Return the stop-signal reaction time, ms: the mean of those in an ``inhibition_function``.
 
+    Delays count by their trials if p_respond is within ``P_RANGE``; NaN if there are none.
     ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
-    as the go times, the quantile of the go times at the mean share of responses is not the mean
-    of their quantiles.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``inhibition_function``. Delays count in proportion to their trials, and only if the
-        probability of responding is within ``P_RANGE``; NaN if there are none.
+    as the go times, the quantile of the go times at the mean share of responses is not the mean of
+    their quantiles.
     """
     used = table[table["p_respond"].between(*P_RANGE)]
     return float(np.average(used["ssrt_ms"], weights=used["trials"])) if len(used) else np.nan
@@ -195,21 +154,11 @@ def nth_time(times_ms: Array, p: float) -> float:
 def p_respond(
     ssd_ms: npt.ArrayLike, go_ms: Array, ssrt_ms: float, sd_ms: float = 0.0, failures: float = 0.0
 ) -> Array:
-    """Return p(respond) of an independent race (Logan & Cowan 1984) with trigger failures.
+    """Return p(respond) of an independent race (Logan & Cowan 1984) with trigger failures, (K,).
 
     ``p = f + (1 - f) E[F_go(SSD + SSRT)]``, where f is the probability of a trigger failure, and
-    the expectation is over a normal distribution of the stop-signal reaction time (SSRT).
-
-    Parameters
-    ----------
-    ssd_ms : array (K,), ms
-        Delays.
-    go_ms : array (trials,), ms
-        Go times, infinite for omissions.
-    ssrt_ms, sd_ms : float, ms
-        Mean and standard deviation of the stop-signal reaction time.
-    failures : float
-        Probability that a stop signal triggers nothing.
+    the expectation is over a normal distribution of the stop-signal reaction time (SSRT). Go times
+    are infinite for omissions.
     """
     nodes, weights = special.roots_hermitenorm(NODES)
     reached = np.asarray(ssd_ms, float)[:, None] + ssrt_ms + sd_ms * nodes
@@ -220,11 +169,8 @@ def p_respond(
 def fit_race(trials: StopTrials) -> dict[str, float]:
     """Fit a race with trigger failures to the responses on stop trials, by maximum likelihood.
 
-    Returns
-    -------
-    dict
-        ssrt_ms, sd_ms and failures, with the log_likelihood. The distribution of go times is that
-        of the go trials; omissions count as infinite.
+    Returns ssrt_ms, sd_ms, failures and log_likelihood. The distribution of go times is that of the
+    go trials; omissions count as infinite.
     """
     go = np.where(np.isnan(trials.rt_ms), np.inf, trials.rt_ms)[~trials.stop]
     delays, place = np.unique(trials.ssd_ms[trials.stop], return_inverse=True)
@@ -254,14 +200,7 @@ def fit_race(trials: StopTrials) -> dict[str, float]:
 def told(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
     """Return estimates of simulated stop trials in sentences, with the one to report.
 
-    Parameters
-    ----------
-    found : StopEstimate
-        Estimates with all delays pooled.
-    ssrt_ms : float
-        The estimate by integration at each delay, as from ``ssrt_by_delay``.
-    task : StopTask
-        The signals.
+    ``ssrt_ms`` is the estimate by integration at each delay, see ``ssrt_by_delay``.
     """
     failed, missed = found.failed_minus_go_ms, ""
     if found.omissions:

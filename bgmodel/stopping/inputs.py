@@ -23,15 +23,7 @@ RESOLUTION_MS = 10.0
 class StopSignal:
     """How a stop signal reaches a circuit.
 
-    Raises
-    ------
-    ValueError
-        For a delay below 0, a duration that is not above 0, or an input that is not finite.
-
-    Warns
-    -----
-    UserWarning
-        If the input to STN is so large that STN rings, is 0, or ends without a cancel.
+    Warns if the input to STN is so large that STN rings, is 0, or ends without a cancel.
     """
 
     nucleus: str = "STN"
@@ -78,22 +70,8 @@ def with_stop(
 ) -> Evidence:
     """Return evidence with a stop signal as an input of the circuit.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        The go task.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays from the onset of evidence; NaN in go trials.
-    signal : StopSignal
-        How it reaches the circuit.
-    every_ms : float, optional
-        Resolution of its onset, as for ``with_input``.
-
-    Raises
-    ------
-    ValueError
-        If there is not one delay per trial, all signals would come after the end, or the resolution
-        is not a whole fraction of the time between readings.
+    Delays, (trials,) ms from the onset of evidence, are NaN in go trials; ``every_ms`` is the
+    resolution of the input's onset, as for ``with_input``.
     """
     check_evidence(evidence)
     ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
@@ -104,10 +82,9 @@ def with_stop(
 def with_onsets(
     evidence: Evidence, onset_ms: Array, signal: StopSignal, every_ms: float | None = None
 ) -> Evidence:
-    """Return evidence with a stop signal, given when it reaches the nucleus in each trial.
+    """Return evidence with a stop signal that reaches the nucleus at ``onset_ms``, (trials,).
 
-    Parameters are those of ``with_stop``, but for ``onset_ms`` (trials,), ms from the onset of
-    evidence; NaN without a signal.
+    Times are ms from the onset of evidence, NaN without a signal.
     """
     end = evidence.step_ms * (evidence.steps + 1)
     if np.isfinite(onset_ms).any() and np.nanmin(onset_ms) >= end:
@@ -126,35 +103,12 @@ def with_input(
 ) -> Evidence:
     """Return evidence with an input of a circuit that has its own time and size in each trial.
 
-    It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``. An
-    input that is the same in every trial is simpler as a course of the circuit.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The task.
-    onset_ms : float or array (trials,), ms
-        When it begins, from the onset of evidence; NaN for trials without it, which should be drawn
-        at random: if they are every second one, all of them may have the same truth.
-    amount_nats : float or array (trials,), nats
-        The input.
-    duration_ms : float or array (trials,), ms
-        How long it lasts.
-    every_ms : float, optional
-        Resolution, a whole fraction of the time between readings; by default the largest up to 10
-        ms. An input that begins within an interval counts in proportion to the rest of it.
-
-    Raises
-    ------
-    ValueError
-        If there is not one number per trial, an onset is below 0 or infinite, a duration is not
-        above 0, an amount is not finite, the resolution is not a whole fraction of the time between
-        readings, or the evidence has inputs of another resolution.
-
-    Warns
-    -----
-    UserWarning
-        If no trial receives any of it, or it comes in none or in all of the trials with one truth.
+    It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``; one
+    that is the same in every trial is simpler as a course of the circuit. Each number is one for
+    all trials or one per trial. An onset of NaN means no input; draw such trials at random: if they
+    are every second one, all of them may have the same truth. The resolution is a whole fraction of
+    the time between readings, by default the largest up to 10 ms; an input that begins within an
+    interval counts in proportion to the rest of it.
     """
     per_step = _per_step(evidence.step_ms, every_ms)
     step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)
@@ -212,12 +166,7 @@ def _per_trial(name: str, evidence: Evidence, given: npt.ArrayLike) -> Array:
 def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
     """Return evidence that is back at the prior from a time of each trial on.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        The task.
-    at_ms : array (trials,), ms
-        When, from the onset of evidence; NaN or infinite for never.
+    Times, (trials,) ms, are from the onset of evidence; NaN or infinite for never.
     """
     reading = np.arange(1, evidence.steps + 1)
     read = reading <= evidence.readings[:, None]

@@ -40,33 +40,13 @@ from circuits.errors import InputError, require
 
 @dataclass(frozen=True)
 class StopEvidence:
-    """Evidence for a stop signal, reading by reading, and the evidence of the go task.
+    """Evidence for a stop signal, reading by reading, and the evidence of the go task."""
 
-    Parameters
-    ----------
-    go : Evidence
-        The go task; its readings come at the same times as those of the stop signal.
-    log_ratio : array (trials, steps), nats
-        ``log p(reading | signal on) - log p(reading | signal off)``.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays from the onset; NaN in go trials. The signal is on in readings that come
-        after its delay.
-    share : float
-        Prior probability of a stop trial, 0..1.
-    begins : array (steps,)
-        Prior probability that reading k = 1, 2, ... of a stop trial is the first with the signal.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, the share is not between 0 and 1, or the prior does not sum to 1.
-    """
-
-    go: Evidence
-    log_ratio: Array
-    ssd_ms: Array
-    share: float
-    begins: Array
+    go: Evidence  # its readings come at the same times as those of the signal
+    log_ratio: Array  # (trials, steps), nats, log p(reading | on) - log p(reading | off)
+    ssd_ms: Array  # (trials,), from the onset; NaN in go trials. Readings after it have the signal.
+    share: float  # prior probability of a stop trial
+    begins: Array  # (steps,), prior that reading k of a stop trial is the first with it
 
     def __post_init__(self) -> None:
         check_evidence(self.go)
@@ -98,27 +78,9 @@ def gaussian_stop_evidence(
 ) -> StopEvidence:
     """Return Gaussian evidence for a stop signal.
 
-    Readings have unit variance; their mean is 0 without the signal and ``d_prime`` with it.
-
-    Parameters
-    ----------
-    go : Evidence
-        The go task.
-    ssd_ms : array (trials,), ms
-        Delay of each trial's signal; NaN in go trials.
-    d_prime : float
-        Strength of the signal per reading.
-    share : float
-        Prior probability of a stop trial.
-    delays_ms : array (K,), ms
-        Delays that the observer expects, equally likely.
-    rng : Generator or int
-        Random numbers, or a seed.
-
-    Raises
-    ------
-    ValueError
-        If an expected delay leaves no reading with the signal, or as for ``StopEvidence``.
+    Readings have unit variance; their mean is 0 without the signal and ``d_prime`` with it. Delays,
+    (trials,) ms, are NaN in go trials. The observer's prior of a stop trial is ``share``, and each
+    of ``delays_ms`` is equally likely; one that leaves no reading with the signal raises.
     """
     check_positive(d_prime=d_prime)
     ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
@@ -152,17 +114,12 @@ def log_odds_of_stop(evidence: StopEvidence) -> Array:
 class StopMsprt:
     """The MSPRT with a stop signal: the ideal observer of the stop-signal task.
 
-    Parameters
-    ----------
-    gain : float
-        Factor on the evidence of the go task, as in ``Msprt``; 1 is the ideal observer.
-    extra_channel : bool
-        Whether to use the baseline model in which the stop is only one more channel of the test,
-        with evidence ``z``. It then adds ``ln(1 + exp(z - S))`` to OUT of each response, which
-        shrinks as S = ln sum exp y grows; in the ideal observer it adds ``ln(1 + exp z)``.
+    With ``extra_channel``, the baseline model, the stop is only one more channel of the test, with
+    evidence ``z``. It then adds ``ln(1 + exp(z - S))`` to OUT of each response, which shrinks as S
+    = ln sum exp y grows; in the ideal observer it adds ``ln(1 + exp z)``.
     """
 
-    gain: float = 1.0
+    gain: float = 1.0  # on the evidence of the go task; 1 is the ideal observer
     extra_channel: bool = False
 
     def __post_init__(self) -> None:
@@ -182,13 +139,7 @@ class StopMsprt:
     def decide(self, evidence: StopEvidence, posterior: float, stop_posterior: float) -> Decision:
         """Return the decision of each trial; the choice that follows the responses is to withhold.
 
-        Parameters
-        ----------
-        evidence : StopEvidence
-            Go and stop readings.
-        posterior, stop_posterior : float
-            Probability at which a response is made, and probability of a stop trial at which
-            responses are withheld for good.
+        Responses are withheld for good where the probability of a stop trial is ``stop_posterior``.
         """
         responses = evidence.go.hypotheses
         levels = -np.log(np.array([[*[posterior] * responses, stop_posterior]]))

@@ -38,22 +38,12 @@ class Rewards:
 
 @dataclass(frozen=True)
 class Policy:
-    """The best action in every state.
+    """The best action in every state."""
 
-    Parameters
-    ----------
-    log_odds, begun : arrays (L,), (A,), nats
-        The grid of states.
-    action : array (1 + steps, L, A)
-        ``WAIT``, ``RESPOND`` (with the leading response) or ``WITHHOLD``.
-    value : float
-        Expected reward per trial.
-    """
-
-    log_odds: Array
-    begun: Array
-    action: Integers
-    value: float
+    log_odds: Array  # (L,), nats, grid of states
+    begun: Array  # (A,), nats, grid of states
+    action: Integers  # (1 + steps, L, A): WAIT, RESPOND (the leading response) or WITHHOLD
+    value: float  # expected reward per trial
 
 
 def optimal_policy(
@@ -66,22 +56,10 @@ def optimal_policy(
 ) -> Policy:
     """Return the policy of highest expected reward for Gaussian evidence and two responses.
 
-    Parameters
-    ----------
-    d_prime : float
-        Difference of the means of a go reading under the two hypotheses, in standard deviations:
-        the log odds have a drift of ``+-d_prime**2 / 2`` and a variance of ``d_prime**2`` per
-        reading.
-    stop_d_prime : float
-        Mean of a stop reading with the signal, in standard deviations.
-    share : float
-        Prior probability of a stop trial.
-    begins : array (steps,)
-        Prior probability that reading k is the first with the signal.
-    rewards : Rewards
-        Rewards of the outcomes, and the cost per reading.
-    points : int
-        Points of the grid along each dimension.
+    ``d_prime`` separates the means of go readings, in standard deviations: the log odds have a
+    drift of ``+-d_prime**2 / 2`` and a variance of ``d_prime**2`` per reading. ``stop_d_prime`` is
+    the mean of a stop reading with the signal, ``begins`` (steps,) the prior that reading k is the
+    first with it, and ``points`` the size of the grid along each dimension.
     """
     odds = np.linspace(-8, 8, points)
     begun = np.linspace(-12, 12, points)

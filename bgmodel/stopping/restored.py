@@ -33,23 +33,9 @@ def restored_delays(
     Two interleaved staircases are assumed, each one step up after a successful stop and one down
     after a failed one; which staircase a trial belongs to, and where each started, is inferred. The
     path with the fewest contradictions is found by dynamic programming (Viterbi): a contradiction
-    is a recorded delay that neither staircase has, or a restored delay before the response.
-
-    Parameters
-    ----------
-    trials : StopTrials
-        Trials in the order in which they were run. Only responses on stop trials with a delay of
-        exactly 0 are restored; delays of a few ms were given, and remain.
-    step_ms : float
-        Step of the staircases, ms.
-    use_times : bool
-        Whether a restored delay before the response is a contradiction. Without it, response times
-        are a test of the restored delays.
-
-    Warns
-    -----
-    UserWarning
-        If more than a tenth of the stop trials contradict the staircases.
+    is a recorded delay that neither staircase has, or (with ``use_times``) a restored delay before
+    the response; more than a tenth are warned of. Without ``use_times``, response times are a test
+    of the restored delays. Only responses on stop trials with a delay of exactly 0 are restored.
     """
     require(step_ms > 0, "step_ms", "must be > 0", step_ms)
     stops = np.flatnonzero(trials.stop)

@@ -17,38 +17,12 @@ from circuits.errors import DataWarning, require
 
 
 def walk(responded: npt.ArrayLike, delays_ms: npt.ArrayLike, starts_ms: npt.ArrayLike) -> Integers:
-    """Return the delay of each stop trial under interleaved one-up-one-down staircases.
+    """Return the delay of each stop trial, an index (trials,), under interleaved staircases.
 
-    Trial k belongs to staircase k modulo the number of staircases. A staircase moves one delay up
-    after a successful stop and one down after a failed stop, and stays where there is no further
-    delay.
-
-    Parameters
-    ----------
-    responded : bool array (delays, trials)
-        Whether stop trial k would have a response (a failed stop) at each delay.
-    delays_ms : array (delays,), ms
-        The delays, increasing; a step is the distance from one to the next.
-    starts_ms : float or array (staircases,), ms
-        First delay of each staircase, one of ``delays_ms``.
-
-    Returns
-    -------
-    int array (trials,)
-        Index of the delay of each trial: ``delays_ms[index]`` are the stop-signal delays, and
-        ``responded[index, np.arange(trials)]`` the outcomes.
-
-    Raises
-    ------
-    ValueError
-        If the table is not one outcome per delay and trial, the delays do not increase, a start is
-        not one of them, or there are more staircases than trials.
-
-    Warns
-    -----
-    UserWarning
-        If a staircase never reverses, because all its trials have the same outcome: its delays
-        then depend on where it started, and it estimates nothing.
+    ``responded`` (delays, trials) are the outcomes at each of the increasing delays. Trial k
+    belongs to staircase k modulo their number. A staircase moves one delay up after a successful
+    stop and one down after a failed stop, and stays where there is no further delay. Warns if one
+    never reverses: its delays then depend on where it started, and it estimates nothing.
     """
     table, delays, starts = _checked(responded, delays_ms, starts_ms)
     index = np.empty(table.shape[1], dtype=np.int64)

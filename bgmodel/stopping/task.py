@@ -137,32 +137,10 @@ class StopTask(StopSignal):
 def decided(
     task: StopTask, model: BasalGanglia, evidence: Evidence, level: float, rng: np.random.Generator
 ) -> tuple[Decision, Array]:
-    """Return a circuit's decisions, and the stop-signal delays.
+    """Return a circuit's decisions, and the stop-signal delays, (trials,) ms, NaN in go trials.
 
-    Parameters
-    ----------
-    task : StopTask
-        Stop signals, and how they reach the circuit.
-    model : BasalGanglia
-        The circuit, without an input for the signal.
-    evidence : Evidence
-        Readings of all trials; a share of them become stop trials.
-    level : float, nats
-        OUT at which the circuit decides.
-    rng : Generator
-        Draws stop trials, delays and trigger failures, the same for any circuit.
-
-    Returns
-    -------
-    decision : Decision
-        Decisions of all trials; trials without a response are forced by the deadline.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays; NaN in go trials.
-
-    Raises
-    ------
-    ValueError
-        If a delay comes after the end of a trial, or common input is cancelled at the nucleus.
+    Trials without a response are forced by the deadline. ``rng`` draws stop trials, delays and
+    trigger failures, the same for any circuit.
     """
     from bgmodel.stopping.circuit import receiving
 

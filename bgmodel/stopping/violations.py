@@ -28,22 +28,10 @@ AFTER = ("failed stop", "successful stop")
 def violations(trials: StopTrials, ssrt_ms: float, width_ms: float = WIDTH_MS) -> pd.DataFrame:
     """Return how much slower failed stops are than an independent race predicts, by delay.
 
-    Parameters
-    ----------
-    trials : StopTrials
-        Trials of one participant.
-    ssrt_ms : float
-        Stop-signal reaction time, taken as constant.
-    width_ms : float
-        Width of the bins of delays, ms.
-
-    Returns
-    -------
-    DataFrame
-        One row per bin: ssd_ms (its centre), trials (stop trials), failed (failed stops), failed_ms
-        (their mean time), race_ms (mean of go times truncated at SSD + SSRT, over the same failed
-        stops), violation_ms (failed_ms minus race_ms), and impossible (failed stops at delays at
-        which no go time is that short, which are left out of the times).
+    One row per bin of delays (ssd_ms is its centre): numbers of stop trials and failed stops,
+    failed_ms (their mean time), race_ms (mean of go times truncated at SSD + SSRT, over the same
+    failed stops), violation_ms (their difference), and impossible (failed stops at delays at which
+    no go time is that short, which are left out of the times).
     """
     require(width_ms > 0, "width_ms", "must be > 0", width_ms)
     go = trials.rt_ms[~trials.stop & trials.responded]
@@ -73,14 +61,8 @@ def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) 
     """Return violations of independence by delay, over participants.
 
     The stop-signal reaction time of each participant is that of the integration method;
-    participants of whom the consensus guide accepts no estimate are left out.
-
-    Returns
-    -------
-    DataFrame
-        One row per bin of delays: ssd_ms, people (with failed stops at these delays), trials,
-        failed, impossible (sums over participants), p_respond, and failed_ms, race_ms and
-        violation_ms (means over participants) with violation_se_ms (their standard error).
+    participants of whom the consensus guide accepts no estimate are left out. Counts are sums over
+    participants, times means over them; ``people`` counts those with failed stops at these delays.
     """
     tables = []
     for trials in people.values():
@@ -112,17 +94,9 @@ def _accepted_ssrt(trials: StopTrials) -> float | None:
 def slowing(trials: StopTrials) -> dict[str, float]:
     """Return how much slower go responses are after stop trials than after go trials, ms.
 
-    Parameters
-    ----------
-    trials : StopTrials
-        Trials of one participant, in the order in which they were run.
-
-    Returns
-    -------
-    dict
-        ``after_go_ms``, the mean go time after a go response; and, for failed and successful stops,
-        ``after_failed_stop_ms`` and ``after_successful_stop_ms``, the mean go time after such a
-        trial minus it. NaN where there are no such trials.
+    ``after_go_ms`` is the mean go time after a go response; ``after_failed_stop_ms`` and
+    ``after_successful_stop_ms`` are those after such trials minus it. NaN where there are none.
+    Trials are in the order in which they were run.
     """
     before, response = trials.outcome[:-1], trials.rt_ms[1:]
     go = ~trials.stop[1:] & ~np.isnan(response)

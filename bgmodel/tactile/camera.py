@@ -11,14 +11,9 @@ _DARK, _BRIGHT = 18.0, 225.0
 
 
 def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
-    """Return the scale of an image whose height is the aperture (one pitch beyond the pins).
+    """Return the scale of an image (height, width) as high as the aperture.
 
-    Parameters
-    ----------
-    tip : Tip
-        Tip of the sensor.
-    shape : (int, int)
-        Height and width of the image, pixels.
+    The aperture extends one pitch beyond the pins.
     """
     aperture_mm = float(np.linalg.norm(tip.rest_mm(), axis=1).max()) + tip.pitch_mm
     return min(shape) / 2 / aperture_mm
@@ -27,26 +22,10 @@ def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
 def marker_pixels(
     displacement_mm: ArrayLike, tip: Tip, shape: tuple[int, int] = (480, 640)
 ) -> Array:
-    """Return the positions of the markers in an image.
+    """Return marker positions in an image (height, width), pixels, (pins, 2), x right and y down.
 
-    Parameters
-    ----------
-    displacement_mm : array_like, (pins, 2)
-        From rest, x right and y up, mm; 0 for the untouched sensor.
-    tip : Tip
-        Tip of the sensor.
-    shape : (int, int)
-        Height and width of the image, pixels.
-
-    Returns
-    -------
-    ndarray, (pins, 2)
-        x right and y down, pixels; 0 is the centre of the first pixel.
-
-    Raises
-    ------
-    ValueError
-        The number of displacements differs from the number of pins.
+    Displacements from rest, (pins, 2), are in mm, x right and y up. Position 0 is the centre of the
+    first pixel.
     """
     rest = tip.rest_mm()
     moved = np.asarray(displacement_mm, dtype=float)
@@ -65,27 +44,8 @@ def render(
 ) -> Image:
     """Render an image of the pins: bright round markers on dark, within a round aperture.
 
-    Parameters
-    ----------
-    displacement_mm : array_like, (pins, 2)
-        From rest, x right and y up, mm; 0 for the untouched sensor.
-    tip : Tip, optional
-        Tip of the sensor; by default ``Tip()``.
-    shape : (int, int)
-        Height and width of the image, pixels.
-    marker_mm : float
-        Diameter of a marker, mm; assumed.
-
-    Returns
-    -------
-    ndarray of uint8, `shape`
-        Grey values.
-
-    Raises
-    ------
-    ValueError
-        The number of displacements differs from the number of pins, the image is smaller than 16
-        pixels, or markers are not between 0 and the pin pitch in diameter.
+    Displacements from rest, (pins, 2), are in mm, x right and y up; the result holds grey values,
+    (height, width). The diameter of a marker is assumed.
     """
     tip = tip or Tip()
     require(min(shape) >= 16, "shape", "must be at least 16 by 16 pixels", shape)

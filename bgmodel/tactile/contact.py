@@ -15,21 +15,9 @@ Convolution = Callable[[Array, Array], Array]
 
 
 def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False) -> Array:
-    """Return the wavenumber of each Fourier coefficient used by `polonsky_keer`.
+    """Return the wavenumbers of the coefficients in `polonsky_keer`, 1/mm, (nx // 2 + 1, ny).
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Number of cells along x and y. If `mirrored`, only the cells at y > 0.
-    dx_mm : float
-        Cell size, mm.
-    mirrored : bool
-        Whether the surface is symmetric in y and given for y > 0 only.
-
-    Returns
-    -------
-    ndarray, (nx // 2 + 1, ny)
-        Wavenumbers, 1/mm; half the spectrum along x.
+    A mirrored surface is symmetric in y, and its cells are those at y > 0.
     """
     along_x = 2 * np.pi * fft.rfftfreq(shape[0], dx_mm)
     if mirrored:
@@ -55,46 +43,19 @@ def polonsky_keer(
     start_mpa: ArrayLike | None = None,
     mirrored: bool = False,
 ) -> Array:
-    """Solve for the pressure between an elastic and a rigid surface under a given load.
+    """Solve for the pressure between an elastic and a rigid surface under a load, MPa, (nx, ny).
 
     Uses conjugate gradients on the cells in contact (Polonsky & Keer 1999, Wear 231:206), with the
-    elastic response as a periodic convolution. The search is preconditioned by the wavenumber,
-    which is proportional to the stiffness of a half-space: for a stiff skin on a soft gel this
-    saves at least half the convolutions. A mirrored surface needs half the cells (a cosine
-    transform in y).
+    elastic response (``compliance`` at each of `wavenumbers`, mm/MPa) as a periodic convolution.
+    The search is preconditioned by the wavenumber, which is proportional to the stiffness of a
+    half-space: for a stiff skin on a soft gel this saves at least half the convolutions. A mirrored
+    surface needs half the cells (a cosine transform in y).
 
-    Parameters
-    ----------
-    gap_mm : array_like, (nx, ny)
-        Height of the rigid surface above the undeformed skin, mm, up to a constant.
-    compliance : array_like, (nx // 2 + 1, ny)
-        Surface displacement per unit pressure wave at each of `wavenumbers`, mm/MPa.
-    load_n : float
-        Load on the whole surface (both halves if `mirrored`), N.
-    dx_mm : float
-        Cell size, mm.
-    tol : float
-        Tolerance on the misfit (pressure-weighted gap inside the contact, overlap outside it),
-        as a fraction of the range of displacements.
-    max_iterations : int
-        Maximum number of iterations.
-    start_mpa : array_like, (nx, ny), optional
-        Initial pressure, rescaled to the load. Cells without pressure are added only where the
-        surfaces overlap, so it is better to start from too large a contact area than too small.
-    mirrored : bool
-        Whether the surface is symmetric in y and given for y > 0 only.
-
-    Returns
-    -------
-    ndarray, (nx, ny)
-        Non-negative pressure, MPa; sum times dx_mm**2 is the load (half of it if `mirrored`).
-
-    Raises
-    ------
-    ValueError
-        An argument has the wrong shape or is out of range.
-    RuntimeError
-        No convergence within `max_iterations`.
+    ``gap_mm`` is the height of the rigid surface above the undeformed skin, up to a constant; the
+    load is that on the whole surface, both halves if mirrored. ``tol`` bounds the misfit
+    (pressure-weighted gap inside the contact, overlap outside it) as a fraction of the range of
+    displacements. Cells without a start pressure are added only where surfaces overlap: better
+    start from too large a contact area than too small.
     """
     gap, kernel, pressure = _checked(gap_mm, compliance, start_mpa)
     check_positive(load_n=load_n, dx_mm=dx_mm, tol=tol)

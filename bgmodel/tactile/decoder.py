@@ -84,29 +84,14 @@ EDGE = Training(
 
 @dataclass
 class Decoder:
-    """A trained network and everything needed to reuse it.
+    """A trained network and everything needed to reuse it."""
 
-    Parameters
-    ----------
-    network : torch.nn.Module or OnnxNetwork
-        Made by ``NETWORKS[training.network]``, or read from an .onnx file.
-    training : Training or OwnNetwork
-        Training options, or what another network takes and gives.
-    rest_mm : array (pins, 2)
-        Rest positions of the pins it was trained on, mm; none if they are not known.
-    history : list of dict
-        Per epoch: training loss and validation errors, degrees.
-    about : dict
-        Provenance of the taps and of the training.
-    trained_on : int array (taps,)
-        Identifiers of the taps it was trained on, as from ``Taps.numbers``.
-    """
-
-    network: Any
+    network: Any  # a torch.nn.Module or OnnxNetwork
     training: Training | OwnNetwork
-    rest_mm: Reals
-    history: list[dict[str, float]]
-    about: dict[str, Any]
+    rest_mm: Reals  # (pins, 2), of the pins it was trained on; none if unknown
+    history: list[dict[str, float]]  # per epoch training loss and validation errors, degrees
+    about: dict[str, Any]  # provenance of taps and training
+    # (taps,), identifiers, see Taps.numbers
     trained_on: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def knows(self, taps: Taps) -> Truths:
@@ -114,27 +99,11 @@ class Decoder:
         return np.isin(taps.numbers(), self.trained_on)
 
     def decode(self, taps: Taps | str | Path, *, mm_per_px: float | None = None) -> pd.DataFrame:
-        """Decode the angle of each tap.
+        """Decode the angle of each tap; recordings have the scale of the training by default.
 
-        Parameters
-        ----------
-        taps : Taps or path
-            Taps, their file, or a folder of recordings.
-        mm_per_px : float, optional
-            Scale of recordings; by default that of those it was trained on.
-
-        Returns
-        -------
-        DataFrame
-            One row per tap: its labels, what the network decodes (``psi_deg`` and
-            ``orientation_deg`` for gratings, or ``edge_deg`` for an edge), and ``strength``, the
-            length of the decoded vector. Taps of the training are marked in ``trained_on``, and
-            tasks refuse a table with any.
-
-        Raises
-        ------
-        ValueError
-            If the stimulus or the pins differ from those the decoder was trained on.
+        One row per tap: its labels, what is decoded (``psi_deg`` and ``orientation_deg`` for
+        gratings, ``edge_deg`` for an edge), ``strength``, the length of the decoded vector, and
+        ``trained_on``: tasks refuse a table with taps of the training.
         """
         if not isinstance(taps, Taps):
             scale = self.about.get("taps", {}).get("mm_per_px") if mm_per_px is None else mm_per_px
@@ -162,18 +131,9 @@ class Decoder:
         return read
 
     def save(self, path: str | Path) -> Path:
-        """Save the network and everything needed to reuse it; never leaves a partial file.
+        """Save as .safetensors or .onnx; never leaves a partial file.
 
-        Parameters
-        ----------
-        path : path
-            Path; its ending sets the format, .safetensors or .onnx.
-
-        Raises
-        ------
-        ValueError
-            If the ending is neither of these, the folder is not writable, or the decoder was read
-            from an .onnx file.
+        A decoder that was read from an .onnx file cannot be saved.
         """
         path = Path(path)
         _check_ending(path)
@@ -203,14 +163,7 @@ class Decoder:
 
     @classmethod
     def load(cls, path: str | Path) -> Decoder:
-        """Load a decoder from a file; neither format contains executable code.
-
-        Raises
-        ------
-        ValueError
-            If the file is missing, truncated, not a decoder, or has other parameters, or if its
-            ending is neither .safetensors nor .onnx.
-        """
+        """Load a decoder from .safetensors or .onnx; neither format contains executable code."""
         path = path_of(path)
         if not path.is_file():
             raise InputError(f"there is no decoder {str(path)!r}", "path", path)
@@ -236,23 +189,10 @@ def taps_of(
     rest: Reals | None = None,
     pins: int | None = None,
 ) -> tuple[Taps, dict[str, Any]]:
-    """Return taps and their provenance: taps, those of a file, or of a folder of recordings.
+    """Return taps and their provenance: taps, those of a file (.npz), or of a folder of recordings.
 
-    Parameters
-    ----------
-    source : Taps or path
-        Taps, their file (.npz), or a folder of recordings with its targets csv.
-    stimulus : str, optional
-        What was tapped, "grating" (the default for recordings) or "edge".
-    mm_per_px : float, optional
-        Scale of recordings, which need it.
-    rest, pins : optional
-        As for ``recordings.read_taps``.
-
-    Raises
-    ------
-    ValueError
-        If the source cannot be read or is of another stimulus, or recordings have no scale.
+    Recordings need a scale, and are of gratings unless ``stimulus`` is "edge"; ``rest`` and
+    ``pins`` are those of ``recordings.read_taps``.
     """
     if isinstance(source, Taps):
         return source, {}
@@ -358,26 +298,11 @@ def train(
     about: dict[str, Any] | None = None,
     device: str = "cpu",
 ) -> Decoder:
-    """Train a decoder, on a single thread so that a seed reproduces the weights.
+    """Train a decoder on taps labelled with ``yaw_deg``: -90..90 for gratings, -180..180 for edges.
 
-    Parameters
-    ----------
-    taps : Taps
-        Taps labelled with ``yaw_deg``: -90..90 for gratings, -180..180 for edges.
-    seed : int
-        Seed of the validation split, initial weights, dropout and order of taps.
-    training : Training
-        Training options.
-    about : dict
-        Provenance of the taps, saved with the weights.
-    device : str
-        cpu, cuda or mps; a seed reproduces the weights only on the CPU.
-
-    Raises
-    ------
-    ValueError
-        If the network is for another stimulus, yaws are out of range, inputs are not finite, there
-        are too few taps to split, or PyTorch does not find the device.
+    The seed sets the validation split, initial weights, dropout and order of taps. On the CPU, a
+    single thread makes it reproduce the weights; on cuda or mps it does not. ``about`` is the
+    provenance of the taps, saved with the weights.
     """
     check_device(device)
     training = training or Training()

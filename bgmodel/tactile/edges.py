@@ -14,15 +14,7 @@ MM_PER_PX = 0.33
 
 
 def decoded_edges(seed: int, recordings: Path) -> pd.DataFrame:
-    """Train the decoder; return true and decoded yaw (yaw_deg, edge_deg) of held-out taps.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the training.
-    recordings : Path
-        Folder with ``csv_train`` and ``csv_val``.
-    """
+    """Train on ``csv_train``; return true and decoded yaw (yaw_deg, edge_deg) of ``csv_val``."""
     taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
     decoder = train(taps, seed=seed, training=EDGE)
     held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)

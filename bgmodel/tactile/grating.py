@@ -31,10 +31,7 @@ class Grating:
     def half_period_cells(self, dx_mm: float) -> int:
         """Return the number of cells of size `dx_mm` per bar.
 
-        Raises
-        ------
-        ValueError
-            If not a whole number: bars would differ in width, a spurious subharmonic.
+        Raises if it is not whole: bars would differ in width, a spurious subharmonic.
         """
         cells = self.period_mm / 2 / dx_mm
         if abs(cells - round(cells)) > 1e-6 or (self.period_mm > 0 and round(cells) < 1):
@@ -46,29 +43,11 @@ class Grating:
         return round(cells)
 
     def on_grid(self, cells: int, dx_mm: float) -> tuple[NDArray[np.float64], float]:
-        """Return depth below the bars at the centres of a row of cells, and position of the apex.
+        """Return depth below the bars, mm, (cells,), and x of the tip's apex, mm.
 
-        The grating is shifted by whole cells only, so that every bar keeps its width; the remainder
-        of the phase is realised by shifting the tip.
-
-        Parameters
-        ----------
-        cells : int
-            Number of cells in the row, which is centred on x = 0.
-        dx_mm : float
-            Cell size, mm.
-
-        Returns
-        -------
-        depth_mm : ndarray, (cells,)
-            0 on a bar, `depth_mm` in a groove.
-        apex_mm : float
-            x of the tip's apex that makes the phase exact, at most half a cell from 0.
-
-        Raises
-        ------
-        ValueError
-            Half a period is not a whole number of cells.
+        The row of cells is centred on x = 0. The grating is shifted by whole cells only, so that
+        every bar keeps its width; the remainder of the phase, at most half a cell, is realised by
+        shifting the apex.
         """
         half = self.half_period_cells(dx_mm)
         if half == 0:

@@ -26,43 +26,22 @@ from circuits.errors import InputError, require
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """Displacements of the skin/gel interface for each period, phase and force.
-
-    `fields` maps a period to a float32 array (solved phases, forces, n, n, 5): lateral x, lateral y
-    and depth (into the body), mm, and the slopes of depth along x and y, with x across the bars and
-    the apex at the centre.
-    """
+    """Displacements of the skin/gel interface for each period, phase and force."""
 
     plan: LibraryPlan
+    # By period (solved phases, forces, n, n, 5): lateral x, lateral y and depth (into the body),
+    # mm, and the slopes of depth along x and y; x across the bars, the apex at the centre.
     fields: dict[float, Singles]
     _splines: dict[tuple[float, float], Singles] = field(default_factory=dict, repr=False)
 
     def sample(
         self, period_mm: float, phase: Array, force_n: Array, points_mm: Array, pin_mm: float
     ) -> Singles:
-        """Return displacements of pin tips, in the frame of the grating.
+        """Return lateral x and y of pin tips and depth of pin roots, mm, (taps, pins, 3).
 
-        Parameters
-        ----------
-        period_mm : float
-            Period of the grating, mm.
-        phase, force_n : array_like, (taps,)
-            Phase, periods, and force, N.
-        points_mm : ndarray, (taps, pins, 2)
-            Positions of the pins relative to the apex, x across the bars, mm.
-        pin_mm : float
-            Length of a pin, mm; it converts the slope of the interface to lateral displacement.
-
-        Returns
-        -------
-        ndarray, (taps, pins, 3)
-            Lateral x and y of pin tips, and depth of pin roots, mm.
-
-        Raises
-        ------
-        ValueError
-            The period is not in the library, a force is outside its range, or a point is outside
-            the stored field.
+        Points, (taps, pins, 2), are positions relative to the apex in the frame of the grating, x
+        across the bars, mm; phases are in periods, and ``pin_mm``, the length of a pin, converts
+        the slope of the interface to lateral displacement. Values outside the library raise.
         """
         known = f"must be in the library: {sorted(self.fields)}"
         require(period_mm in self.fields, "period_mm", known, period_mm)
@@ -116,24 +95,8 @@ def contact_library(
 ) -> Library:
     """Load the contact library of a plan; solve and store it if it does not exist.
 
-    Parameters
-    ----------
-    plan : LibraryPlan, optional
-        Contents of the library; by default ``LibraryPlan()``.
-    cache_dir : path, optional
-        Folder of the file; by default that of the environment variable BGMODEL_CACHE, or the
-        user's cache folder.
-    workers : int
-        Number of processes; does not affect the result.
-
-    Returns
-    -------
-    Library
-
-    Raises
-    ------
-    ValueError
-        `workers` is below 1.
+    The folder is by default that of the environment variable BGMODEL_CACHE, or the user's cache
+    folder. The number of processes does not affect the result.
     """
     require(workers >= 1, "workers", "must be 1 or more", workers)
     plan = plan or LibraryPlan()

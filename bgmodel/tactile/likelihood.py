@@ -24,32 +24,18 @@ KDE_SAMPLES = 100_000
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Log densities of a reading under each hypothesis, tabulated.
+    """Log densities of a reading under each hypothesis, tabulated."""
 
-    Parameters
-    ----------
-    grid_deg : array (points,)
-        Evenly spaced readings, degrees.
-    log_density : array (hypotheses, points), nats
-        ``log p(reading | hypothesis)``, up to a constant per reading.
-    period_deg : float, optional
-        Period of circular readings.
-    shrink : float
-        Factor in [0, 1] applied to all log-likelihood ratios.
-    cap_nats : float
-        Largest log-likelihood ratio between two hypotheses.
-    """
-
-    grid_deg: Array
-    log_density: Array
-    period_deg: float | None
-    shrink: float
-    cap_nats: float
+    grid_deg: Array  # (points,), evenly spaced readings
+    log_density: Array  # (hypotheses, points), nats, up to a constant per reading
+    period_deg: float | None  # of circular readings
+    shrink: float  # factor in [0, 1] on all log-likelihood ratios
+    cap_nats: float  # largest log-likelihood ratio between two hypotheses
 
     def __call__(self, reading_deg: npt.ArrayLike) -> Array:
-        """Return ``log p(reading | hypothesis)``, shape (..., hypotheses), nats.
+        """Return ``log p(reading | hypothesis)``, (..., hypotheses), nats.
 
-        Raises ValueError if a reading is not finite or lies outside the table.
+        A reading outside the table raises.
         """
         reading = np.asarray(reading_deg, dtype=np.float64)
         if not np.isfinite(reading).all():
@@ -111,29 +97,12 @@ def fit_likelihood(
     circular: bool = False,
     density: Density | None = None,
 ) -> Likelihood:
-    """Fit the density of readings under each hypothesis.
+    """Fit the density of readings under each hypothesis to decoded angles, degrees.
 
-    The resulting log-likelihood ratios are multiplied by a factor in [0, 1] that maximises the log
-    score on held-out taps (so that pure noise is shrunk to 0), and capped.
-
-    Parameters
-    ----------
-    pool : sequence of arrays (taps,), degrees
-        Decoded angles, one array per kind of stimulus.
-    readings : callable
-        Turns a pool into one array of readings per hypothesis (for same/different: differences of
-        angles). Also called on disjoint parts of the pool.
-    range_deg : (low, high)
-        Range of a reading; for circular readings, high - low is the period.
-    circular : bool
-        Whether readings are circular.
-    density : Density
-        Options of the estimate.
-
-    Raises
-    ------
-    ValueError
-        If the pool is too small for the inner folds, or contains values that are not finite.
+    The log-likelihood ratios are multiplied by a factor in [0, 1] that maximises the log score on
+    held-out taps (so that pure noise is shrunk to 0), and capped. ``pool`` has one array (taps,)
+    per kind of stimulus; ``readings`` turns it, or disjoint parts of it, into one array per
+    hypothesis. For circular readings, ``range_deg`` spans the period.
     """
     density = density or Density()
     taps = min(len(part) for part in pool)
@@ -165,21 +134,9 @@ def fit_likelihood(
 
 
 def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.DataFrame:
-    """Compare stated posteriors with observed frequencies.
+    """Compare posteriors of held-out readings, (readings, hypotheses) nats, with frequencies.
 
-    Parameters
-    ----------
-    log_likelihood : array (readings, hypotheses), nats
-        Log-likelihoods of held-out readings.
-    truth : int array (readings,)
-        True hypotheses.
-    bins : int
-        Number of equal-width bins of posterior probability.
-
-    Returns
-    -------
-    DataFrame
-        One row per non-empty bin: stated (mean posterior), observed (frequency), count.
+    One row per non-empty bin of posterior probability: stated (mean posterior), observed, count.
     """
     import pandas as pd
 
@@ -299,8 +256,8 @@ def _log_t(x: Array, grid: Array, period: float | None) -> Array:
 def _fit_t(x: Array) -> Array:
     """Return degrees of freedom, location and scale of Student's t, by maximum likelihood.
 
-    Results are bit-identical to ``scipy.stats.t.fit``, but skipping its checks at each of 400 steps
-    saves four fifths of the time.
+    Bit-identical to ``scipy.stats.t.fit``; skipping its checks in each of 400 steps saves four
+    fifths of the time.
     """
     from scipy.optimize import fmin
     from scipy.special import poch

@@ -31,17 +31,7 @@ def import_onnx(package: str = "onnx", extra: str = "tactile") -> Any:
 
 
 def onnx_bytes(network: Any, shape: tuple[int, ...], header: dict[str, Any]) -> bytes:
-    """Return the content of an ONNX file.
-
-    Parameters
-    ----------
-    network : torch.nn.Module
-        Network, on the CPU.
-    shape : tuple of int
-        Input shape for one tap.
-    header : dict
-        Description of the network, stored as JSON.
-    """
+    """Return an ONNX file of a torch network on the CPU, with the input shape of one tap."""
     torch, onnx = import_torch(), import_onnx()
     stream = io.BytesIO()
     with warnings.catch_warnings():
@@ -63,24 +53,9 @@ def onnx_bytes(network: Any, shape: tuple[int, ...], header: dict[str, Any]) -> 
 
 
 class OnnxNetwork:
-    """Network evaluated by onnxruntime on one thread.
+    """Network evaluated by onnxruntime on one thread, with one input and one output.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of an ONNX file, as from ``onnx_bytes``.
-
-    Attributes
-    ----------
-    header : dict
-        Description of the network.
-    shapes : list of list of int
-        Shapes of the input and of the outputs for one tap.
-
-    Raises
-    ------
-    ValueError
-        If the content is not an ONNX file, or its network has more than one input or output.
+    ``header`` describes the network; ``shapes`` are those of input and outputs for one tap.
     """
 
     def __init__(self, content: bytes) -> None:

@@ -106,22 +106,10 @@ class LibraryPlan:
 
 
 def press(plan: LibraryPlan, period_mm: float, phase: float) -> Singles:
-    """Solve for displacements of the skin/gel interface under one grating, for each force.
+    """Solve for displacements of the skin/gel interface under a grating, (forces, n, n, 5).
 
-    Parameters
-    ----------
-    plan : LibraryPlan
-        Parameters of skin, grating and solver.
-    period_mm : float
-        Period of the grating, mm.
-    phase : float
-        Distance of a bar's centre from the apex, in periods.
-
-    Returns
-    -------
-    ndarray, (forces, n, n, 5)
-        Lateral x (across the bars) and y, and depth (into the body), mm, and the slopes of depth
-        along x and y, on cells of ``stored_dx_mm`` with the apex at the centre.
+    The phase is the distance of a bar's centre from the apex, in periods. Values as in
+    ``Library.fields``, on cells of ``stored_dx_mm`` with the apex at the centre.
     """
     cells, dx = round(plan.side_mm / plan.dx_mm), plan.dx_mm
     groove, apex = Grating(period_mm, plan.depth_mm, phase).on_grid(cells, dx)

@@ -30,10 +30,7 @@ REACH, CROWDED = 0.75, 0.7  # in pitches: largest match distance; smallest pin d
 
 
 def find_recordings(option: Path | None) -> Path | None:
-    """Return the given folder, or that of the environment variable BGMODEL_RECORDINGS, or None.
-
-    Raises ValueError if that folder does not exist.
-    """
+    """Return the given folder, or that of the environment variable BGMODEL_RECORDINGS, or None."""
     given = option or os.environ.get("BGMODEL_RECORDINGS")
     if given and not Path(given).is_dir():
         raise InputError(f"recordings (BGMODEL_RECORDINGS): {given} is not a folder", "recordings")
@@ -43,34 +40,12 @@ def find_recordings(option: Path | None) -> Path | None:
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
               workers: int = 1, limit: int | None = None, stimulus: str = "edge",
               pins: int | None = None) -> Taps:  # fmt: skip
-    """Track the markers in every image of a recording (see `read_targets`).
+    """Track the markers in every image of a recording; labels as in `read_targets`.
 
-    Parameters
-    ----------
-    mm_per_px
-        Scale of the images: pin pitch in mm divided by pin pitch in px.
-    rest
-        Marker layout: an image of the untouched sensor, or `rest_mm` (pins, 2) from another
-        recording of it (origin at the image centre), or None for the median over taps.
-    workers, limit
-        Number of threads (does not affect the result); number of taps to read, spread evenly over
-        the table.
-    stimulus
-        What was tapped, "edge" or "grating"; recordings do not contain this.
-    pins
-        Number of pins of the sensor, if known; detecting more is an error.
-
-    Returns
-    -------
-    Taps
-        Labels: those of `read_targets`, and `markers_found`, the number of pins detected.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError
-        An argument is out of range; an image is missing, unreadable, not 8-bit greyscale, smaller
-        than 64 px or of a different size than the first; no layout is found, or it has more pins
-        than the sensor, or a tap shows fewer than half of its pins.
+    ``rest`` is an image of the untouched sensor, `rest_mm` of another recording (origin at the
+    image centre), or None for the median over taps. Recordings do not contain the stimulus. The
+    scale is the pin pitch in mm over that in px. ``limit`` taps are spread evenly over the table;
+    `markers_found` counts detected pins: more than ``pins``, or fewer than half in a tap, raise.
     """
     positive = {"mm_per_px": mm_per_px, "workers": workers, "limit": limit, "pins": pins}
     for name, value in positive.items():
@@ -103,14 +78,7 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
 class Tracker:
     """Track single images of a sensor with known pins, as ``read_taps`` does for folders.
 
-    Parameters
-    ----------
-    rest_mm : array (pins, 2)
-        Positions of the pins at rest, mm, such as ``Decoder.rest_mm``.
-    mm_per_px : float
-        Scale of the images, mm per pixel.
-    stimulus : str
-        What is tapped, "edge" or "grating".
+    ``rest_mm``, (pins, 2), such as that of a ``Decoder``, are positions at rest.
     """
 
     def __init__(self, rest_mm: Reals, mm_per_px: float, stimulus: str) -> None:
@@ -121,13 +89,7 @@ class Tracker:
         self.shape: tuple[int, ...] | None = None
 
     def read(self, path: Path) -> Taps:
-        """Return the tap in an image; all images must have the size of the first.
-
-        Raises
-        ------
-        ValueError
-            If the image cannot be read, has a different size, or shows fewer than half of the pins.
-        """
+        """Return the tap in an image of the first one's size; fewer than half of the pins raise."""
         if self.shape is None:
             self.shape = _read_image(path).shape
             centre = (np.array(self.shape[::-1]) - 1) / 2

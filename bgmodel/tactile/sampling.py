@@ -37,16 +37,9 @@ def gather(
 ) -> None:  # pragma: no cover - compiled
     """Evaluate cubic splines at points well inside their grid and sum them with weights.
 
-    Parameters
-    ----------
-    coefficients : ndarray, (n, n, values * blends)
-        Spline coefficients; all blends of a value are adjacent.
-    points : ndarray, (taps, pins, 2)
-        Positions in units of cells; 0 is the centre of the first cell.
-    weights : ndarray, (taps, blends)
-        Weight of each blend.
-    out : ndarray, (taps, pins, values)
-        Array for the result, overwritten.
+    Coefficients, (n, n, values * blends), have all blends of a value adjacent; points, (taps, pins,
+    2), are in cells from the centre of the first; weights are (taps, blends). ``out``, (taps, pins,
+    values), is overwritten.
     """
     width = coefficients.shape[2]
     blends = weights.shape[1]

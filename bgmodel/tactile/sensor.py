@@ -79,36 +79,14 @@ def simulate(
     nuisance: Nuisance | None = None,
     library: Library | None = None,
 ) -> Taps:
-    """Simulate taps on gratings.
+    """Simulate taps on gratings, with periods and yaws, degrees anticlockwise, per tap or for all.
 
     A pin's tip moves by u(h) - pin_mm grad u_z(h) + r u_z/H, where u is the displacement field of
     the contact library in the frame of the grating. The terms are the displacement of the skin/gel
     interface, its slope, and the outward shift in the image as the pin approaches the camera.
 
-    Parameters
-    ----------
-    periods_mm : array_like, (taps,) or scalar
-        Period of each grating, mm; must be in the library.
-    yaw_deg : array_like, (taps,) or scalar
-        Orientation of each grating, degrees anticlockwise; at 0 the bars run along y.
-    rng : Generator
-        Random number generator. Variability and noise of a tap do not depend on later taps.
-    tip, skin, nuisance : optional
-        The sensor and its variability.
-    library : Library, optional
-        By default the one for `skin` and the tip's radius, solved and stored if necessary.
-
-    Returns
-    -------
-    Taps
-        Labels: period_mm, yaw_deg, phase (periods), force_n, offset_x_mm, offset_y_mm,
-        shear_x_mm, shear_y_mm, frame.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not match, a period or force is not in the library, or the library is for another
-        skin or radius.
+    At a yaw of 0 bars run along y. Noise of a tap does not depend on later taps. Labels: period_mm,
+    yaw_deg, phase (periods), force_n, offset_x_mm, offset_y_mm, shear_x_mm, shear_y_mm, frame.
     """
     # Import solvers and compilers only when taps are simulated, not to list options.
     import pandas as pd
@@ -195,24 +173,9 @@ def check_taps(taps: int, periods_mm: Sequence[float], tip: Tip) -> int:
 
 
 def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
-    """Return peak displacements of the pins for given nuisances, without marker noise.
+    """Return peak displacements of the pins without marker noise, mm, (taps, pins, 2).
 
-    Parameters
-    ----------
-    labels : DataFrame
-        One row per tap, with the label columns of `simulate` except frame.
-    tip : Tip
-    library : Library
-
-    Returns
-    -------
-    ndarray, (taps, pins, 2)
-        Displacements in the frame of the sensor, mm.
-
-    Raises
-    ------
-    ValueError
-        A period or force is not in the library.
+    They are in the frame of the sensor; labels are those of `simulate` except frame.
     """
     rest = tip.rest_mm()
     out = np.empty((len(labels), len(rest), 2), dtype=np.float32)

@@ -46,31 +46,14 @@ class Response(NamedTuple):
 
 
 def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
-    """Return the response of the layered skin to pressure waves.
+    """Return the response of the layered skin to pressure waves, mm/MPa.
 
     In each layer w = (A + B kz) exp(-kz) + (C + D kz) exp(kz), U = w'/k, p = G (U'' - k^2 U)/k,
     s_zz = -p + 2 G w' and s_xz = G (U' + k w) (incompressible plane strain). The eight constants
-    follow from s_zz = -1 and s_xz = 0 on top, continuity of all four at the interface, and
-    w = U = 0 at the window. For one thick material the limits are 1/(2Gk) and
-    (1 + kz) exp(-kz)/(2Gk) (Johnson 1985, Contact Mechanics, section 13.2).
-
-    Parameters
-    ----------
-    skin : Skin
-        Thickness and stiffness of the layers.
-    wavenumber_per_mm : array_like
-        Wavenumbers of any shape, 1/mm, non-negative. At 0 the response of an incompressible bonded
-        layer is 0.
-
-    Returns
-    -------
-    Response
-        Three arrays of the shape of `wavenumber_per_mm`, mm/MPa.
-
-    Raises
-    ------
-    ValueError
-        A wavenumber is negative or not finite.
+    follow from s_zz = -1 and s_xz = 0 on top, continuity of all four at the interface, and w = U =
+    0 at the window. For one thick material the limits are 1/(2Gk) and (1 + kz) exp(-kz)/(2Gk)
+    (Johnson 1985, Contact Mechanics, section 13.2). At wavenumber 0 an incompressible bonded layer
+    does not respond.
     """
     k = np.asarray(wavenumber_per_mm, dtype=float)
     if not np.all(np.isfinite(k)) or np.any(k < 0):

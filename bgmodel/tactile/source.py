@@ -38,24 +38,12 @@ SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
 
 @dataclass(frozen=True)
 class Source:
-    """All possible readings from a set of held-out taps, with their log-likelihoods.
+    """All possible readings from a set of held-out taps, with their log-likelihoods."""
 
-    Parameters
-    ----------
-    log_likelihood : list of arrays (readings, hypotheses), nats
-        One array per true hypothesis.
-    names : tuple of str
-        Names of the hypotheses.
-    likelihood : Likelihood
-        Fitted on other taps.
-    where : str
-        Description of the stimulus, for use in messages.
-    """
-
-    log_likelihood: list[Array]
+    log_likelihood: list[Array]  # per true hypothesis (readings, hypotheses), nats
     names: tuple[str, ...]
-    likelihood: Likelihood
-    where: str = "here"
+    likelihood: Likelihood  # fitted on other taps
+    where: str = "here"  # description of the stimulus, for use in messages
 
     def draw(
         self,
@@ -68,17 +56,9 @@ class Source:
     ) -> Evidence:
         """Draw trials whose readings are independent samples, with replacement.
 
-        Parameters
-        ----------
-        trials, steps : int
-            Number of trials and of readings per trial. True hypotheses are balanced: k mod N in
-            trial k. Readings of a trial do not depend on the number of trials.
-        rng : numpy.random.Generator or int
-            Random number generator, or a seed.
-        prior : array (hypotheses,), optional
-            Prior of the decision maker; hypotheses are drawn equally often regardless.
-        step_ms : float
-            Time per tap, ms; 500 is assumed.
+        True hypotheses are balanced, k mod N in trial k, whatever the prior of the decision maker.
+        Readings of a trial do not depend on the number of trials. A time of 500 ms per tap is
+        assumed.
         """
         trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
         rng = generator(rng)
@@ -183,15 +163,7 @@ class Tactile(Drawn):
     def source(
         self, taps: pd.DataFrame | str | Path | None = None, density: Density | None = None
     ) -> Source:
-        """Return all readings of the task; warn if they are uninformative.
-
-        Parameters
-        ----------
-        taps : DataFrame or path, optional
-            Decoded taps, or their file, in place of the task's own.
-        density : Density, optional
-            How likelihoods are estimated.
-        """
+        """Return all readings of the task, from its own taps by default; warn if uninformative."""
         found = source(load_taps(self.taps if taps is None else taps), self,
                        fold=self.fold, density=density)  # fmt: skip
         found.warn_if_silent()
@@ -210,11 +182,6 @@ class Folds:
 
     Many trials are drawn from few taps: a confidence interval over the trials of one fold does not
     generalise to other taps, one over ``groups`` does.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        One per fold, as from ``source``.
     """
 
     sources: Sequence[Source]
@@ -222,13 +189,7 @@ class Folds:
     def draw(
         self, trials: int, steps: int, *, rng: np.random.Generator, step_ms: float = STEP_MS
     ) -> Evidence:
-        """Draw trials as in ``Source.draw``, from each fold in turn.
-
-        Parameters
-        ----------
-        trials, steps, rng, step_ms :
-            As for ``Source.draw``; at least one trial per fold.
-        """
+        """Draw trials as in ``Source.draw`` from each fold in turn, one per fold at least."""
         count = len(self.sources)
         require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
         values = np.empty((trials, steps, len(self.sources[0].names)))
@@ -255,7 +216,6 @@ def held_out_taps() -> pd.DataFrame:
     """Return the decoded held-out taps included in the package.
 
     One row per tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
-    ``bgmodel.support.files.read_provenance`` returns the provenance of the file.
     """
     import pandas as pd
 
@@ -316,12 +276,7 @@ def decoder_of(path: Path) -> dict[str, Any]:
 def check_decoder(path: Path, decoder: Path, about: dict[str, Any]) -> None:
     """Refuse a table decoded by another decoder; warn if it does not record its decoder.
 
-    Parameters
-    ----------
-    path, decoder : path
-        The decoded table, and the decoder's file.
-    about : dict
-        Provenance of the decoder: that of both of its files, .safetensors and .onnx.
+    ``about`` is the provenance in both of the decoder's files, .safetensors and .onnx.
     """
     recorded = decoder_of(path)
     if not recorded:
@@ -348,23 +303,7 @@ def source(
 ) -> Source:
     """Fit likelihoods on all but one of the folds of held-out taps; return readings of that one.
 
-    Parameters
-    ----------
-    taps : DataFrame
-        Decoded taps, as from ``load_taps``.
-    task : Tactile
-        The task, such as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
-    fold : int
-        Fold from which readings are taken; tap k of each kind is in fold k mod ``count``.
-    count : int
-        Number of folds.
-    density : Density
-        How likelihoods are estimated.
-
-    Raises
-    ------
-    ValueError
-        If there are no taps for the task or too few, or the fold does not exist.
+    Tap k of each kind is in fold k mod ``count``.
     """
     whole("folds", count, 2)
     require(0 <= fold < count, "fold", f"must be 0..{count - 1}", fold)
@@ -383,12 +322,6 @@ def source(
 
 
 def folds(taps: pd.DataFrame, task: Tactile, count: int = FOLDS) -> Folds:
-    """Return the readings of all folds of the held-out taps.
-
-    Parameters
-    ----------
-    taps, task, count :
-        As for ``source``. An interval over folds needs ten or more.
-    """
+    """Return the readings of all folds; an interval over folds needs ten or more."""
     every = range(whole("folds", count, 2))
     return Folds([source(taps, task, fold=fold, count=count) for fold in every])

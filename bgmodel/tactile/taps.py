@@ -120,15 +120,11 @@ class Taps:
         return taps, about
 
     def maps(self, shape: tuple[int, int] = (19, 19)) -> Singles:
-        """Return maps of displacement magnitude, the input of the grating decoder.
+        """Return maps of displacement magnitude for the grating decoder, (taps, 1, rows, columns).
 
-        Each is z-scored (Pestell, Griffith & Lepora 2022). Pins that are not on a grid of this
-        shape are interpolated linearly; outside the array, the nearest pin is used.
-
-        Returns
-        -------
-        ndarray, (taps, 1, rows, columns)
-            Rows run from top to bottom.
+        Each is z-scored (Pestell, Griffith & Lepora 2022); rows run from top to bottom. Pins that
+        are not on a grid of this shape are interpolated linearly; outside the array, the nearest
+        pin is used.
         """
         size = np.linalg.norm(self.displacement_mm, axis=2)
         grid = _grid(self.rest_mm, shape)

@@ -44,16 +44,10 @@ FORMS = (
 
 
 def read_targets(folder: str | Path) -> pd.DataFrame:
-    """Read the labels of a recording in any of the known layouts.
+    """Read the labels of a recording in any of the known layouts, one row per tap.
 
-    Returns one row per tap: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image`
-    (path), and if recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        The folder, table, image folder or an image does not exist; the table cannot be read, is
-        empty, lacks a column or has a pose that is not a number.
+    Columns: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image` (path), and if
+    recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
     """
     folder = Path(folder)
     form, raw = _read_table(folder)

@@ -230,14 +230,7 @@ class EdgeDirection(_Edge):
 def of_grating(
     taps: pd.DataFrame, period_mm: float, yaws_deg: tuple[float, ...], column: str
 ) -> list[Array]:
-    """Return a column of the decoded taps of one grating, one array per yaw.
-
-    Raises
-    ------
-    ValueError
-        If the taps do not include this grating, or lack one of the yaws; the message then names
-        the command that simulates them.
-    """
+    """Return a column of the decoded taps of one grating, one array per yaw."""
     table = columns(taps, ["period_mm", "yaw_deg", column], "gratings")
     here = table[np.isclose(table["period_mm"], period_mm)]
     if here.empty:

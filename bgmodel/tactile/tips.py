@@ -35,13 +35,10 @@ class Tip:
         check_range(0, np.inf, owner="Tip", pin_mm=self.pin_mm)
 
     def rest_mm(self) -> NDArray[np.float64]:
-        """Return the positions of the pins at rest, x to the right and y up.
+        """Return the positions of the pins at rest, mm from the apex, (pins, 2), x right and y up.
 
-        Returns
-        -------
-        ndarray, (pins, 2)
-            Positions relative to the apex, mm. The square array runs row by row from the top left,
-            so that one value per pin, reshaped to 19 x 19, forms an image.
+        The square array runs row by row from the top left, so that one value per pin, reshaped to
+        19 x 19, forms an image.
         """
         places = {"square": _square, "hexagonal": _hexagonal, "circular": _circular}[self.layout]
         return places() * self.pitch_mm

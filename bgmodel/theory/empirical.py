@@ -23,23 +23,10 @@ def check_size(states: float, lower: float, upper: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Empirical:
-    """Increments that take finitely many values, kept sorted and merged where equal.
+    """Increments that take finitely many values, kept sorted and merged where equal."""
 
-    Parameters
-    ----------
-    values : array (n,)
-        Log-likelihood ratios in nats.
-    weights : array (n,)
-        Their probabilities; they sum to 1.
-
-    Raises
-    ------
-    ValueError
-        If `values` is empty or not finite, or `weights` are negative or do not sum to 1.
-    """
-
-    values: Array
-    weights: Array
+    values: Array  # (n,), log-likelihood ratios, nats
+    weights: Array  # (n,), probabilities; they sum to 1
 
     def __post_init__(self) -> None:
         given = np.atleast_1d(np.asarray(self.values, dtype=float))

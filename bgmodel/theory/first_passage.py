@@ -21,13 +21,7 @@ from circuits.errors import require
 
 @dataclass(frozen=True)
 class Gaussian:
-    """Increments x ~ N(mean, sd), both in nats.
-
-    Raises
-    ------
-    ValueError
-        If `mean` is not finite or `sd` is not finite and above 0.
-    """
+    """Increments x ~ N(mean, sd), both in nats."""
 
     mean: float
     sd: float
@@ -44,11 +38,6 @@ def gaussian_pair(d: float) -> tuple[Gaussian, Gaussian]:
     """Return x under S1 and S2 for readings of unit variance whose means lie `d` apart.
 
     x ~ N(-d^2/2, d) under S1 and N(d^2/2, d) under S2, in nats.
-
-    Raises
-    ------
-    ValueError
-        If `d` is not finite and above 0.
     """
     check_positive(d=d)
     return Gaussian(-(d**2) / 2, d), Gaussian(d**2 / 2, d)
@@ -56,25 +45,13 @@ def gaussian_pair(d: float) -> tuple[Gaussian, Gaussian]:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """How a walk between two bounds ends.
+    """How a walk between two bounds ends."""
 
-    Attributes
-    ----------
-    p_upper, p_lower : float
-        Probability of R2 and of R1, forced responses included.
-    p_forced : float
-        Probability of a forced response at `t_max`, by the sign of Z.
-    mean_steps : float
-        Expected number of readings.
-    steps_pmf : array (t_max + 1,) or None
-        Probability of 0, 1, ..., t_max readings; None without a deadline.
-    """
-
-    p_upper: float
-    p_lower: float
-    p_forced: float
-    mean_steps: float
-    steps_pmf: Array | None
+    p_upper: float  # probability of R2, forced responses included
+    p_lower: float  # of R1, likewise
+    p_forced: float  # of a response at t_max, by the sign of Z
+    mean_steps: float  # expected number of readings
+    steps_pmf: Array | None  # (t_max + 1,), of 0, 1, ..., t_max readings; None without a deadline
 
 
 class Chain(NamedTuple):
@@ -150,36 +127,15 @@ def walk(
     t_max: int | None = None,
     cells: int = 256,
 ) -> Walk:
-    """Solve the walk of independent `increments` between two bounds.
+    """Solve the walk of independent `increments` between two bounds, from `start`, all in nats.
 
     Gaussian increments are solved to about 1e-11. Of empirical ones the first reading is exact;
-    later ones treat the density of Z as piecewise linear on `cells` cells, except that sums of
-    the up to 32 heaviest atoms (weight at least 0.002) keep their exact place, bounds included.
-    A few atoms alone are exact; 256 cells err by about 1e-5 in probability and 1e-4 of the mean
-    number of readings, and twice as many by at most about half of that.
-
-    Parameters
-    ----------
-    increments : Gaussian or Empirical
-        Distribution of x under the state that holds, in nats.
-    lower, upper : float
-        Bounds in nats; sums of heavy atoms within 1e-10 of a bound count as on it.
-    start : float
-        Z before the first reading, in nats.
-    t_max : int or None
-        Number of readings after which a response is forced.
-    cells : int
-        Least number of cells between the bounds, for empirical increments.
-
-    Raises
-    ------
-    ValueError
-        If a bound or the start is not finite, `lower` exceeds `upper`, `t_max` is below 1,
-        `cells` below 4, or the walk never ends or spans too many sd to be solved.
-
-    References
-    ----------
-    Kemp (1958), the Fredholm equation; Brook and Evans (1972), the Markov chain.
+    later ones treat the density of Z as piecewise linear on `cells` cells, except that sums of the
+    up to 32 heaviest atoms (weight at least 0.002) keep their exact place, bounds included (within
+    1e-10). A few atoms alone are exact; 256 cells err by about 1e-5 in probability and 1e-4 of the
+    mean number of readings, and twice as many by at most about half of that. A walk that never ends
+    or spans too many sd raises. Kemp (1958), the Fredholm equation; Brook and Evans (1972), the
+    Markov chain.
     """
     for name, value in (("lower", lower), ("upper", upper), ("start", start)):
         require(np.isfinite(value), name, "must be finite", value)

@@ -68,26 +68,8 @@ def sprt(
 ) -> Performance:
     """Error rate and mean number of readings of the symmetric test, averaged over the prior.
 
-    Parameters
-    ----------
-    increments_s1, increments_s2 : Gaussian or Empirical
-        Distribution of x under each state, in nats.
-    boundary_separation : array (...) or float
-        Distance between the bounds in nats.
-    prior_s2 : float
-        Probability of S2; the test starts at its log odds.
-    t_max, cells
-        As for `first_passage.walk`.
-
-    Returns
-    -------
-    Performance
-        `error_rate` and `mean_steps`, of the shape of `boundary_separation`.
-
-    Raises
-    ------
-    ValueError
-        If a `boundary_separation` is negative or not finite, or `prior_s2` is not between 0 and 1.
+    The bounds are `boundary_separation` (...) nats apart; the test starts at the log odds of S2.
+    `t_max` and `cells` are those of `first_passage.walk`.
     """
     separations = np.asarray(boundary_separation, dtype=float)
     require(
@@ -112,19 +94,8 @@ def sprt(
 def wald(d: ArrayLike, theta: ArrayLike) -> Performance:
     """Wald's approximation for Gaussian readings, which neglects the overshoot.
 
-    ER = 1 / (1 + exp(theta)) and E[T] = (theta / m) tanh(theta / 2), m = d^2 / 2 (Wald, 1945).
-
-    Parameters
-    ----------
-    d : array (...) or float
-        Separation of the means in sd of a reading.
-    theta : array (...) or float
-        Bounds at -theta and theta, in nats; theta = delta / 2.
-
-    Raises
-    ------
-    ValueError
-        If `d` is not finite and above 0, or `theta` is not finite and at least 0.
+    ER = 1 / (1 + exp(theta)) and E[T] = (theta / m) tanh(theta / 2), m = d^2 / 2 (Wald, 1945), with
+    d the separation of means in sd of a reading and bounds at +-theta = +-delta / 2, nats.
     """
     drift, bound = _positive("d", d) ** 2 / 2, np.asarray(theta, dtype=float)
     require(np.all(np.isfinite(bound) & (bound >= 0)), "theta", "must be finite and >= 0", theta)
@@ -150,20 +121,9 @@ def _positive(name: str, given: ArrayLike) -> Array:
 def optimal_threshold(d: ArrayLike, xi: ArrayLike) -> Array:
     """Bound theta in nats (...) that minimises xi ER + E[T], in Siegmund's approximation.
 
-    Setting the derivative of Wald's cost to zero gives sinh(theta) + theta = xi m / 2 with
-    m = d^2 / 2; the bound of the discrete test lies 0.5826 d further in, and not below 0.
-
-    Parameters
-    ----------
-    d : array (...) or float
-        Separation of the means in sd of a reading.
-    xi : array (...) or float
-        Cost of an error, in readings.
-
-    Raises
-    ------
-    ValueError
-        If `d` or `xi` is not finite and above 0.
+    Setting the derivative of Wald's cost to zero gives sinh(theta) + theta = xi m / 2 with m = d^2
+    / 2; the bound of the discrete test lies 0.5826 d further in, and not below 0. xi is the cost of
+    an error, in readings.
     """
     separation = _positive("d", d)
     target = _positive("xi", xi) * separation**2 / 4
@@ -183,13 +143,7 @@ def reward_curve(
     t_max: int | None = None,
     cells: int = 256,
 ) -> Array:
-    """Return the expected reward -xi ER - E[T], in readings, at each separation; see `sprt`.
-
-    Raises
-    ------
-    ValueError
-        If `xi` is not finite and above 0, or as for `sprt` and `walk`.
-    """
+    """Return the expected reward -xi ER - E[T], in readings, at each separation; see `sprt`."""
     cost = float(_positive("xi", xi))
     test = sprt(
         increments_s1,
@@ -229,24 +183,11 @@ def optimal_separation(
     prior_s2: float = 0.5,
     cells: int = 256,
 ) -> Optimum:
-    """Find the threshold that minimises the exact cost xi ER + E[T].
+    """Find the threshold that minimises the exact cost xi ER + E[T], in readings.
 
-    A grid of 33 thresholds is searched, then the interval around the best of them. The curve is
-    flat near its minimum, so ``cost`` is determined far more precisely than its place.
-
-    Parameters
-    ----------
-    increments_s1, increments_s2, t_max, prior_s2, cells
-        As for `sprt`.
-    xi : float
-        Cost of an error, in readings.
-    bounds : tuple of two floats, optional
-        Least and greatest separation, nats; by default 0 and as much as it takes (`widened`).
-
-    Raises
-    ------
-    ValueError
-        If `bounds` are not finite, rising and at least 0, or as for `reward_curve`.
+    A grid of 33 thresholds is searched within `bounds`, nats, by default 0 and as much as it takes
+    (`widened`), then the interval around the best of them. The curve is flat near its minimum, so
+    ``cost`` is determined far more precisely than its place.
     """
     from scipy.optimize import minimize_scalar
 

@@ -14,28 +14,12 @@ from circuits.errors import InputError, require
 
 @dataclass(frozen=True)
 class Bandit:
-    """Two arms with rewards of 0 or 1; the better arm is drawn at the start of a run.
+    """Two arms with rewards of 0 or 1; the better arm is drawn at the start of a run."""
 
-    Parameters
-    ----------
-    better, worse : float
-        Probabilities of a reward.
-    reverse_every : int, optional
-        Number of trials after which the arms are exchanged, again and again.
-    hazard : float
-        Probability that they are exchanged after a trial; only without ``reverse_every``.
-
-    Raises
-    ------
-    ValueError
-        If a probability is not between 0 and 1, the better arm is not better, or there are two
-        kinds of reversals.
-    """
-
-    better: float = 0.8
+    better: float = 0.8  # probability of a reward
     worse: float = 0.2
-    reverse_every: int | None = None
-    hazard: float = 0.0
+    reverse_every: int | None = None  # trials between reversals
+    hazard: float = 0.0  # probability of a reversal after a trial; excludes reverse_every
 
     def __post_init__(self) -> None:
         check_probabilities(self.better, self.worse)
@@ -53,15 +37,7 @@ class Bandit:
         return self.hazard if self.reverse_every is None else 1 / self.reverse_every
 
     def draw(self, trials: int, runs: int, seed: int) -> Draws:
-        """Return the random numbers of some runs, the same for every learner.
-
-        Parameters
-        ----------
-        trials, runs : int
-            Number of trials of each run, and of runs.
-        seed : int
-            Each run has its own random numbers.
-        """
+        """Return the random numbers of some runs, the same for every learner."""
         trials, runs = whole("trials", trials, 1), whole("runs", runs, 1)
         rngs = [stream(seed, "bandit", run) for run in range(runs)]
         first = np.array([rng.integers(2) for rng in rngs])
@@ -77,21 +53,12 @@ class Bandit:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What is random in some runs of a bandit.
-
-    Parameters
-    ----------
-    bandit : Bandit
-    best : int array (trials, runs)
-        The better arm, 0 or 1.
-    chance, luck : array (trials, runs)
-        Uniform numbers from which choices and rewards are drawn.
-    """
+    """What is random in some runs of a bandit, (trials, runs) each."""
 
     bandit: Bandit
-    best: Integers
-    chance: Array
-    luck: Array
+    best: Integers  # the better arm, 0 or 1
+    chance: Array  # uniform, from which choices are drawn
+    luck: Array  # uniform, from which rewards are drawn
 
     def reward(self, trial: int, choice: Integers) -> Array:
         """Return the rewards of choices (runs,) in a trial, 0 or 1."""

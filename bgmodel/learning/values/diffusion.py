@@ -29,15 +29,7 @@ GRID = np.concatenate([np.geomspace(0.002, 0.1, 120)[:-1], np.geomspace(0.1, 12.
 def log_density(
     rt_s: Array, response: Integers, drift: Array, bound: Array, start: Array, t0_s: Array
 ) -> Array:
-    """Return the logarithm of the density of responses and times, 1/s; arguments broadcast.
-
-    Parameters
-    ----------
-    rt_s, response : array
-        Times, s, and 1 or 0.
-    drift, bound, start, t0_s : array
-        v, A, z, and the non-decision time, s.
-    """
+    """Return the log density of responses (0 or 1) at times rt_s, 1/s; arguments broadcast."""
     side = 2.0 * response - 1
     since = np.maximum(rt_s - t0_s, 1e-4)
     away = (bound - side * start) / (2 * bound)
@@ -60,14 +52,10 @@ def choice_probability(drift: Array, bound: Array, start: Array) -> Array:
 def draw(
     drift: Array, bound: Array, start: Array, t0_s: Array, uniform: Array
 ) -> tuple[Integers, Array]:
-    """Draw responses and times, s.
+    """Draw responses and times, s, (trials,) each.
 
-    Parameters
-    ----------
-    drift, bound, start, t0_s : array (trials,)
-        As for ``log_density``.
-    uniform : array (4, trials)
-        Uniform numbers: response, time, whether it is a lapse, and the time of a lapse.
+    The rows of ``uniform``, (4, trials), draw the response, the time, whether it is a lapse, and
+    the time of a lapse.
     """
     p = (choice_probability(drift, bound, start) - LAPSES / 2) / (1 - LAPSES)
     response = (uniform[0] < p).astype(int)

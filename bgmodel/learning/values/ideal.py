@@ -19,13 +19,6 @@ class IdealLearner(Learner):
     A reward multiplies the posterior by its likelihood; then the arms are exchanged with
     probability ``hazard``. If ``better + worse = 1``, both arms tell equally much, so that choosing
     the likelier one in every trial is optimal where reversals occur with that hazard.
-
-    Parameters
-    ----------
-    better, worse : float
-        Probabilities of a reward.
-    hazard : float
-        Probability of a reversal after a trial.
     """
 
     name: ClassVar[str] = "ideal"

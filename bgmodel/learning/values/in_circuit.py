@@ -23,42 +23,14 @@ class ValueCircuit:
     A reading of channel i is ``x_i = d' V_i / difference`` plus normal noise of unit variance, and
     its evidence ``d' x_i``: the exact log-likelihood if values differ by ``difference``. The drift
     of the evidence is proportional to the difference of values, and its noise constant.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit and its engine, any that has times.
-    posterior : float
-        Posterior at which it decides.
-    difference : float
-        Difference of values at which readings are scaled correctly; by default that of
-        probabilities of 0.8 and 0.2.
-    d_prime : float
-        Discriminability of one reading at that difference.
-    step_ms : float
-        Time between readings, ms.
-    t_max : int
-        Largest number of readings; then the response is forced.
-    seed : int
-        Seed of the readings.
-
-    Raises
-    ------
-    ValueError
-        If the engine has no times, the circuit has not two channels, or a number is out of range.
-
-    Warns
-    -----
-    UserWarning
-        If noise alone crosses the threshold.
     """
 
-    model: BasalGanglia
+    model: BasalGanglia  # any engine that has times
     posterior: float = 0.85
-    difference: float = 0.6
-    d_prime: float = 0.5
-    step_ms: float = 40.0
-    t_max: int = 120
+    difference: float = 0.6  # of values, at which readings are scaled correctly: 0.8 - 0.2
+    d_prime: float = 0.5  # of one reading at that difference
+    step_ms: float = 40.0  # between readings
+    t_max: int = 120  # readings, after which the response is forced
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -71,14 +43,10 @@ class ValueCircuit:
         self.model.warn_of_noise(self.model.threshold(None, self.posterior))
 
     def evidence(self, values: npt.ArrayLike, number: int = 0) -> Evidence:
-        """Return the evidence of trials.
+        """Return the evidence of trials with values (trials, 2).
 
-        Parameters
-        ----------
-        values : array (trials, 2)
-            Values of both actions; the truth is the larger one, action 1 if they are equal.
-        number : int
-            Number of the block of trials, which has its own noise.
+        Each block ``number`` has its own noise. The truth is the larger value, action 1 if they are
+        equal.
         """
         given = np.asarray(reals("values", values), dtype=np.float64)
         require(
@@ -97,10 +65,10 @@ class ValueCircuit:
         )
 
     def decide(self, values: npt.ArrayLike, number: int = 0) -> Decision:
-        """Return the decisions of the circuit; arguments as for ``evidence``.
+        """Return the decisions of the circuit; each block has its own noise in the circuit as well.
 
-        Each block has its own noise in the circuit as well. Posteriors are not compared with the
-        proportion correct: readings are likelihoods only if values differ by ``difference``.
+        Posteriors are not compared with the proportion correct: readings are likelihoods only if
+        values differ by ``difference``.
         """
         evidence = self.evidence(values, number)
         level = self.model.threshold(None, self.posterior)

@@ -50,16 +50,7 @@ class Learner:
         return np.asarray(state[0])
 
     def learn(self, state: Array, chosen: Array, reward: Array) -> Array:
-        """Return the state after a trial.
-
-        Parameters
-        ----------
-        state : array (parts, ..., 2)
-        chosen : array (..., 2)
-            1 for the chosen arm and 0 for the other.
-        reward : array (...)
-            0 or 1.
-        """
+        """Return the state (parts, ..., 2) after a trial; ``chosen`` is 1 for the chosen arm."""
         raise NotImplementedError
 
     def probability(self, state: Array) -> Array:

@@ -56,21 +56,12 @@ COMMON = (
 
 @dataclass(frozen=True, eq=False)
 class ValueModel:
-    """A model of the choices and times of a person who learns (``fitting.likelihood.TrialModel``).
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    special : tuple of Parameter
-        Its parameters in addition to bound, non-decision time and stickiness.
-    learner : function or None
-        Takes its special parameters by name, except scale; each must have one value over all
-        trials. None for the baseline model, whose special parameter is the drift.
-    """
+    """A ``fitting.likelihood.TrialModel`` of the choices and times of a person who learns."""
 
     name: str
-    special: tuple[Parameter, ...]
+    special: tuple[Parameter, ...]  # in addition to bound, non-decision time and stickiness
+    # Takes its special parameters by name, except scale; each must have one value over all
+    # trials. None is the baseline model, whose special parameter is the drift.
     learner: Callable[..., Learner] | None
 
     @property
@@ -90,23 +81,10 @@ class ValueModel:
         return self.learner(**{name: value[..., :1] for name, value in special.items()})
 
     def diffusion(self, trials: Trials, values: Mapping[str, Array]) -> tuple[Array, ...]:
-        """Return drift, bound, start and non-decision time, s, given all earlier trials.
+        """Return drift, bound, start and non-decision time, s, (..., trials) each.
 
-        Parameters
-        ----------
-        trials : Trials
-            Trials of one person, as for ``people.pairs_of``.
-        values : dict of str to array (..., trials)
-            Parameters by name, of any number of sets of parameters side by side.
-
-        Returns
-        -------
-        tuple of array (..., trials)
-
-        Raises
-        ------
-        ValueError
-            If a parameter of the learner differs between trials.
+        They depend on all earlier trials. ``values`` are parameters by name, (..., trials). A
+        parameter of the learner that differs between trials raises.
         """
         pairs, bound = pairs_of(trials), values["bound"]
         if self.learner is None:
@@ -195,21 +173,7 @@ def likelihood(
     """Return the likelihood of one person's choices and times under a model of value learning.
 
     Values follow from all earlier trials, those that a part of the likelihood leaves out included.
-
-    Parameters
-    ----------
-    model : ValueModel or str
-        A record, or a name in ``MODELS``.
-    trials : Trials
-        Trials of one person, as for ``people.pairs_of``.
-    free, fixed, vary, formulas :
-        As for ``fitting.likelihood.likelihood_of``. The drift of the baseline model varies with
-        the pair.
-
-    Raises
-    ------
-    ValueError
-        For an unknown model, parameter or condition, and trials that ``people.pairs_of`` refuses.
+    The drift of the baseline model varies with the pair.
     """
     model, vary = model_of(model), dict(vary or {})
     pairs_of(trials)

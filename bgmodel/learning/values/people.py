@@ -21,45 +21,22 @@ SET = "pedersen_frank_2020"
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """The trials of one person by pair, from which values are learned; see ``pairs_of``.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the pairs.
-    pair, within : int array (trials,)
-        Index of the pair of each trial, and its number within the pair, from 0.
-    chosen : array (longest, pairs, 2)
-        1 for the chosen item of each trial of a pair; the better item is the second.
-    reward : array (longest, pairs)
-        Rewards, 0 after the last trial of a pair.
-    last_choice : array (trials,)
-        Last choice of the same pair: 1 or -1; 0 before the first.
-    """
+    """The trials of one person by pair, from which values are learned; see ``pairs_of``."""
 
     names: tuple[str, ...]
-    pair: Integers
-    within: Integers
-    chosen: Array
-    reward: Array
-    last_choice: Array
+    pair: Integers  # (trials,), index of the pair
+    within: Integers  # (trials,), number within the pair, from 0
+    chosen: Array  # (longest, pairs, 2), 1 if chosen; the better item is the second
+    reward: Array  # (longest, pairs), 0 after the last trial of a pair
+    last_choice: Array  # (trials,), last choice of the same pair: 1 or -1; 0 before the first
 
 
 @lru_cache(maxsize=256)
 def pairs_of(trials: Trials) -> Pairs:
-    """Return the trials of one person by pair.
+    """Return the trials of one person by pair, in the order of presentation.
 
-    Parameters
-    ----------
-    trials : Trials
-        In the order of presentation, with rewards and the condition "pair"; response 1 is the
-        better item of the pair.
-
-    Raises
-    ------
-    ValueError
-        For several people, no pairs or rewards, another code than 0 or 1, a time that is not above
-        0, or a pair with fewer than two trials.
+    They need rewards and the condition "pair"; response 1 is the better item. A pair with fewer
+    than two trials raises.
     """
     who, columns = trials.people(), trials.conditions
     require(len(who) == 1, "participant", "must be one person, who learns", ", ".join(who))
@@ -85,13 +62,7 @@ def pairs_of(trials: Trials) -> Pairs:
 def read_pairs(
     source: str | Path | pd.DataFrame = SET, *, conditions: Sequence[str] = ()
 ) -> Trials:
-    """Return the trials of people who learn pairs, read by ``read_trials``.
-
-    Raises
-    ------
-    ValueError
-        As for ``read_trials``, without rewards, and for trials that ``pairs_of`` refuses.
-    """
+    """Return the trials of people who learn pairs, checked by ``pairs_of``."""
     found = read_trials(source, conditions=["pair", *conditions])
     for each in found.by_participant().values():
         pairs_of(each)

@@ -18,27 +18,13 @@ Chooser = Callable[[Array, int], tuple[Integers, Array]]
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """Trials of several runs of one learner.
-
-    Parameters
-    ----------
-    draws : Draws
-        The bandits.
-    choice : int array (trials, runs)
-        Chosen arm, 0 or 1.
-    reward : array (trials, runs)
-        0 or 1.
-    difference : array (trials, runs)
-        Value of the better arm minus that of the worse one, before the choice.
-    time_ms : array (trials, runs)
-        Decision times; NaN if choices take no time.
-    """
+    """Trials of several runs of one learner, (trials, runs) each."""
 
     draws: Draws
-    choice: Integers
-    reward: Array
-    difference: Array
-    time_ms: Array
+    choice: Integers  # chosen arm, 0 or 1
+    reward: Array  # 0 or 1
+    difference: Array  # value of the better arm minus the other, before the choice
+    time_ms: Array  # NaN if choices take no time
 
     @property
     def correct(self) -> Truths:
@@ -63,23 +49,8 @@ def play(
 ) -> Played:
     """Let several runs of a learner play a bandit.
 
-    Parameters
-    ----------
-    learner : Learner or str
-        A record with options, or a name in ``LEARNERS``.
-    bandit : Bandit
-        The bandit; its draws depend on the seed alone, so that learners can be compared in pairs.
-    trials, runs : int
-        Number of trials of each run, and of runs.
-    seed : int
-        Seed of bandits and choices.
-    chooser : function, optional
-        Makes the choices; by default they are drawn from the learner's probabilities.
-
-    Raises
-    ------
-    ValueError
-        For an unknown learner, or numbers that are not whole or too small.
+    The draws of the bandit depend on the seed alone, so that learners can be compared in pairs.
+    Without a chooser, choices are drawn from the learner's probabilities.
     """
     learner, draws = learner_of(learner), bandit.draw(trials, runs, seed)
     state, every = learner.start((runs,)), np.arange(runs)
@@ -103,11 +74,6 @@ def relative_regret(played: Played, reference: Played) -> tuple[float, float]:
     """Return mean regret over that of a reference on the same draws, and its standard error.
 
     The error is that of a ratio of means over paired runs (delta method).
-
-    Raises
-    ------
-    ValueError
-        If runs differ in number, or the reference has no regret.
     """
     own, other = played.regret, reference.regret
     same = "must have as many runs as the other"

@@ -24,21 +24,8 @@ def simulated(
 ) -> Trials:
     """Return the choices, times and rewards of simulated people, named by numbers from 0.
 
-    Parameters
-    ----------
-    model : ValueModel or str
-        A model with a learner.
-    values : dict of str to array (people,)
-        Their parameters.
-    trials : int
-        Number of trials of each of the three pairs, which take turns.
-    seed : int
-        Each person has a separate random stream.
-
-    Raises
-    ------
-    ValueError
-        If the model has no learner, or a parameter is missing.
+    ``values`` are their parameters, (people,) each. Three pairs of ``trials`` trials take turns.
+    Each person has a separate random stream.
     """
     model, trials = model_of(model), whole("trials", trials, 2)
     names = {each.name for each in model.parameters}

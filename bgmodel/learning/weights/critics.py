@@ -17,36 +17,16 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of every learner, as critics and rules see it.
+    """One trial of every learner, as critics and rules see it."""
 
-    Parameters
-    ----------
-    eligibility : array (runs, units)
-        Trace of the features up to the decision.
-    choice : int array (runs,)
-        Chosen hypothesis.
-    drive : array (runs, hypotheses), nats
-        Drive of each channel by the readings up to the decision, y.
-    posterior : array (runs, hypotheses)
-        softmax(y).
-    read_out : array (runs,)
-        Posterior of the choice as read from OUT, ``exp(-OUT_c)``, with its noise.
-    criterion : array (runs,)
-        Posterior at which the trial would stop.
-    reward : array (runs,)
-        Reward received; NaN without feedback.
-    surplus : array (runs, units)
-        Eligibility less its running mean.
-    """
-
-    eligibility: Array
-    choice: Integers
-    drive: Array
-    posterior: Array
-    read_out: Array
-    criterion: Array
-    reward: Array
-    surplus: Array
+    eligibility: Array  # (runs, units), trace of the features up to the decision
+    choice: Integers  # (runs,)
+    drive: Array  # (runs, hypotheses), nats, by the readings up to the decision, y
+    posterior: Array  # (runs, hypotheses), softmax(y)
+    read_out: Array  # (runs,), posterior of the choice by noisy OUT, exp(-OUT_c)
+    criterion: Array  # (runs,), posterior at which the trial would stop
+    reward: Array  # (runs,), NaN without feedback
+    surplus: Array  # (runs, units), eligibility less its running mean
 
     def of_choice(self, values: Array) -> Array:
         """Return the value of the chosen hypothesis (runs,) from (runs, hypotheses)."""

@@ -18,24 +18,12 @@ TIE = 1e-9
 
 @dataclass(frozen=True)
 class Trials:
-    """Trials of every run in one trial.
+    """Trials of every run in one trial."""
 
-    Parameters
-    ----------
-    last : int array (runs,)
-        Index of the last reading before the choice.
-    choice : int array (runs,)
-        Chosen hypothesis.
-    drive : array (runs, hypotheses), nats
-        Drive by the readings up to the last one.
-    read_out : array (runs,)
-        Posterior of the choice as read from OUT.
-    """
-
-    last: Integers
-    choice: Integers
-    drive: Array
-    read_out: Array
+    last: Integers  # (runs,), index of the last reading before the choice
+    choice: Integers  # (runs,)
+    drive: Array  # (runs, hypotheses), nats, by the readings up to the last one
+    read_out: Array  # (runs,), posterior of the choice as read from OUT
 
 
 class Decider(Protocol):
@@ -54,20 +42,10 @@ class Decider(Protocol):
     def choose(
         self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
     ) -> Trials:
-        """Choose in one trial of every run.
+        """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
 
-        Parameters
-        ----------
-        part : Features
-            One trial per run.
-        weights : array (runs, hypotheses, units)
-            Weights of each run.
-        criterion : array (runs,)
-            Posterior at which each run decides.
-        noise : array (runs, hypotheses + 1)
-            Standard normal numbers.
-        number : int
-            Number of the trial.
+        ``weights`` is (runs, hypotheses, units), ``criterion`` a posterior, (runs,), and ``noise``
+        standard normal, (runs, hypotheses + 1).
         """
         ...
 

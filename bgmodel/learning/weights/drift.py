@@ -20,27 +20,14 @@ class DriftingSensor:
     steps of 250 trials. The taps and their exact log-likelihoods stay the same, so that a learner
     that follows the drift loses nothing but the resolution of its units. Learning under a drift
     needs a constant step size, ``WeightLearner(half_trials=inf)``.
-
-    Parameters
-    ----------
-    pool : PooledFeatures
-        The taps, with their readings before the drift.
-    scale : float
-        Factor on readings after the drift; that of a difference of two angles, for which a shift
-        cancels.
-    shift_deg : float
-        Shift of readings after the drift, degrees.
-    begins : int
-        Trial from which readings change.
-    lasts : int
-        Number of trials over which they change; 0 is an abrupt change.
     """
 
     pool: PooledFeatures
+    # Factor after the drift, that of a difference of two angles too, in which a shift cancels.
     scale: float = 1.0
     shift_deg: float = 0.0
-    begins: int = 0
-    lasts: int = 0
+    begins: int = 0  # trial from which readings change
+    lasts: int = 0  # 0 is an abrupt change
 
     def __post_init__(self) -> None:
         require(isinstance(self.pool, PooledFeatures), "pool", "must be pooled taps", self.pool)

@@ -26,39 +26,15 @@ from circuits.errors import DataWarning, InputError, quiet, require
 
 @dataclass(frozen=True, repr=False)
 class Features(Facts):
-    """Activity of sensory units at every reading, with the truth.
+    """Activity of sensory units at every reading, with the truth."""
 
-    Parameters
-    ----------
-    values : array (trials, steps, units)
-        Activity of each unit at each reading, phi(x). After the last reading of a trial it is 0.
-    truth : int array (trials,)
-        Index of the true hypothesis of each trial.
-    names : tuple of str
-        Names of the hypotheses, two or more.
-    step_ms : float
-        Time between readings, ms.
-    lengths : int array (trials,), optional
-        Number of readings of each trial; all of them if omitted.
-    log_likelihood : array (trials, steps, hypotheses), nats, optional
-        Exact log-likelihoods of the same readings, for comparison; a learner never sees them.
-    removed : array (units,), optional
-        Mean activity that was subtracted from every reading; 0 if omitted.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, values are not finite, the truth is unknown or outside the
-        hypotheses, or readings after the last of a trial are not 0.
-    """
-
-    values: Reals
-    truth: Integers
+    values: Reals  # (trials, steps, units), phi(x); 0 after a trial's last reading
+    truth: Integers  # (trials,), index of the true hypothesis
     names: tuple[str, ...]
     step_ms: float = 50.0
-    lengths: Integers | None = None
-    log_likelihood: Reals | None = None
-    removed: Array | None = None
+    lengths: Integers | None = None  # (trials,), readings of each trial; all if None
+    log_likelihood: Reals | None = None  # (trials, steps, hypotheses), nats; learners never see it
+    removed: Array | None = None  # (units,), mean activity that was subtracted
 
     def __post_init__(self) -> None:
         values = reals("values", self.values)
@@ -198,16 +174,8 @@ def soft_histogram(
     """Return the activity of units with triangular tuning curves, (..., units).
 
     At most two neighbouring units are active at a time, and activities sum to 1. A reading beyond
-    the outer centres activates the outermost unit alone.
-
-    Parameters
-    ----------
-    reading : array (...)
-        Readings in any unit, such as decoded degrees.
-    centres : array (units,)
-        Preferred readings, increasing.
-    period : float, optional
-        Period of circular readings; the last unit is then a neighbour of the first.
+    the outer ``centres``, which increase, activates the outermost unit alone; with a ``period``,
+    the last unit is a neighbour of the first.
     """
     middle = np.asarray(centres, dtype=np.float64)
     x = np.asarray(reading, dtype=np.float64)
@@ -230,11 +198,7 @@ def soft_histogram(
 
 
 def even_centres(readings: Sequence[npt.ArrayLike], units: int) -> Array:
-    """Return centres such that each unit is active equally often, from readings of any kind.
-
-    They are quantiles of all readings, so that units are dense where readings are frequent
-    (Laughlin 1981).
-    """
+    """Return centres at which each unit is active equally often: quantiles (Laughlin 1981)."""
     every = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in readings])
     shares = (np.arange(whole("units", units, 2)) + 0.5) / units
     centres = np.quantile(every, shares)

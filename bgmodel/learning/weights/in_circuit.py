@@ -29,25 +29,14 @@ from circuits.errors import quiet, require
 class InCircuit:
     """A circuit that decides by its threshold, and whose confidence is read afterwards.
 
-    The drive of D1 and STN is the learned one. Runs of one trial are simulated side by side,
-    each with its own noise. OUT of the chosen channel is averaged over a window after the decision:
-    at the decision itself it equals the threshold, whatever the evidence.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit and its engine, any that has times.
-    criterion : float
-        Posterior at which it decides.
-    after_ms : float
-        Time from the decision to the reading of OUT, ms.
-    window_ms : float
-        Duration over which OUT is averaged, ms.
+    The drive of D1 and STN is the learned one. Runs of one trial are simulated side by side, each
+    with its own noise. OUT of the chosen channel is averaged over a window after the decision: at
+    the decision itself it equals the threshold, whatever the evidence.
     """
 
-    model: BasalGanglia
-    criterion: float = 0.85
-    after_ms: float = 40.0
+    model: BasalGanglia  # any engine that has times
+    criterion: float = 0.85  # posterior at which it decides
+    after_ms: float = 40.0  # from the decision to the reading of OUT
     window_ms: float = 40.0
 
     def __post_init__(self) -> None:
@@ -109,15 +98,7 @@ class InCircuit:
 def circuit_time_at_accuracy(model: BasalGanglia, evidence: Evidence, accuracy: float) -> float:
     """Return the mean decision time of a circuit at a proportion correct, ms.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit and its engine.
-    evidence : Evidence
-        Held-out readings with their truth, from learned weights or exact likelihoods.
-    accuracy : float
-        Proportion correct; the threshold is set accordingly. The result is NaN if it is not
-        reached at any threshold that the circuit can use.
+    The threshold is set accordingly; NaN if no threshold that the circuit can use reaches it.
     """
     truth = needed_truth(evidence)
     low = model.circuit.readable_nats[0]
@@ -133,16 +114,8 @@ def learn_weights_in_circuit(
 ) -> LearnedWeights:
     """Learn weights with a circuit in the loop, in several independent runs side by side.
 
-    Parameters
-    ----------
-    source : FeatureSource
-        Trials for learning.
-    decider : InCircuit
-        The circuit, its criterion, and when its confidence is read.
-    critic : Critic or str, optional
-        By default the posterior read from SNr, up to the highest that the circuit can express.
-    **options
-        As for ``learn_weights``.
+    The default critic is the posterior read from SNr, up to the highest that the circuit can
+    express; ``options`` are those of ``learn_weights``.
     """
     critic = ReadOutConfidence(decider.ceiling) if critic is None else critic
     return learn_weights(source, critic=critic, decider=decider, **options)

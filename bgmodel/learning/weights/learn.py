@@ -31,42 +31,11 @@ def learn_weights(
 ) -> LearnedWeights:
     """Learn weights from reward, in several independent runs side by side.
 
-    In each trial the weights turn features into drives, the decider turns these into a choice, and
-    the rule changes the weights by the reward less what the critic expected.
-
-    Parameters
-    ----------
-    source : FeatureSource or Features
-        Trials for learning.
-    seed : int
-        Seed of trials, noise and feedback.
-    rule : Rule or str
-        A name in ``RULES`` or a record with options.
-    critic : Critic or str, optional
-        A name in ``CRITICS`` or a record; by default that of the rule. "affine" knows the share of
-        valid feedback.
-    feedback : Feedback, optional
-        Rewards; by default 1 if the choice is right and 0 otherwise.
-    learner : WeightLearner, optional
-        Step size and number of trials.
-    decider : Decider, optional
-        By default ``FixedPoint()``, which stops at a posterior of 0.9.
-    runs : int
-        Number of independent runs.
-    name : object
-        Name of the random-number streams.
-
-    Raises
-    ------
-    ValueError
-        If a hypothesis is never true or a unit never active, if rewards are not 0 and 1 where a
-        rule or critic needs probabilities, or if weights do not stay finite.
-
-    Warns
-    -----
-    UserWarning
-        If feedback is unreliable and the critic assumes that it is valid, or if the criterion is
-        the critic and decisions overshoot it.
+    In each trial the weights turn features into drives, the decider (by default ``FixedPoint()``,
+    which stops at a posterior of 0.9) turns these into a choice, and the rule changes the weights
+    by the reward less what the critic expected. The critic "affine" knows the share of valid
+    feedback. Warns if the critic assumes valid feedback and it is not, or if the criterion is the
+    critic and decisions overshoot it; a unit that is never active raises.
     """
     rule = rule_of(rule)
     learner, decider = learner or WeightLearner(), decider or FixedPoint()

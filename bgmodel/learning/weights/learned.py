@@ -28,42 +28,22 @@ DRAWN = 1000
 
 @dataclass(frozen=True)
 class WeightCourse:
-    """The course of learning.
+    """The course of learning."""
 
-    Parameters
-    ----------
-    kept : int array (times,)
-        Numbers of trials after which weights were kept.
-    weights : array (runs, times, hypotheses, units)
-        These weights.
-    correct : bool array (runs, trials)
-        Whether choices were right.
-    readings : array (runs, trials)
-        Readings before the choice.
-    confidence : array (runs, trials)
-        Posterior of the choice according to the weights at that time.
-    final : array (runs, hypotheses, units)
-        Weights at the end, averaged over the learner's last trials.
-    """
-
-    kept: Integers
-    weights: Array
-    correct: Truths
-    readings: Array
-    confidence: Array
-    final: Array
+    kept: Integers  # (times,), trials after which weights were kept
+    weights: Array  # (runs, times, hypotheses, units)
+    correct: Truths  # (runs, trials)
+    readings: Array  # (runs, trials), before the choice
+    confidence: Array  # (runs, trials), posterior of the choice by the weights then
+    final: Array  # (runs, hypotheses, units), mean over the last trials
 
     def overconfidence(self, last: int | None = None) -> Array:
-        """Return by how much the log odds of the choices exceed those of being right, (runs,).
+        """Return by how much the log odds of the last choices exceed those of being right, (runs,).
 
-        It is the shift b in nats at which ``expit(logit P_c - b)`` has the proportion correct as
-        its mean: 0 if learners are calibrated. Unequal gains for positive and negative errors move
-        it to ``ln(gain_plus / gain_minus)``. Infinite where all choices were right, or wrong.
-
-        Parameters
-        ----------
-        last : int, optional
-            Number of last trials that count; half of them by default.
+        It is the shift b in nats, over the last trials (by default half of them), at which
+        ``expit(logit P_c - b)`` has the proportion correct as its mean: 0 if calibrated, infinite
+        where all choices were right, or wrong. Unequal gains for positive and negative errors move
+        it to ``ln(gain_plus / gain_minus)``.
         """
         trials = self.correct.shape[1]
         last = trials // 2 if last is None else whole("last", last, 1)
@@ -77,39 +57,19 @@ class WeightCourse:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Learned against exact log-likelihood ratios of single readings, one value per run.
+    """Learned against exact log-likelihood ratios of single readings, one value per run."""
 
-    Parameters
-    ----------
-    slope : array (runs,)
-        Nats of drive per nat of the exact ratios, by least squares; 1 is calibrated.
-    r : array (runs,)
-        Correlation with the exact ratios.
-    """
-
-    slope: Array
-    r: Array
+    slope: Array  # (runs,), nats per exact nat, least squares; 1 is calibrated
+    r: Array  # (runs,), correlation with the exact ratios
 
 
 @dataclass(frozen=True, repr=False)
 class LearnedWeights(Facts):
-    """Weights of several runs, from sensory units to channels.
+    """Weights of several runs, from sensory units to channels."""
 
-    Parameters
-    ----------
-    weights : array (runs, hypotheses, units)
-        Nats of evidence per unit of activity.
-    names : tuple of str
-        Names of the hypotheses.
-    gain : float
-        Nats of drive per nat of evidence while they were learned: a calibrated drive is
-        ``gain * weights @ phi``.
-    course : WeightCourse, optional
-        The course of learning.
-    """
-
-    weights: Array
+    weights: Array  # (runs, hypotheses, units), nats per unit of activity
     names: tuple[str, ...]
+    # Nats of drive per nat of evidence in learning: a calibrated drive is gain * weights @ phi.
     gain: float = 1.0
     course: WeightCourse | None = None
 
@@ -137,20 +97,7 @@ class LearnedWeights(Facts):
         return len(self.weights)
 
     def after(self, trials: int, averaged: float = 0.0) -> LearnedWeights:
-        """Return the weights after a number of trials.
-
-        Parameters
-        ----------
-        trials : int
-            Number of trials; the weights kept last within it are returned.
-        averaged : float
-            Share of these trials, the last ones, over whose kept weights the mean is taken.
-
-        Raises
-        ------
-        ValueError
-            If no weights were kept by then, or learning ended before.
-        """
+        """Return the weights kept last within some trials, or their mean over a last share."""
         course = self.course
         if course is None:
             raise InputError.of("trials", "must be one at which weights were kept", trials)
@@ -195,18 +142,9 @@ class LearnedWeights(Facts):
     ) -> Array:
         """Return mean decision times at equal accuracy relative to the exact likelihoods, (runs,).
 
-        Both are those of the MSPRT on the same held-out readings, with thresholds at which the
-        proportion correct is ``accuracy``. NaN if weights never reach it.
-
-        Parameters
-        ----------
-        features : Features
-            Held-out readings with exact likelihoods.
-        accuracy : float
-            Proportion correct.
-        stn : bool
-            Whether STN hears the learned drive too. False is the ablation in which D1 alone does, a
-            race of the drives; the exact likelihoods always drive both.
+        Both are those of the MSPRT on the same held-out readings; NaN if weights never reach the
+        accuracy. Without ``stn``, D1 alone hears the learned drive, so that drives race; the exact
+        likelihoods always drive both.
         """
         exact = time_at_accuracy(features.exact, accuracy)
         drives = [self.to_evidence(features, run) for run in range(self.runs)]
@@ -214,18 +152,9 @@ class LearnedWeights(Facts):
         return np.array(times) / exact
 
     def plot(self, features: Features, run: int = 0, ax: Axes | None = None) -> Figure:
-        """Draw learned against exact log-likelihoods of single held-out readings.
+        """Draw learned against exact log-likelihoods of held-out readings, ``DRAWN`` at most.
 
         Each hypothesis is compared with the mean over hypotheses.
-
-        Parameters
-        ----------
-        features : Features
-            Held-out readings with exact likelihoods; at most ``DRAWN`` of them are drawn.
-        run : int
-            Number of the run.
-        ax : Axes, optional
-            Axes to draw on; by default those of a new figure.
         """
         from bgmodel.plots import learned_ratios
 
@@ -253,21 +182,9 @@ class LearnedWeights(Facts):
 def counted_weights(features: Features, readings: int | None = None) -> LearnedWeights:
     """Return weights from counts with the truth known, for comparison with those from reward.
 
-    ``w_ik`` is the logarithm of the mean activity of unit k under hypothesis i, with half a unit
-    of activity added to each sum. This gives the log-likelihoods of a histogram, or of Poisson
-    cells whose mean summed activity is the same under all hypotheses.
-
-    Parameters
-    ----------
-    features : Features
-        Readings with their truth.
-    readings : int, optional
-        Number of readings that are counted; all of them by default.
-
-    Raises
-    ------
-    ValueError
-        If a hypothesis has no reading.
+    ``w_ik`` is the logarithm of the mean activity of unit k under hypothesis i, with half a unit of
+    activity added to each sum. This gives the log-likelihoods of a histogram, or of Poisson cells
+    whose mean summed activity is the same under all hypotheses.
     """
     raw = features.values if features.removed is None else features.values + features.removed
     read = np.arange(features.steps) < features.readings[:, None]
@@ -289,15 +206,7 @@ def counted_weights(features: Features, readings: int | None = None) -> LearnedW
 def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -> float:
     """Return the mean decision time of the MSPRT at a proportion correct, ms; NaN if not reached.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings of all trials, with the truth.
-    accuracy : float
-        Proportion correct.
-    stn : bool
-        Whether S, the sum over hypotheses that STN computes, is part of OUT. If not,
-        ``OUT_i = -y_i``, and drives race.
+    Without S, the sum over hypotheses that STN computes, ``OUT_i = -y_i``, and drives race.
     """
     # Leads of 0.001 to 20 nats over the others: weights that are not calibrated need a wide range.
     lead = np.geomspace(1e-3, 20.0, 300)

@@ -74,18 +74,8 @@ class Loop:
     def trial(self, criterion: Array | None = None) -> tuple[Trial, Truths, Array]:
         """Run one trial of every run, and learn from it.
 
-        Parameters
-        ----------
-        criterion : array (runs,), optional
-            Posterior at which each run decides; by default that of the decider.
-
-        Returns
-        -------
-        trial : Trial
-        correct : bool array (runs,)
-            Whether choices were right, whatever the feedback.
-        readings : array (runs,)
-            Number of readings before the choice.
+        ``criterion``, (runs,), replaces that of the decider. Returns also whether choices were
+        right, whatever the feedback, and the number of readings before them, (runs,) each.
         """
         at = self.number % BLOCK
         if at == 0:

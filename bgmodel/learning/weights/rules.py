@@ -37,14 +37,8 @@ class Rule:
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
         """Return the change of parameters for a step size of 1.
 
-        Parameters
-        ----------
-        parameters : array
-            As from ``start``.
-        trial : Trial
-            What was heard, chosen and received.
-        error : array (runs,)
-            Reward less the critic's expectation, times the gain for its sign; 0 without feedback.
+        ``error``, (runs,), is the reward less the critic's expectation, times the gain for its
+        sign; 0 without feedback.
         """
         raise NotImplementedError
 

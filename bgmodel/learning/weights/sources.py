@@ -27,32 +27,15 @@ def _shuffled_truth(trials: int, hypotheses: int, rng: np.random.Generator) -> I
 
 @dataclass(frozen=True)
 class PooledFeatures:
-    """All readings of some taps as features, from which trials are drawn with replacement.
+    """All readings of some taps as features, from which trials are drawn with replacement."""
 
-    Parameters
-    ----------
-    readings : tuple of arrays (readings,)
-        Readings under each hypothesis, degrees.
-    log_likelihood : tuple of arrays (readings, hypotheses), nats
-        Their log-likelihoods, fitted on other taps than those that are scored.
-    names : tuple of str
-        Names of the hypotheses.
-    centres : array (units,)
-        Preferred readings of the sensory units, degrees.
-    period : float, optional
-        Period of circular readings, degrees.
-    t_max : int
-        Readings in a trial.
-    step_ms : float
-        Time between readings, ms.
-    """
-
-    readings: tuple[Array, ...]
+    readings: tuple[Array, ...]  # per hypothesis (readings,), degrees
+    # Per hypothesis (readings, hypotheses), nats, fitted on other taps than are scored.
     log_likelihood: tuple[Array, ...]
     names: tuple[str, ...]
-    centres: Array
-    period: float | None = None
-    t_max: int = 40
+    centres: Array  # (units,), preferred readings, degrees
+    period: float | None = None  # of circular readings, degrees
+    t_max: int = 40  # readings in a trial
     step_ms: float = 50.0
 
     @cached_property
@@ -98,26 +81,8 @@ def tap_features(
     """Return the features of decoded taps for learning, and of other taps for scoring.
 
     A reading is a decoded angle, or a difference of two; units have triangular tuning curves over
-    it. Five of six folds of the taps are for learning; the exact likelihoods are fitted to them.
-
-    Parameters
-    ----------
-    taps : DataFrame
-        Decoded taps, as from ``bgmodel.tactile.source.held_out_taps``.
-    task : Task
-        The task, such as ``SameDifferent(period_mm=2)``.
-    units : int
-        Number of units.
-    fold : int
-        Fold that is scored, 0..5.
-    t_max : int
-        Readings in a trial.
-    step_ms : float
-        Time between readings, ms.
-
-    Returns
-    -------
-    learned, scored : PooledFeatures
+    it. Fold ``fold`` (0..5) is scored; the other five are for learning, and the exact likelihoods
+    are fitted to them.
     """
     likelihood = source(taps, task, fold=fold).likelihood
     pool = task.pool(taps)

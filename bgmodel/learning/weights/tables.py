@@ -19,26 +19,13 @@ PREFIX = "feature_"
 def features_from_table(
     table: pd.DataFrame, *, step_ms: float, hypotheses: Sequence[str] | None = None
 ) -> Features:
-    """Return the features of a user's table.
+    """Return the features of a user's table, one row per reading.
 
-    Parameters
-    ----------
-    table : DataFrame
-        One row per reading: ``trial``; ``step``, 0, 1, ... or 1, 2, ... in each trial; ``truth``,
-        the name of the true hypothesis; and two or more columns ``feature_<name>`` with the
-        activity of a sensory unit. If it has columns ``ll_<hypothesis>`` as well, these are the
-        exact log-likelihoods, for comparison.
-    step_ms : float
-        Time between readings, ms.
-    hypotheses : sequence of str, optional
-        Names of the hypotheses in the order of their channels; by default those of the ``ll_``
-        columns, or the names in ``truth``, sorted.
-
-    Raises
-    ------
-    ValueError
-        If columns are missing or hold anything but numbers, a truth is not among the hypotheses, a
-        hypothesis is never true, or a unit is never active.
+    Columns: ``trial``; ``step``, from 0 or 1 in each trial; ``truth``, a name; two or more
+    ``feature_<name>``, activities of units; and optionally ``ll_<hypothesis>``, exact
+    log-likelihoods for comparison. ``hypotheses`` are in the order of their channels, by default
+    that of the ``ll_`` columns, or the names in ``truth``, sorted. A unit that is never active
+    raises.
     """
     named = names_once(table.columns)
     units = [name for name in named if name.startswith(PREFIX) and name != PREFIX]

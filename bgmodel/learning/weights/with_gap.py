@@ -27,31 +27,16 @@ GAPS = 161
 
 @dataclass(frozen=True)
 class LearnedTogether:
-    """Weights and gaps of several runs.
+    """Weights and gaps of several runs."""
 
-    Parameters
-    ----------
-    weights : LearnedWeights
-        The weights, averaged over the last trials.
-    gap : Learned
-        The course of the gap; ``gap.learned`` holds the learned gaps (runs,), nats.
-    """
-
-    weights: LearnedWeights
-    gap: Learned
+    weights: LearnedWeights  # averaged over the last trials
+    gap: Learned  # gap.learned holds the learned gaps, (runs,), nats
 
     def regret(self, features: Features, xi: float) -> Array:
         """Return the excess cost over the exact optimum on held-out readings, relative, (runs,).
 
-        The cost is that of an error, ``xi``, times their share, plus the mean number of readings.
-        The optimum is the best of ``GAPS`` gaps with the exact likelihoods of the same readings.
-
-        Parameters
-        ----------
-        features : Features
-            Held-out readings of two hypotheses, with exact likelihoods.
-        xi : float
-            Cost of an error in readings.
+        The cost is ``xi`` times the share of errors plus the mean number of readings. The optimum
+        is the best of ``GAPS`` gaps with the exact likelihoods of the same readings.
         """
 
         def exact(gaps: Array) -> Array:
@@ -80,33 +65,11 @@ def learn_weights_and_gap(
     gap_learner: Learner | None = None,
     runs: int = 8,
 ) -> LearnedTogether:
-    """Learn weights and the gap from the same trials.
+    """Learn weights and the gap from the same trials of two hypotheses.
 
     Whether the choice was right teaches the weights; the reward ``r = xi W - T``, with W = -1 after
-    an error and 0 otherwise, teaches the gap by REINFORCE (Burguete et al. 2023). The gap of a
-    trial is that at which the fixed point stops.
-
-    Parameters
-    ----------
-    source : FeatureSource
-        Trials of two hypotheses.
-    xi : float
-        Cost of an error in readings.
-    start_separation : float
-        Initial gap, nats.
-    seed : int
-        Seed of trials and exploration.
-    rule, critic, runs :
-        As for ``learn_weights``.
-    learner : WeightLearner, optional
-        Step sizes of the weights; its number of trials is that of both.
-    policy, gap_learner :
-        Exploration and step sizes of the gap.
-
-    Raises
-    ------
-    ValueError
-        If there are not two hypotheses, or as for ``learn_weights`` and ``learn``.
+    an error and 0 otherwise, teaches the gap, nats, by REINFORCE (Burguete et al. 2023). The gap of
+    a trial is that at which the fixed point stops.
     """
     learner = learner or WeightLearner(trials=40_000)
     rule = rule_of(rule)
