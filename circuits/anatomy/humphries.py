@@ -68,9 +68,9 @@ class Target(NamedTuple):
 
     @property
     def closed_s(self) -> float:
-        """Fraction of a gate closed per proximal or somatic spike per second, s, scaled for GPe.
+        """Fraction of a gate closed per proximal or somatic spike per second, s.
 
-        GPe is the median over nuclei: 13.36 synapses of either kind.
+        Scaled for GPe, the median over nuclei: 13.36 synapses of either kind.
         """
         here = psp_area(PSP_MV, GABA_MS, self.cell.tau_ms) / self.cell.tau_ms
         of_gpe = psp_area(PSP_MV, GABA_MS, GPE.tau_ms) / GPE.tau_ms

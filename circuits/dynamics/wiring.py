@@ -112,7 +112,10 @@ class Wiring:
 
     @cached_property
     def tau_ms(self) -> Array:
-        """Time constant with which each block's rate follows its input, ms: filter or membrane."""
+        """Time constant with which each block's rate follows its input, ms: filter or membrane.
+
+        Raises InputError for a cell type without a single time constant.
+        """
         membrane = [row.cell.membrane_ms() for row in self.rows]
         return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
 

@@ -28,7 +28,7 @@ def rate_spectrum(
     """Return the one-sided power (F,), Hz^2/Hz, of a population's rate averaged over channels.
 
     Frequencies are at least 1e-3 Hz; the drive (channels,), nats, is constant, by default rest.
-    Raises InputError for a circuit with courses or an unstable fixed point, and where there is no
+    Raises ValueError for a circuit with courses or an unstable fixed point, and where there is no
     theory of its noise: see ``fluctuation.extra``.
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)

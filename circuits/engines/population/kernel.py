@@ -233,7 +233,7 @@ def _noise(found, state, values, counts, ticks):
     """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
 
     Except for the response to a constant, the output of a section (``filters.sampled``) is a
-    difference between ticks: its sum stays 0 in the long run even if the coefficients change.
+    difference between ticks, which sums to 0 in the long run even if the coefficients change.
     """
     _white(values, counts, ticks)
     _section(found, FOLLOWING, state, FIRST, values, ticks)
