@@ -30,32 +30,20 @@ if TYPE_CHECKING:
 class Activity:
     """The simulated activity of a circuit.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit that was simulated.
-    time_ms : array (ticks,)
-        Times of the samples, ms from the onset of evidence.
-    rates_hz : dict of arrays (trials, ticks, channels)
-        Rate of each population, Hz, that of its surviving cells, and 0 without any; spikes are
-        counted between consecutive samples. NaN after a trial was dropped; empty if the engine did
-        not record rates.
-    output_nats : array (trials, ticks, channels)
-        OUT: the read-out's rate, low-pass filtered and decoded. NaN after a trial was dropped.
-    engine : str
-        Name of the engine.
-    spikes : dict of DataFrame, optional
-        For each spiking population, one row per spike: trial, channel, neuron, time_ms.
-    about : dict
-        Seed, tick and other metadata to be stored with the data.
+    Samples of a trial are NaN after it was dropped.
     """
 
     circuit: CircuitTable
-    time_ms: Array
+    time_ms: Array  #: (ticks,) times of the samples, ms from the onset of evidence.
+    #: (trials, ticks, channels) of each population: those of its surviving cells, 0 without any;
+    #: spikes are counted between consecutive samples. Empty if the engine did not record rates.
     rates_hz: Mapping[str, npt.NDArray[np.floating]]
+    #: (trials, ticks, channels) OUT: the read-out's rate, low-pass filtered and decoded.
     output_nats: Array
-    engine: str
+    engine: str  #: Name of the engine.
+    #: For each spiking population, one row per spike: trial, channel, neuron, time_ms.
     spikes: dict[str, pd.DataFrame] | None = None
+    #: Seed, tick and other metadata to be stored with the data.
     about: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -128,26 +116,10 @@ class Activity:
     ) -> Figure:
         """Draw one trial: rates and recorded spikes of each nucleus, and OUT.
 
-        Parameters
-        ----------
-        trial : int
-            Index of the trial.
-        threshold : float, optional
-            Threshold on OUT, in its unit; the first crossing is marked.
-        smooth_ms : float
-            Standard deviation of the Gaussian kernel that smooths rates, ms; 0 draws them as
-            recorded. The read-out's OUT is never smoothed.
-
-        Returns
-        -------
-        Figure
-            A row per nucleus, a line per channel (a pooled nucleus is grey), and OUT below. If
-            spikes were recorded, rasters of up to 48 cells per nucleus on the left.
-
-        Raises
-        ------
-        ValueError
-            If no rates were recorded or the trial does not exist.
+        A row per nucleus, a line per channel (a pooled nucleus is grey), and OUT below. If spikes
+        were recorded, rasters of up to 48 cells per nucleus are on the left. The first crossing of
+        a threshold on OUT is marked. ``smooth_ms`` is the standard deviation of the Gaussian kernel
+        that smooths rates; 0 draws them as recorded. The read-out's OUT is never smoothed.
         """
         if not self.rates_hz:
             said = f"the {self.engine} engine recorded no rates: run it again with rates=True"
@@ -195,23 +167,12 @@ class Activity:
     def spectrum(
         self, name: str, *, from_ms: float = 0.0, segment_ms: float = 1000.0
     ) -> tuple[Array, Array]:
-        """Return the power spectrum of a population's rate (Welch 1967).
+        """Return the power spectrum of a population's rate, averaged over channels (Welch 1967).
 
-        Parameters
-        ----------
-        name : str
-            Name of the population; its channels are averaged first.
-        from_ms : float
-            Earlier samples are left out.
-        segment_ms : float
-            Segment length, ms; its inverse is the frequency resolution.
-
-        Returns
-        -------
-        frequency_hz : array (F,)
-        power : array (F,)
-            One-sided density, Hz^2 / Hz, averaged over trials and segments. For independent Poisson
-            cells it is twice the rate divided by their number.
+        The first array is the frequencies (F,), Hz, whose resolution is the inverse of
+        ``segment_ms``; the second the one-sided density (F,), Hz^2 / Hz, averaged over trials and
+        segments. For independent Poisson cells it is twice the rate divided by their number.
+        Samples before ``from_ms`` are left out.
         """
         # Importing scipy.signal takes half a second, so it is done only here.
         from scipy.signal import welch
@@ -230,13 +191,7 @@ class Activity:
         return frequency, power.mean(axis=0)
 
     def spike_table(self) -> pd.DataFrame:
-        """Return all recorded spikes, with columns population, trial, channel, neuron, time_ms.
-
-        Raises
-        ------
-        ValueError
-            If no spikes were recorded.
-        """
+        """Return all recorded spikes, with columns population, trial, channel, neuron, time_ms."""
         if not self.spikes:
             such = 'with a spiking engine, such as engine=Ensemble(spikes=("STN",))'
             said = f"the {self.engine} engine recorded no spikes: name the populations to record"
@@ -299,16 +254,7 @@ def spike_tables(
 ) -> dict[str, pd.DataFrame] | None:
     """Return spikes in the format of ``Activity.spikes``; None if ``names`` is empty.
 
-    Parameters
-    ----------
-    wiring : Wiring
-        The circuit as arrays.
-    names : sequence of str
-        The populations.
-    spikes : sequence of arrays (spikes, 3)
-        Block, cell and tick of each spike; one array per trial.
-    dt_ms : float
-        One tick.
+    ``spikes`` has an array (spikes, 3) per trial: block, cell and tick of each.
     """
     trial = np.repeat(np.arange(len(spikes)), [len(rows) for rows in spikes])
     block, neuron, tick = np.concatenate(spikes).T
@@ -363,15 +309,7 @@ def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
 
 
 def beyond_range(circuit: CircuitTable, drive: Array) -> str:
-    """Return a warning for a drive that leaves the circuit's range, or "" if it stays inside.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit.
-    drive : array (trials, steps, channels)
-        Drive, in the circuit's unit.
-    """
+    """Return a warning for a drive that leaves the circuit's range, or "" if it stays inside."""
     in_nats = circuit.unit == NATS
     found = (
         total_nats(circuit, drive)

@@ -38,14 +38,9 @@ def parsed_toml(text: str, file: str) -> dict[str, Any]:
 
 
 def check_types(row: Any, owner: str) -> None:
-    """Raise ValueError for a field of a dataclass whose value is not of the declared type.
+    """Raise InputError for a field of a dataclass whose value is not of the declared type.
 
-    Parameters
-    ----------
-    row : dataclass
-        Fields of type float, int, bool, str, tuples of numbers, or optional numbers are checked.
-    owner : str
-        Name of the row in the message.
+    Fields of type float, int, bool, str, tuples of numbers, or optional numbers are checked.
     """
     for field in fields(row):
         kind = _KINDS.get(str(field.type)) if field.init else None
@@ -64,17 +59,7 @@ def is_whole(value: Any) -> bool:
 
 
 def check_range(low: float, high: float, *, owner: str = "", **values: Any) -> None:
-    """Raise ValueError for a value that is not a finite number from low to high.
-
-    Parameters
-    ----------
-    low, high : float
-        Inclusive limits; may be infinite.
-    owner : str
-        Owner of the values, named first in the message.
-    **values
-        Values by field name.
-    """
+    """Raise InputError for a value that is not a finite number from low to high, inclusive."""
     must = f"must be within {low:g}..{high:g}"
     if math.isinf(high):
         must = "must be finite" if math.isinf(low) else f"must be >= {low:g} and finite"
@@ -127,21 +112,10 @@ def _are_numbers(values: Any) -> bool:
 
 
 def check_kind(kind: Any, base: type, what: str) -> str:
-    """Check a class before it is registered and return its name.
+    """Check that a class to be registered is a frozen dataclass of a base; return its name.
 
-    Parameters
-    ----------
-    kind : type
-        The class.
-    base : type
-        Required base class.
-    what : str
-        Kind of class for messages, as "an engine"; its last word is the field of errors.
-
-    Raises
-    ------
-    ValueError
-        If it is not a frozen dataclass derived from the base.
+    ``what`` is the kind of class for messages, as "an engine"; its last word is the field of
+    errors.
     """
     name, field = getattr(kind, "__name__", repr(kind)), what.split()[1]
     if not (isinstance(kind, type) and issubclass(kind, base)):

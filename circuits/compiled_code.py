@@ -77,17 +77,9 @@ def sources_hash(package: Path) -> str:
 def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -> Any:
     """Return a function that is compiled on its first call, or loaded from the cache folder.
 
-    The folder is ``NUMBA_CACHE_DIR`` if that is set, otherwise the user's cache folder. If it
-    is not writable, every process compiles again.
-
-    Parameters
-    ----------
-    function : callable
-        Python function.
-    sources : str
-        Hash of all sources used by the function, from ``sources_hash``.
-    **options
-        Options of ``numba.njit``.
+    The folder is ``NUMBA_CACHE_DIR`` if that is set, otherwise the user's cache folder. If it is
+    not writable, every process compiles again. ``sources`` is the hash of all sources used by the
+    function, from ``sources_hash``; the options are those of ``numba.njit``.
     """
     with _LOCK:
         before = numba.config.CACHE_DIR
@@ -120,11 +112,6 @@ def locked(path: Path) -> Iterator[None]:
 
     A thread holds no second lock: two threads could wait for each other. Without the lock, because
     the folder has none or the wait is too long, both processes do the work.
-
-    Parameters
-    ----------
-    path : Path
-        The lock's file, which is created.
     """
     if getattr(_THREAD, "locked", False):
         yield

@@ -21,18 +21,9 @@ FOR_READERS = ("cite", "cite_more", "published_hz")
 def differences(first: Circuit, second: Circuit) -> Edits:
     """Return edits of the first circuit that give the rows of the second.
 
-    Fields that change no run, such as citations, are left out.
-
-    Parameters
-    ----------
-    first, second : Circuit
-        Two circuits with the same number of alternatives.
-
-    Raises
-    ------
-    ValueError
-        If no edits do: rows are missing in the second, or the circuits differ in more than rows,
-        such as their input, unit or courses.
+    Fields that change no run, such as citations, are left out. Raises InputError if no edits do:
+    rows are missing in the second, or the circuits differ in more than rows, such as their input,
+    unit or courses.
     """
     edits = Edits(_lines(first, second))
     edited = first.edited(*edits)

@@ -158,8 +158,7 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
     """Return the way of each pathway between two boxes.
 
     Straight and short pathways choose first. Each takes the shortest way that passes through no
-    nucleus and keeps its distance from the others; where there is none, the one with the fewest
-    crossings.
+    nucleus and keeps its distance from the others, or the one with the fewest crossings.
     """
     names = {p.name for p in circuit.populations}
     ends = dict.fromkeys(
@@ -223,16 +222,9 @@ def draw(
 ) -> Figure:
     """Draw the circuit: arrows excite, bars inhibit, and width follows the weight.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        Silenced nuclei are grey and hatched, pathways through which nothing passes grey and dotted.
-        A share below a name is what a lesion leaves, per channel if channels differ.
-    ax : Axes, optional
-        Axes to draw on; by default those of a new figure.
-    reference : CircuitTable, optional
-        A circuit to compare with: a star marks nuclei and pathways that differ from it or are
-        new.
+    Silenced nuclei are grey and hatched, pathways through which nothing passes grey and dotted. A
+    share below a name is what a lesion leaves, per channel if channels differ. A star marks nuclei
+    and pathways that differ from the reference or are new.
     """
     figure, ax = one_panel(ax, (4.8, 4.0))
     names = {p.name for p in circuit.populations}

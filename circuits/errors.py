@@ -148,12 +148,7 @@ def collected(*kinds: type[BgmodelWarning]) -> Iterator[list[str]]:
     """Yield a list to which this package's warnings within the block are added, not issued.
 
     Other threads are not affected, also those that start within the block: a thread has a context
-    of its own. The block of a generator must not contain a ``yield``.
-
-    Parameters
-    ----------
-    kinds : BgmodelWarning classes
-        Categories that are collected; all by default.
+    of its own. The block of a generator must not contain a ``yield``. All kinds by default.
     """
     kept: list[str] = []
     token = _COLLECTING.set((*_COLLECTING.get(), (kinds or (BgmodelWarning,), kept)))

@@ -22,14 +22,7 @@ from circuits.compiled_code import cache_folder, locked
 def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
     """Return arrays made earlier under a key, or make and keep them.
 
-    Parameters
-    ----------
-    sources : str
-        Hash of all sources that the arrays depend on.
-    key : str
-        Everything else that they depend on.
-    make : callable
-        Function that makes them, called if they are not found.
+    ``sources`` is the hash of all sources that they depend on; the key is everything else.
     """
     if (path := _path(sources, "tables", key)) is None:
         return make()
@@ -43,31 +36,13 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
 
 
 def recall(sources: str, kind: str, key: str) -> Arrays | None:
-    """Return arrays stored by ``remember``, or None.
-
-    Parameters
-    ----------
-    sources, key : str
-        As for ``kept``.
-    kind : str
-        Name of their folder.
-    """
+    """Return arrays stored by ``remember`` in the folder ``kind``, or None."""
     path = _path(sources, kind, key)
     return None if path is None else _read(path)
 
 
 def remember(sources: str, kind: str, key: str, arrays: Arrays, *, most: int) -> None:
-    """Store arrays under a key, and forget the oldest of their kind.
-
-    Parameters
-    ----------
-    sources, kind, key : str
-        As for ``recall``.
-    arrays : dict of arrays
-        The arrays.
-    most : int
-        Largest number of files of this kind.
-    """
+    """Store arrays under a key, and forget all but the latest ``most`` of their kind."""
     if (path := _path(sources, kind, key)) is None:
         return
     _write(path, arrays)

@@ -45,25 +45,10 @@ def write_nwb(
 ) -> None:
     """Write trials: a unit per cell with its spike times, a time series per nucleus, a trial table.
 
-    Trials follow each other without the time at rest: each starts at the onset of its evidence.
-
-    Parameters
-    ----------
-    activity : Activity, or several
-        Results of one engine, circuit and clock; spikes are written if they were recorded.
-    path : path
-        Ends in .nwb; the file is written completely or not at all.
-    trials : sequence of int, optional
-        Indices of the trials, in order; by default all.
-    table : DataFrame, optional
-        Further columns of the trial table, such as decisions, one row for each trial written.
-
-    Raises
-    ------
-    ImportError
-        If pynwb is missing.
-    ValueError
-        If a trial does not exist, or the table has another number of rows.
+    Trials follow each other without the time at rest: each starts at the onset of its evidence. The
+    activity is of one engine, circuit and clock; ``trials`` are indices in order, by default all;
+    ``table`` has further columns of the trial table, such as decisions, one row for each trial
+    written. The .nwb file is written completely or not at all.
     """
     try:
         from pynwb import NWBHDF5IO, NWBFile

@@ -57,13 +57,7 @@ ROWS = 48
 
 
 def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Draw in the common style, whatever the user's settings are.
-
-    Raises
-    ------
-    ImportError
-        If Matplotlib is not installed.
-    """
+    """Draw in the common style, whatever the user's settings are."""
 
     @wraps(function)
     def inner(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -101,13 +95,7 @@ def panels(
 def one_panel(
     ax: Axes | None = None, size: tuple[float, float] = (4.8, 3.0)
 ) -> tuple[Figure, Axes]:
-    """Return the given Axes and their figure, or those of a new figure.
-
-    Raises
-    ------
-    ValueError
-        If something other than Axes is given.
-    """
+    """Return the given Axes and their figure, or those of a new figure."""
     from matplotlib.axes import Axes
 
     if ax is None:
@@ -194,16 +182,8 @@ def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line:
 def raster(ax: Axes, spikes: pd.DataFrame, *, channels: int, neurons: int, **dots: Any) -> Axes:
     """Draw the spikes of the first neurons of each channel, one row per neuron, channel 0 on top.
 
-    Parameters
-    ----------
-    ax : Axes
-        Dots are rasterized: many of them make a vector file large.
-    spikes : DataFrame
-        One row per spike: channel, neuron and time_ms.
-    channels, neurons : int
-        Number of channels, and of neurons shown of each.
-    **dots
-        Style of the dots.
+    ``spikes`` has channel, neuron and time_ms. Dots, whose style is ``dots``, are rasterized,
+    because many of them make a vector file large.
     """
     shown = spikes[spikes["neuron"] < neurons]
     for channel in range(channels):
@@ -245,22 +225,10 @@ def activity(
 ) -> Figure:
     """Draw one trial: rates of each nucleus, OUT, and a raster of its recorded spikes.
 
-    Parameters
-    ----------
-    time_ms : array (ticks,)
-        Times of the samples, ms from the onset of evidence.
-    rates_hz : mapping of arrays (ticks, channels)
-        The rates of each nucleus, Hz; a pooled nucleus has one channel.
-    output : array (ticks, channels)
-        OUT.
-    unit : str
-        Unit of OUT.
-    spikes : mapping of DataFrame, optional
-        Spikes of some nuclei: channel, neuron, time_ms.
-    threshold : float, optional
-        Threshold on OUT; its first crossing after the onset of evidence is marked.
-    smooth_ms : float
-        Standard deviation of the Gaussian kernel that smooths rates, ms; 0 draws them as recorded.
+    Times (ticks,) are from the onset of evidence; rates (ticks, channels) of each nucleus, a pooled
+    one with one channel; OUT (ticks, channels). Spikes have channel, neuron, time_ms. The first
+    crossing of a threshold on OUT after the onset is marked. ``smooth_ms`` is the standard
+    deviation of the Gaussian kernel that smooths rates; 0 draws them as recorded.
     """
     columns = 2 if spikes else 1
     count = len(rates_hz) + 1

@@ -23,12 +23,7 @@ ASSUMED = "assumed"
 def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
     """Return the populations as a table: one row per nucleus, units in the column names.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit.
-    resting : mapping
-        Resting rates by name, Hz, shown in the column ``rest_hz``.
+    The column ``rest_hz`` has the resting rates.
     """
     unit = circuit.unit.removesuffix("s")
     rows = [

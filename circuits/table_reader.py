@@ -25,19 +25,9 @@ NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if n
 
 
 def read(path: str | Path, channels: int | None = None) -> Circuit:
-    """Read a circuit from a file.
+    """Read a circuit from a file written by ``table_files.write`` or by hand.
 
-    Parameters
-    ----------
-    path : path
-        A file written by ``table_files.write`` or by hand.
-    channels : int, optional
-        Expected number of alternatives; if given, it must be that of the file.
-
-    Raises
-    ------
-    ValueError
-        Naming the file, the line, what was given and what is allowed.
+    If ``channels`` is given, it must be that of the file. Errors name the file and the line.
     """
     path = Path(path)
     try:

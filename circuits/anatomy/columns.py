@@ -12,22 +12,10 @@ NAMES: dict[type, tuple[str, ...]] = {Population: ("name",), Projection: ("sourc
 
 
 def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Row, ...]:
-    """Return the rows of a table in columns.
+    """Return the rows of a table in columns; each part has a header of field names, then its rows.
 
-    Parameters
-    ----------
-    kind : type
-        ``Population`` or ``Projection``.
-    *parts : tuples
-        The table, in one or more parts. The first entry of a part is its header, field names
-        separated by blanks; each other entry is a row of values. The first part contains all rows;
-        later parts contain only rows that differ from the defaults of their columns.
-
-    Raises
-    ------
-    ValueError
-        If a row does not have as many values as its header, a part does not begin with the
-        columns that identify a row, or a later part has a row that is missing from the first.
+    The first part contains all rows. Later parts contain only rows that differ from the defaults of
+    their columns, and begin with the columns that identify a row.
     """
     names = NAMES[kind]
     found: dict[tuple[Any, ...], dict[str, Any]] = {}

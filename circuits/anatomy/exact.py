@@ -31,19 +31,7 @@ def appendix_b(
 ) -> Circuit:
     """Return a member of the exact family with all pathways (Bogacz & Gurney 2007, appendix B).
 
-    Parameters
-    ----------
-    channels : int
-        Number of alternatives.
-    w_gpe_stn, w_gpe_snr : float
-        Magnitudes of GPe's weights, 0..1; they sum to 1.
-    w_d2_gpe, w_d1_snr : float
-        Magnitudes of the striatal weights; ``w_d1_snr = 1 + w_d2_gpe``.
-
-    Raises
-    ------
-    ValueError
-        If the weights violate either constraint.
+    Weights are magnitudes: those of GPe sum to 1, and ``w_d1_snr = 1 + w_d2_gpe``.
     """
     check_channels(channels)
     w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr

@@ -18,14 +18,8 @@ def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     Inputs are saliences, 0..1; the output of each channel (SNr and GPi) is a rate, 0..1. A channel
     is selected when its output falls below a threshold, in the same unit. Neither input nor output
     defines a posterior. The ramps' thresholds are negative biases here. Tau is 1/k of the authors'
-    code (ModelDB 83560; k = 25 per s); a SpineML port of the model uses 10 ms.
-
-    Parameters
-    ----------
-    channels : int
-        Number of alternatives; six in the paper.
-    dopamine : float
-        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
+    code (ModelDB 83560; k = 25 per s); a SpineML port uses 10 ms. The dopamine level is lambda,
+    0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
     """
     check_channels(channels)
     check_range(0, 1, dopamine=dopamine)

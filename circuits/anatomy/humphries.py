@@ -44,8 +44,8 @@ SNR = Lif(8,      1.909,    30,           0,        2,             24.34,   17.3
 def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
     """Return the area of a postsynaptic potential, mV ms, from its peak.
 
-    An exponential current charges a membrane. The authors look for the peak no later than one
-    membrane time constant after the spike; slow currents peak later.
+    The authors look for the peak no later than one membrane time constant after the spike; slow
+    currents peak later.
     """
     late_ms = log(synapse_ms / membrane_ms) / (1 / membrane_ms - 1 / synapse_ms)
     peak_ms = min(late_ms, membrane_ms)
@@ -54,22 +54,12 @@ def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
 
 
 class Target(NamedTuple):
-    """The target of a synapse: its cell and its inhibition at rest.
-
-    Parameters
-    ----------
-    cell : Lif
-        The target's cell.
-    intrinsic_mv : float
-        Potential without synaptic input: intrinsic current times resistance.
-    proximal_hz, somatic_hz : float
-        Spikes per second arriving at its proximal and somatic synapses at rest.
-    """
+    """The target of a synapse: its cell and its inhibition at rest."""
 
     cell: Lif
-    intrinsic_mv: float
-    proximal_hz: float = 0.0
-    somatic_hz: float = 0.0
+    intrinsic_mv: float  # potential without synaptic input: intrinsic current times resistance
+    proximal_hz: float = 0.0  # spikes per second arriving at proximal synapses at rest
+    somatic_hz: float = 0.0  # the same at somatic synapses
 
     @property
     def bias(self) -> float:
@@ -111,12 +101,12 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     """Return the spiking circuit of Humphries, Stewart & Gurney 2006.
 
     Saliences of 0 to 1 raise the rate of cortical Poisson spikes from 3 to 43 Hz; the output of
-    each channel is the rate of its 64 SNr cells, in units of 100 Hz. The authors call a channel
-    selected when that rate is below 5 Hz, 0.05 here. It is not a posterior. Cells, synapses,
-    delays, connections and intrinsic currents are those of the authors' code (ModelDB 83559);
-    weights follow from the peaks of its postsynaptic potentials. The 40 Hz per unit of salience and
-    the 50 ms read-out filter are assumed. The lines used by the ``rate`` and ``algebra`` engines
-    are fitted to single cells, so their resting rates differ from those of the spiking circuit.
+    each channel is the rate of its 64 SNr cells, in units of 100 Hz, not a posterior. The authors
+    call a channel selected when that rate is below 5 Hz, 0.05 here. Cells, synapses, delays,
+    connections and intrinsic currents are those of the authors' code (ModelDB 83559); weights
+    follow from the peaks of its postsynaptic potentials. The 40 Hz per unit of salience and the 50
+    ms read-out filter are assumed. The lines used by the ``rate`` and ``algebra`` engines are
+    fitted to single cells, so their resting rates differ from those of the spiking circuit.
 
     Shunting inhibition is linearised. In the original, inhibition near the soma injects a current
     that clamps the cell, which is additive and is kept, and closes two gates for all input that
@@ -126,14 +116,9 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     vary by the 10 % that the code gives tau and R. NMDA currents come from the mean over cells, as
     separate populations. Connections have a fixed in-degree and may include autapses.
 
-    Parameters
-    ----------
-    channels : int
-        Number of alternatives; three in the paper.
-    dopamine : float
-        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1, ``1 - lambda`` onto D2 and
-        ``1 - lambda / 4`` onto STN; those of D2 and STN onto GPe, and of GPe onto STN,
-        ``1 - lambda / 2``. ``Circuit.dopamine`` changes only cortical weights onto D1 and D2.
+    Dopamine is lambda, 0..1: cortical weights are ``1 + lambda`` onto D1, ``1 - lambda`` onto D2
+    and ``1 - lambda / 4`` onto STN; those of D2 and STN onto GPe, and of GPe onto STN, ``1 - lambda
+    / 2``. ``Circuit.dopamine`` changes only cortical weights onto D1 and D2.
     """
     check_channels(channels)
     check_range(0, 1, dopamine=dopamine)

@@ -22,24 +22,16 @@ HZ = 200.0  # maximal rates of 200 to 400 Hz at an input of 1.5
 def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     """Return the spiking circuit of Stewart, Choo & Eliasmith 2010, as ``nengo`` ships it.
 
-    Weights and thresholds are those of Gurney, Prescott & Redgrave 2001. All lags are synaptic,
-    2 ms from STN and 8 ms from GABAergic cells; the input has none. Inputs are saliences, 0..1; the
-    output of each channel is the value that SNr represents, near 0 if the channel is selected. The
-    authors' functions have no upper limit; their ensembles represent values up to 1.5. The output
-    is not a posterior.
+    Weights and thresholds are those of ``gpr``, as is dopamine. All lags are synaptic, 2 ms from
+    STN and 8 ms from GABAergic cells; the input has none. Inputs are saliences, 0..1; the output of
+    each channel is the value that SNr represents, near 0 if the channel is selected, not a
+    posterior. The authors' functions have no upper limit; their ensembles represent up to 1.5.
 
     Cell heterogeneity is left out: in the original, each nucleus has 100 leaky integrate-and-fire
     cells per channel with random thresholds and slopes, and decoders that combine them into the
-    line. Here the cells are identical and regular, as theirs are without noise, and each follows
-    the line itself: 200 Hz per unit, the mean of the authors' maximal rates divided by 1.5. There
-    are therefore no decoding errors. The 10 ms read-out filter is that of nengo's tests.
-
-    Parameters
-    ----------
-    channels : int
-        Number of alternatives.
-    dopamine : float
-        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
+    line. Here the cells are identical and regular, and each follows the line itself: 200 Hz per
+    unit, the mean of the authors' maximal rates divided by 1.5. There are therefore no decoding
+    errors. The 10 ms read-out filter is that of nengo's tests.
     """
     check_channels(channels)
     check_range(0, 1, dopamine=dopamine)

@@ -54,37 +54,21 @@ class AdEx(Cell):
     The paper's cell (table 1, divided by a leak of 30 nS; mV unchanged): ``AdEx(tau_ms=9.37,
     noise_mv=..., knee_mv=-50.4, sharpness_mv=2, peak_mv=20, reset_mv=-70.6, refractory_ms=0,
     rest_mv=-70.6, mv_per_nat=..., tau_w_ms=144, adaptation=4/30, jump_mv=2.68, leak_mv=-70.6)``.
-
-    Parameters
-    ----------
-    tau_ms, tau_w_ms, refractory_ms : float
-        Time constants of membrane and adaptation, and absolute refractory period, ms.
-    noise_mv : float
-        Standard deviation of the linear membrane, mV.
-    knee_mv, sharpness_mv : float
-        Onset of the upstroke (V_T) and its sharpness (Delta_T), mV.
-    peak_mv, reset_mv, leak_mv : float
-        Potential at which a spike is counted, reset potential, and the potential relative to which
-        adaptation is measured (E_L), mV.
-    rest_mv, mv_per_nat : float
-        Mean potential of the linear membrane at x = 0, and its slope.
-    adaptation, jump_mv : float
-        Steady-state W per mV of V, a / g_L; increment of W per spike, b / g_L, mV.
     """
 
     tau_ms: float
-    noise_mv: float
-    knee_mv: float
-    sharpness_mv: float
-    peak_mv: float
+    noise_mv: float  #: Standard deviation of the linear membrane.
+    knee_mv: float  #: Onset of the upstroke, V_T.
+    sharpness_mv: float  #: Sharpness of the upstroke, Delta_T.
+    peak_mv: float  #: Potential at which a spike is counted.
     reset_mv: float
     refractory_ms: float
-    rest_mv: float
+    rest_mv: float  #: Mean potential of the linear membrane at x = 0.
     mv_per_nat: float
-    tau_w_ms: float
-    adaptation: float
-    jump_mv: float
-    leak_mv: float
+    tau_w_ms: float  #: Time constant of adaptation.
+    adaptation: float  #: Steady-state W per mV of V, a / g_L.
+    jump_mv: float  #: Increment of W per spike, b / g_L.
+    leak_mv: float  #: Potential relative to which adaptation is measured, E_L.
     hears: ClassVar[str] = "nats"
     state: ClassVar[tuple[str, ...]] = ("v", "w", "wait")
     begin = staticmethod(_begin)

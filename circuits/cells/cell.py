@@ -51,21 +51,12 @@ class Line(NamedTuple):
 
 
 class Response(NamedTuple):
-    """Response of a cell to a small fluctuation of its input; each field broadcasts to (S, F).
+    """Response of a cell to a small fluctuation of its input; each field broadcasts to (S, F)."""
 
-    Parameters
-    ----------
-    gain : array, Hz/nat
-        Modulation of the rate per nat of modulation; complex if it lags.
-    bend : array, Hz/nat^2
-        Change of the mean rate per unit of input variance at this frequency.
-    spectrum : array, Hz
-        Two-sided power of a cell's spikes without fluctuations.
-    """
-
+    # Hz/nat: modulation of the rate per nat of modulation; complex if it lags
     gain: npt.NDArray[Any]
-    bend: Array
-    spectrum: Array
+    bend: Array  # Hz/nat^2: change of the mean rate per unit of input variance
+    spectrum: Array  # Hz: two-sided power of a cell's spikes without fluctuations
 
 
 class BrianText(NamedTuple):
@@ -124,10 +115,7 @@ class Cell:
     # ---- laws
 
     def membrane_ms(self) -> float:
-        """Return the time constant with which the rate follows its input, for rates and stability.
-
-        It is 0 for cells that hear a rate.
-        """
+        """Return the time constant with which the rate follows its input; 0 if it hears a rate."""
         if self.hears == "hz":
             return 0.0
         return self.lacks("membrane_ms", "the rate engine (and stability)")
@@ -143,10 +131,7 @@ class Cell:
         return self.lacks("response", 'laws="finite"')
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
-        """Return the cell with factors (3,) on its constants, and a factor on its rate.
-
-        For heterogeneous populations; the factors are those that ``constants`` takes.
-        """
+        """Return the cell with the factors (3,) of ``constants``, and a factor on its rate."""
         return self.lacks("varied", "the population engine, where cells differ,")
 
     # ---- spikes
@@ -226,14 +211,7 @@ def check_constants(cell: Cell, *above_0: str) -> None:
 
 
 def constant_names(kind: type[Cell]) -> tuple[str, ...]:
-    """Return the names of a type's constants, in the order in which its functions take them.
-
-    Raises
-    ------
-    ValueError
-        If the type lacks ``begin`` or ``tick``, they take other arguments, or the number of their
-        results does not match the type's state variables.
-    """
+    """Return the names of a type's constants, in the order in which its functions take them."""
     blank, name = object.__new__(kind), kind.__name__
     begin = blank.begin or blank.lacks("begin", "engines that spike")
     tick = blank.tick or blank.lacks("tick", "engines that spike")
@@ -272,10 +250,7 @@ def _bare_numbers(function: Callable[..., Any]) -> list[float]:
 def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
     """Return a cell's constants in the order in which ``begin`` and ``tick`` take them.
 
-    Raises
-    ------
-    ValueError
-        If the names do not match, or a constant is not in single precision or not finite.
+    Raises InputError for names that do not match, or values not finite or not in single precision.
     """
     name, found = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))

@@ -58,18 +58,8 @@ class Lif(Membrane, Cell):
 
     ``tau dV/dt = rest_mv + mv_per_nat x - V + noise_mv sqrt(2 tau) xi``. The threshold is lowered
     by the overshoot of a sampled path (Broadie, Glasserman & Kou 1997), so that the rate equals
-    that in continuous time to first order in the tick.
-
-    Parameters
-    ----------
-    tau_ms, refractory_ms : float
-        Membrane time constant and absolute refractory period, ms.
-    noise_mv : float
-        Standard deviation of the membrane without a threshold, mV.
-    threshold_mv, reset_mv : float
-        mV above the reference.
-    rest_mv, mv_per_nat : float
-        Mean potential at x = 0, and its slope; ``membrane.fit_current`` fits both to a line.
+    that in continuous time to first order in the tick. ``membrane.fit_current`` fits both
+    ``rest_mv``, the mean potential at x = 0, and its slope ``mv_per_nat`` to a line.
     """
 
     rest_mv: float
@@ -104,12 +94,8 @@ class Lif(Membrane, Cell):
     def sampled_threshold_mv(self, dt_ms: float, tau: Any = 1.0, height: Any = 1.0) -> Any:
         """Return the threshold for a path sampled every dt, mV.
 
-        Parameters
-        ----------
-        dt_ms : float
-            One tick, ms.
-        tau, height : float or arrays (neurons,)
-            Factors per cell on the time constant and on the distance from reset to threshold.
+        ``tau`` and ``height`` (neurons,) are factors on the time constant and on the distance from
+        reset to threshold.
         """
         way = (self.threshold_mv - self.reset_mv) * height
         return self.reset_mv + way - OVERSHOOT * self.step_mv(dt_ms, tau)

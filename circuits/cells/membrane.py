@@ -14,20 +14,10 @@ from circuits.errors import InputError
 
 @dataclass(frozen=True)
 class Membrane:
-    """A leaky membrane with white noise, a threshold and a reset, in mV above a reference.
-
-    Parameters
-    ----------
-    tau_ms, refractory_ms : float
-        Membrane time constant and absolute refractory period, ms.
-    noise_mv : float
-        Standard deviation of the membrane without a threshold, mV.
-    threshold_mv, reset_mv : float
-        mV above the reference.
-    """
+    """A leaky membrane with white noise, a threshold and a reset, in mV above a reference."""
 
     tau_ms: float
-    noise_mv: float
+    noise_mv: float  #: Standard deviation of the membrane without a threshold.
     threshold_mv: float
     reset_mv: float
     refractory_ms: float
@@ -41,20 +31,11 @@ def _legendre() -> tuple[Array, Array]:
 
 
 def lif_rate_hz(cell: Membrane, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return the stationary rate of a leaky integrate-and-fire cell with white noise, Hz.
+    """Return the stationary rate, Hz, of a leaky integrate-and-fire cell with white noise.
 
-    Parameters
-    ----------
-    cell : Membrane
-        Its constants.
-    mean_mv : array
-        Mean potential without a threshold, mV.
-
-    Notes
-    -----
-    The mean first-passage time of Siegert 1951, as in Ricciardi & Sacerdote 1979:
-    ``1/r = refractory + tau sqrt(pi) int exp(u^2)(1 + erf u) du`` from ``(reset - mean)`` to
-    ``(threshold - mean)``, both over ``sqrt 2 noise_mv``.
+    ``mean_mv`` is the mean potential without a threshold. The mean first-passage time of Siegert
+    1951, as in Ricciardi & Sacerdote 1979: ``1/r = refractory + tau sqrt(pi) int exp(u^2)(1 + erf
+    u) du`` from ``(reset - mean)`` to ``(threshold - mean)``, both over ``sqrt 2 noise_mv``.
     """
     from scipy.special import erfcx
 
@@ -86,14 +67,8 @@ def fit_current(
 ) -> tuple[float, float]:
     """Return the (rest_mv, mv_per_nat) with which the cell's f-I curve best follows a line.
 
-    Parameters
-    ----------
-    cell : Membrane
-        Its constants; the rest_mv and mv_per_nat of a Lif cell are not used.
-    baseline_hz, gain_hz_per_nat : float
-        The wanted line ``baseline_hz + gain_hz_per_nat * x``.
-    range_hz : (low, high)
-        Range of rates of the fit, which is by least squares of the mean potential.
+    The line is ``baseline_hz + gain_hz_per_nat * x``; the fit is by least squares of the mean
+    potential over a range of rates. The rest_mv and mv_per_nat of a Lif cell are not used.
     """
     rates = np.linspace(*range_hz, 41)
     means = [lif_mean_mv(cell, rate) for rate in rates]

@@ -34,14 +34,9 @@ def _tick(heard: Any, ones: Any, phi: Any, noise_step: Any, factor: Any) -> tupl
 class Phase(Cell):
     """A phase that diffuses: ``dphi = r dt + cv sqrt(r) dW``, a spike at every whole phi.
 
-    Interspike intervals are inverse Gaussian with mean 1/r and coefficient of variation cv; the
-    rate is exact. Pacemakers have cv well below 1, cortical cells about 0.5; with cv = 1 counts
+    Interspike intervals are inverse Gaussian with mean 1/r and coefficient of variation cv, 0..1;
+    the rate is exact. Pacemakers have cv well below 1, cortical cells about 0.5; with cv = 1 counts
     are nearly Poisson over times longer than an interval.
-
-    Parameters
-    ----------
-    cv : float
-        Coefficient of variation of the intervals, 0..1.
     """
 
     cv: float
@@ -63,10 +58,7 @@ class Phase(Cell):
         check_range(0, 1, cv=self.cv)
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the noise per bit over the root of a tick's mean advance, and the rate factor.
-
-        The first of the factors acts on the rate.
-        """
+        """Return the noise per bit over the root of a tick's mean advance, and the rate factor."""
         noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
         return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 

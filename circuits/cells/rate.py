@@ -15,14 +15,9 @@ from circuits.checks import check_types
 @register
 @dataclass(frozen=True)
 class Rate(Cell):
-    """A noiseless unit that transmits the rate of its line.
+    """A noiseless unit that transmits the rate of its line."""
 
-    Parameters
-    ----------
-    signed : bool
-        Whether the rate is a difference from a tonic level, which may be negative.
-    """
-
+    #: Whether the rate is a difference from a tonic level, which may be negative.
     signed: bool = False
     spikes: ClassVar[bool] = False
     of_rates: ClassVar[tuple[str, ...]] = ("signed",)

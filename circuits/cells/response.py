@@ -25,42 +25,22 @@ DEEPEST = 9.0
 
 
 class LifResponse(NamedTuple):
-    """Response of a cell to a small fluctuation of its mean potential, (..., frequencies).
+    """Response of a cell to a small fluctuation of its mean potential, (..., frequencies)."""
 
-    Parameters
-    ----------
-    gain : complex array, Hz/mV
-        Modulation of the rate per mV of modulation.
-    bend : array, Hz/mV^2
-        Change of the mean rate per unit of input variance at this frequency.
-    spectrum : array, Hz
-        Two-sided power of the spike train without fluctuations.
-    """
-
-    gain: Complex
-    bend: Array
-    spectrum: Array
+    gain: Complex  # Hz/mV: modulation of the rate per mV of modulation
+    bend: Array  # Hz/mV^2: change of the mean rate per unit of input variance
+    spectrum: Array  # Hz: two-sided power of the spikes without fluctuations
 
 
 def lif_response(
     cell: Membrane, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike
 ) -> LifResponse:
-    """Return the response of a leaky integrate-and-fire cell about its mean potentials.
+    """Return the response of a leaky integrate-and-fire cell about its mean potentials (S,), mV.
 
-    Parameters
-    ----------
-    cell : Membrane
-        Its constants.
-    mean_mv : array (S,)
-        Mean potentials without a threshold, mV.
-    frequency_hz : array (F,)
-        At least 1e-3; below, the spectrum is lost to cancellation.
-
-    Notes
-    -----
     The density is discretised on nodes (Scharfetter & Gummel 1969); the flux through the threshold
     re-enters at the reset one refractory period later. A modulated mean acts on the stationary
-    density and, at second order and frequency 0, on the first-order density.
+    density and, at second order and frequency 0, on the first-order density. Frequencies (F,) are
+    at least 1e-3 Hz; below, the spectrum is lost to cancellation.
     """
     mean = np.maximum(mean_mv, cell.threshold_mv - DEEPEST * cell.noise_mv)[:, None]
     density = _Density(cell, mean)

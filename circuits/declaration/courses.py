@@ -29,33 +29,19 @@ class Course:
     Time 0 is the onset of the drive; courses do not act before it, while the circuit settles. A
     course rises towards its amount from ``from_ms`` on, and decays from the value it has reached at
     ``to_ms``. Courses of the same quantity add up.
-
-    Parameters
-    ----------
-    what : str
-        "dopamine", the name of a population, or one channel of it, "D2[0]".
-    amount : float
-        Added to the dopamine level, which is normally 1; or nats added to the input of that
-        channel, or of every channel of the population, before its filter.
-    from_ms, to_ms : float
-        Start and end, ms; without an end it lasts until the trial is over.
-    rise_ms, decay_ms : float
-        Time constants of rise and decay, ms; 0 is a step.
-    rate_hz, pulse_ms : float
-        A train of rectangular pulses, the first at ``from_ms``: their rate, and the width of each.
-        By default there is one lasting change.
-    cite : str
-        Source of the numbers.
     """
 
-    what: str
+    what: str  #: "dopamine", the name of a population, or one channel of it, "D2[0]".
+    #: Added to the dopamine level, which is normally 1; or nats added to the input of that channel,
+    #: or of every channel of the population, before its filter.
     amount: float
     from_ms: float = 0.0
-    to_ms: float = math.inf
-    rise_ms: float = 0.0
-    decay_ms: float = 0.0
+    to_ms: float = math.inf  #: Without an end it lasts until the trial is over.
+    rise_ms: float = 0.0  #: Time constant of the rise; 0 is a step.
+    decay_ms: float = 0.0  #: Time constant of the decay; 0 is a step.
+    #: Rate of a train of rectangular pulses, the first at ``from_ms``; 0 is one lasting change.
     rate_hz: float = 0.0
-    pulse_ms: float = 0.0
+    pulse_ms: float = 0.0  #: Width of each pulse.
     cite: str = ""
 
     def __post_init__(self) -> None:
@@ -163,15 +149,7 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
 
 
 def warn_of_late(courses: Sequence[Course], end_ms: float) -> None:
-    """Warn of courses that begin after the end of all trials.
-
-    Parameters
-    ----------
-    courses : sequence of Course
-        The courses of a circuit.
-    end_ms : float
-        End of the longest trial, ms from the onset of the drive.
-    """
+    """Warn of courses that begin after the longest trial, which ends ``end_ms`` after the onset."""
     late = [row.name for row in courses if row.from_ms >= end_ms]
     if late:
         EditWarning.warn(

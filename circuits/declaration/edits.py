@@ -155,29 +155,15 @@ AMOUNT = "amount"
 
 @dataclass(frozen=True)
 class Edit:
-    """One edit.
+    """One edit."""
 
-    Parameters
-    ----------
-    text : str
-        The original line.
-    verb : str
-        A key of ``VERBS``.
-    row : str
-        The nucleus or the pathway (``STN->SNr NMDA`` with its receptor); empty for some verbs.
-    field : str
-        The field to set.
-    channel : int, optional
-        The channel to edit; by default all.
-    value : float or str
-        The number in the line; or, as text, the new value of a field, or a new row.
-    """
-
-    text: str
-    verb: str
+    text: str  # the original line
+    verb: str  # a key of ``VERBS``
+    # the nucleus or the pathway (``STN->SNr NMDA`` with its receptor); empty for some verbs
     row: str = ""
-    field: str = ""
-    channel: int | None = None
+    field: str = ""  # the field to set
+    channel: int | None = None  # None: all
+    # the number in the line; or, as text, the new value of a field, or a new row
     value: float | str = ""
 
     @property
@@ -297,18 +283,9 @@ class Edits(tuple[str, ...]):
     def replacing(self, lines: Iterable[str], without: Iterable[str] = ()) -> Edits:
         """Return the edits with further ones, which replace edits of the same target.
 
-        Parameters
-        ----------
-        lines : iterable of str
-            Further edits.
-        without : iterable of str
-            Edits to leave out, regardless of their value.
-
-        Raises
-        ------
-        ValueError
-            If two edits change the same number, or one adds a course to a nucleus that already has
-            one, because it is unclear whether to replace the existing course.
+        ``without`` leaves out edits regardless of their value. InputError also if a line adds a
+        course to a nucleus that already has one, because it is unclear whether to replace the
+        existing course.
         """
         new = {edit.place: edit for edit in map(parsed, Edits(lines))}
         left_out = {parsed(line).place for line in without}
@@ -336,13 +313,7 @@ def overlapping(one: Edit, other: Edit) -> ValueError:
 
 
 def parsed(line: str) -> Edit:
-    """Parse a line as an edit.
-
-    Raises
-    ------
-    ValueError
-        If it is not an edit; the message names the line, what is allowed and an example.
-    """
+    """Parse a line as an edit."""
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
         said = f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}"

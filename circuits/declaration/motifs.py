@@ -28,17 +28,8 @@ def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
 
     At rest they fire at their baseline, the middle of the macaque's published range (8 to 14 Hz),
     so that adding them leaves all other resting rates unchanged. The FSI of a channel receive its
-    cortical input and inhibit D1 and D2 of all channels equally, which removes common input.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        A circuit in nats with cortex ("ctx", its input), D1 and D2.
-
-    Raises
-    ------
-    ValueError
-        If the circuit's unit is not nats, in which the pathway weights are given.
+    cortical input ("ctx") and inhibit D1 and D2 of all channels equally, which removes common
+    input. The circuit's unit must be nats, in which the pathway weights are given.
     """
     circuit.check_nats("striatal_FSI, whose weights are nats,")
     cells = Population(

@@ -63,13 +63,7 @@ class Network(Mapping[str, "Population | Projection"]):
         _check_counts(p, channels, "factors", "intact_by_channel")
 
     def population(self, name: str) -> Population:
-        """Return a row by name.
-
-        Raises
-        ------
-        ValueError
-            If the name is unknown; the message lists the known names.
-        """
+        """Return a row by name."""
         if not isinstance(name, str) or name not in self._known:
             said = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
             raise InputError(said, "nucleus", name)

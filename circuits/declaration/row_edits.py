@@ -52,22 +52,7 @@ OF_COURSES = ("amount", "from_ms", "to_ms", "rise_ms", "decay_ms")
 
 
 def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited:
-    """Return a row, or a cell, with some of its fields changed.
-
-    Parameters
-    ----------
-    row : Population, Projection or Cell
-        The row or cell to change.
-    values : mapping
-        New values by field.
-    owner : str
-        Its name in messages.
-
-    Raises
-    ------
-    ValueError
-        For an unknown field (the message lists the known ones), or an invalid value.
-    """
+    """Return a row, or a cell, with some fields changed; ``owner`` is its name in messages."""
     cell = type(row.cell) if isinstance(row, Population) else None
     _check_names(values, _names(type(row)), owner, _names(type(row), cell))
     new: Edited = _made(type(row), row, values, owner)
@@ -78,11 +63,6 @@ def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> dict[str, Row]
     """Return the rows changed by edits that set fields, by their names before the edits.
 
     All fields of a row are set together, so their order does not matter.
-
-    Raises
-    ------
-    ValueError
-        If an edit is invalid; the message names it and what is allowed.
     """
     by_row: dict[str, list[Edit]] = {}
     for edit in edits:
@@ -102,11 +82,6 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
 
     A row given as text may be like an existing row or another new row, in any order. A population
     like a lesioned one is itself intact. The name of a motif adds all of its rows.
-
-    Raises
-    ------
-    ValueError
-        If a row is invalid; the message names it and what is allowed.
     """
     given = list(expanded(circuit, rows))
     known: dict[str, Row] = {row.name: row for row in circuit.populations}

@@ -59,67 +59,38 @@ PATTERNS: dict[str, Callable[[int, int], npt.NDArray[np.float64]]] = {
 class Population:
     """A nucleus, or a functionally distinct part of one.
 
-    Parameters
-    ----------
-    name : str
-        Standard abbreviation.
-    cell : Cell
-        Cell type with its constants.
-    baseline_hz, gain_hz_per_nat : float
-        The rate is ``baseline_hz + gain_hz_per_nat * a`` if the activity is a, in nats. The
-        baseline is between 0 and ``MOST_HZ``; it may be negative only if the cell's rate may be.
-    transmitter : str
-        "glutamate" or "GABA"; sets the sign of all outgoing projections.
-    neurons : int
-        Cells per channel.
-    pooled : bool
-        Whether one channel serves all alternatives.
-    transfer : str
-        Name of the function that gives the activity for an input, both in nats.
-    bias_nats : float
-        Constant input.
-    tau_ms : float
-        Time constant of the input filter, ms; cells with ``hears = "nats"`` filter in the membrane.
-    receptor : str
-        "D1" or "D2" if dopamine acting on the cells raises or lowers the cortical gain.
-    operating_point_nats : float
-        Cortical input at which dopamine has no effect: it scales deviations from this input.
-    heterogeneity : float
-        Standard deviation of the constants across cells, as a fraction of each; the mean over a
-        channel equals the row's value.
-    intact, clamped : float, bool
-        Fraction that survives a lesion, and whether the targets receive a constant, the resting
-        rate, in place of the lost output.
-    intact_by_channel : tuple of float
-        Factors on ``intact`` in each channel; empty means 1 in all.
-    cite : str
-        Source of the numbers.
-    published_hz : tuple of float
-        Lowest and highest published resting rate of the nucleus, Hz; empty if unknown. For
-        display only: it affects neither the simulation nor the circuit's hash.
-    cite_more : str
-        Source of numbers that ``cite`` does not name; for display only, as ``published_hz``.
+    Its rate is ``baseline_hz + gain_hz_per_nat * a`` if the activity is a, in nats.
     """
 
-    name: str
+    name: str  #: Standard abbreviation.
     cell: Cell
-    baseline_hz: float = 0.0
+    baseline_hz: float = 0.0  #: From 0 to ``MOST_HZ``; negative only if the cell's rate may be.
     gain_hz_per_nat: float = 1.0
-    transmitter: str = GLUTAMATE
-    neurons: int = 1
-    pooled: bool = False
+    transmitter: str = GLUTAMATE  #: "glutamate" or "GABA": the sign of all outgoing projections.
+    neurons: int = 1  #: Cells per channel.
+    pooled: bool = False  #: Whether one channel serves all alternatives.
+    #: Name of the function that gives the activity for an input, both in nats.
     transfer: str = "linear"
-    bias_nats: float = 0.0
+    bias_nats: float = 0.0  #: Constant input.
+    #: Time constant of the input filter; cells with ``hears = "nats"`` filter in the membrane.
     tau_ms: float = 0.0
+    #: "D1" or "D2" if dopamine acting on the cells raises or lowers the cortical gain.
     receptor: str = ""
+    #: Cortical input at which dopamine has no effect: it scales deviations from this input.
     operating_point_nats: float = 0.0
+    #: Standard deviation of the constants across cells, as a fraction of each; the mean over a
+    #: channel equals the row's value.
     heterogeneity: float = 0.0
-    intact: float = 1.0
+    intact: float = 1.0  #: Fraction that survives a lesion.
+    #: Whether the targets receive a constant, the resting rate, in place of the lost output.
     clamped: bool = False
+    #: Factors on ``intact`` in each channel; empty means 1 in all.
     intact_by_channel: tuple[float, ...] = ()
-    cite: str = ""
+    cite: str = ""  #: Source of the numbers.
+    #: Lowest and highest published resting rate; empty if unknown. For display only: it affects
+    #: neither the simulation nor the circuit's hash.
     published_hz: tuple[float, ...] = ()
-    cite_more: str = ""
+    cite_more: str = ""  #: Source of numbers that ``cite`` does not name; for display only.
 
     def __post_init__(self) -> None:
         _check_name(self.name)
@@ -163,59 +134,34 @@ class Population:
 
 @dataclass(frozen=True)
 class Projection:
-    """A pathway, which adds the source's activity to the target's input.
-
-    Parameters
-    ----------
-    source, target : str
-        Names of populations.
-    weight : float
-        Input to the target, nats, per unit of (transformed) source activity; negative from GABA.
-    pattern : str
-        Connectivity of channels: a name in ``PATTERNS``.
-    delay_ms, tau_ms : float
-        Conduction delay and synaptic time constant, ms.
-    probability : float
-        Fraction of the source's cells that project to a target cell, with fixed in-degree.
-    factors : tuple of float
-        Factors on the weight in each target channel; empty means 1 in all.
-    transfer : str
-        Name of the dendritic transfer function of the summed, filtered activity.
-    synapse : str
-        Postsynaptic receptor, a name in ``SYNAPSES``; empty if not specified. Rows of two nuclei
-        that differ in it alone are the same axons: their sparse connections are the same.
-    receptor : str
-        "D1" or "D2" if dopamine at the terminals raises or lowers the weight.
-    operating_point_nats : float
-        Input at rest, before the weight, at which dopamine has no effect.
-    intact : float
-        Fraction of axons that survives a cut. The others no longer transmit anything, including
-        the tone due to the source's ``baseline_hz``.
-    intact_by_channel : tuple of float
-        Factors on ``intact`` in each target channel; empty means 1 in all.
-    cite : str
-        Source of the numbers.
-    cite_more : str
-        Source of numbers that ``cite`` does not name. For display only: it affects neither the
-        simulation nor the circuit's hash.
-    """
+    """A pathway, which adds the source's activity to the target's input."""
 
     source: str
     target: str
+    #: Input to the target, nats, per unit of (transformed) source activity; negative from GABA.
     weight: float
-    pattern: str = "channel"
-    delay_ms: float = 0.0
-    tau_ms: float = 0.0
+    pattern: str = "channel"  #: Connectivity of channels: a name in ``PATTERNS``.
+    delay_ms: float = 0.0  #: Conduction delay.
+    tau_ms: float = 0.0  #: Synaptic time constant.
+    #: Fraction of the source's cells that project to a target cell, with fixed in-degree.
     probability: float = 1.0
+    #: Factors on the weight in each target channel; empty means 1 in all.
     factors: tuple[float, ...] = ()
+    #: Name of the dendritic transfer function of the summed, filtered activity.
     transfer: str = "linear"
+    #: Postsynaptic receptor, a name in ``SYNAPSES``; empty if not specified. Rows of two nuclei
+    #: that differ in it alone are the same axons: their sparse connections are the same.
     synapse: str = ""
-    receptor: str = ""
+    receptor: str = ""  #: "D1" or "D2" if dopamine at the terminals raises or lowers the weight.
+    #: Input at rest, before the weight, at which dopamine has no effect.
     operating_point_nats: float = 0.0
+    #: Fraction of axons that survives a cut. The others no longer transmit anything, including the
+    #: tone due to the source's ``baseline_hz``.
     intact: float = 1.0
+    #: Factors on ``intact`` in each target channel; empty means 1 in all.
     intact_by_channel: tuple[float, ...] = ()
-    cite: str = ""
-    cite_more: str = ""
+    cite: str = ""  #: Source of the numbers.
+    cite_more: str = ""  #: Source of numbers that ``cite`` does not name; for display only.
 
     def __post_init__(self) -> None:
         _check_name(self.source)

@@ -232,17 +232,8 @@ class CircuitTable(Network):
 
         The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
         ``2 - level``; see ``receptors``. Its input at ``operating_point_nats`` does not change.
-
-        Parameters
-        ----------
-        level : float or array
-            The level, or one per tick.
-
-        Returns
-        -------
-        list of (Projection, change, nats)
-            Each pathway, the change of its weight's factor (relative to 1), and the nats added to
-            its target's bias.
+        Each effect is a pathway, the change of its weight's factor (relative to 1), and the nats
+        added to its target's bias; the level may be an array, one per tick.
         """
         found = []
         for p, row in self.receptors():

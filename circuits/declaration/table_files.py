@@ -90,10 +90,7 @@ def text(circuit: CircuitTable) -> str:
 
 
 def write(circuit: CircuitTable, path: str | Path) -> Path:
-    """Write a circuit to a file, completely or not at all; ValueError unless it ends in .toml.
-
-    Missing folders are created.
-    """
+    """Write a circuit to a .toml file, completely or not at all; missing folders are created."""
     path = Path(path)
     if path.suffix != SUFFIX:
         raise InputError(f"a circuit file must end in {SUFFIX}, got {str(path)!r}", "path", path)

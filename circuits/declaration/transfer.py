@@ -116,12 +116,6 @@ TRANSFERS: dict[str, Transfer] = {
 
 
 def named(name: str) -> Transfer:
-    """Return a transfer by name.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown; the message lists the known names.
-    """
+    """Return a transfer by name."""
     require(name in TRANSFERS, "transfer", f"must be one of {', '.join(TRANSFERS)}", name)
     return TRANSFERS[name]

@@ -31,13 +31,7 @@ def wired(circuit: CircuitTable) -> Wiring:
 
 
 def resting_hz(circuit: CircuitTable) -> dict[str, float]:
-    """Return the mean rate of every population at rest, Hz, by name; 0 if it is silenced.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has no resting state.
-    """
+    """Return the mean rate of every population at rest, Hz, by name; 0 if it is silenced."""
     wiring = wired(circuit)
     rates = rest_rates(wiring)
     return {p.name: float(wiring.recorded(p.name, rates).mean()) for p in circuit.populations}
@@ -57,13 +51,8 @@ def rest(wiring: Wiring) -> Array:
 def resting_state(circuit: CircuitTable) -> tuple[Array, Array]:
     """Return the state, nats, and the rates, Hz, of a circuit at rest, (blocks,) each.
 
-    The arrays are cached, because a run in batches asks for them once for each batch; they must
-    not be written to.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has no resting state.
+    The arrays are cached, because a run in batches asks for them once for each batch; they must not
+    be written to.
     """
     wiring = wired(circuit)
     x = rest(wiring)
@@ -83,11 +72,6 @@ def solve(wiring: Wiring, drive: Array) -> Array:
     """Return the state at the fixed point, (trials, blocks) nats, for a drive (trials, channels).
 
     Populations are solved in order, upstream first; only loops need Newton's method.
-
-    Raises
-    ------
-    ValueError
-        If there is no fixed point.
     """
     outside = wiring.drive(drive)
     x = outside + wiring.bias

@@ -45,21 +45,9 @@ def name_key(name: str) -> int:
 
 
 def stream_key(seed: int, trial: int, name: str) -> int:
-    """Return the 64-bit key of one population in one trial.
+    """Return the 64-bit key of one population, such as ``"GPe/0"`` with its channel, in one trial.
 
-    Parameters
-    ----------
-    seed : int
-        0 .. 2**64 - 1.
-    trial : int
-        Number of the trial, 0 .. 2**64 - 1.
-    name : str
-        Population and channel, such as ``"GPe/0"``.
-
-    Raises
-    ------
-    ValueError
-        If seed or trial is out of range.
+    Seed and trial are from 0 to 2**64 - 1.
     """
     _check(seed=seed, trial=trial)
     key = mix(int(seed) + GOLDEN)
@@ -74,16 +62,9 @@ def tick_key(stream: int, tick: int) -> tuple[int, int]:
 
 
 def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint32]:
-    """Return the random 32-bit word of each neuron at a tick.
+    """Return the random 32-bit word of each neuron at a tick; an int n means neurons 0 .. n - 1.
 
-    Parameters
-    ----------
-    stream : int
-        From ``stream_key``.
-    tick : int
-        Counter; noise that uses one word for four ticks passes ``tick // 4``.
-    neurons : int or array of int
-        Indices of neurons; an int n means 0 .. n - 1.
+    The stream is from ``stream_key``. Noise that uses one word for four ticks passes ``tick // 4``.
     """
     index = np.arange(neurons) if np.ndim(neurons) == 0 else np.asarray(neurons)
     high, low = (np.uint32(half) for half in tick_key(stream, tick))

@@ -51,32 +51,13 @@ LEAST_FACTOR = 0.1
 
 @dataclass(frozen=True)
 class Clock:
-    """Times of a run, in ms and in ticks.
+    """Times of a run, in ms and in ticks, of which each must be a multiple."""
 
-    Parameters
-    ----------
-    steps : int
-        Number of readings of evidence.
-    step_ms : float
-        Time from one reading to the next; each reading is held until the next.
-    dt_ms : float
-        One tick.
-    sample_ms : float
-        Time from one recorded sample to the next.
-    settle_ms : float
-        Time at rest before the first reading; not recorded.
-
-    Raises
-    ------
-    ValueError
-        If a time is negative or not a multiple of the tick.
-    """
-
-    steps: int
-    step_ms: float
-    dt_ms: float = 0.1
-    sample_ms: float = 1.0
-    settle_ms: float = 300.0
+    steps: int  # number of readings of evidence
+    step_ms: float  # from one reading to the next; each reading is held until the next
+    dt_ms: float = 0.1  # one tick
+    sample_ms: float = 1.0  # from one recorded sample to the next
+    settle_ms: float = 300.0  # at rest before the first reading; not recorded
 
     def __post_init__(self) -> None:
         check_positive(dt_ms=self.dt_ms, step_ms=self.step_ms, sample_ms=self.sample_ms)
@@ -135,15 +116,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Scheme:
-    """A wiring with a given tick: the factors of the four steps above, and the initial state.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        The circuit as arrays, lesions included.
-    dt_ms : float
-        One tick.
-    """
+    """A wiring with a given tick: the factors of the four steps above, and the initial state."""
 
     wiring: Wiring
     dt_ms: float
@@ -200,11 +173,10 @@ class Scheme:
 def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
     """Return the factors (3, neurons) of each cell's constants; 1 where the heterogeneity is 0.
 
-    ``Cell.constants`` defines which constants the three factors multiply. They depend on the
-    circuit's ``wiring_seed``, not on the trial. Their mean over the cells of a channel is 1 (except
-    for the few cut off at ``LEAST_FACTOR``), so that channels hardly differ. Otherwise channels of
-    300 cells would differ permanently by up to 0.03 nats of OUT, like a prior. A channel with a
-    single cell has no heterogeneity.
+    ``Cell.constants`` defines which constants they multiply. They depend on the circuit's
+    ``wiring_seed``, not on the trial. Their mean over the cells of a channel is 1 (except for the
+    few cut off at ``LEAST_FACTOR``): otherwise channels of 300 cells would differ permanently by up
+    to 0.03 nats of OUT, like a prior. A channel with a single cell has no heterogeneity.
     """
     row = circuit.population(name)
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")

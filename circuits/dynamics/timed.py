@@ -16,20 +16,12 @@ from circuits.dynamics.wiring import Wiring
 
 @dataclass(frozen=True)
 class Timed:
-    """Tables of changes from tick to tick; row 0 of each is neutral.
+    """Tables of changes from tick to tick; row 0 of each is neutral."""
 
-    Parameters
-    ----------
-    factors, nats : arrays (rows, ticks)
-        Factors on the weights of units, and nats added to the input of blocks.
-    of_unit, of_block : arrays (units,), (blocks,)
-        Row of each unit and block.
-    """
-
-    factors: Array
-    nats: Array
-    of_unit: Index
-    of_block: Index
+    factors: Array  # (rows, ticks) on the weights of units
+    nats: Array  # (rows, ticks) added to the input of blocks
+    of_unit: Index  # (units,) row of each
+    of_block: Index  # (blocks,) row of each
 
     def at(self, tick: int) -> tuple[Array, Array]:
         """Return the factors (units,) and the nats (blocks,) at a tick."""

@@ -25,37 +25,19 @@ Placed = list[tuple[transfer.Transfer, Truths]]
 
 @dataclass(frozen=True)
 class Wiring:
-    """A circuit as arrays, built by ``wire``.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit it was built from.
-    owner, channel : arrays (blocks,)
-        Index of each block's population, and its channel.
-    path : array (units,)
-        Index of each unit's projection.
-    deliver : array (units, blocks)
-        Nats that a unit receives per Hz of a block, including lesions.
-    constant : array (units,)
-        Constant nats that a unit receives: minus the baselines, plus clamped output.
-    weight : array (blocks, units)
-        Nats of input to a block per unit of transformed activity.
-    bias : array (blocks,)
-        Constant input, nats; for the input population it includes the resting drive.
-    held_hz : array (blocks,)
-        Rate of blocks of which no cell is left, Hz: 0, or that at rest if they are clamped. NaN in
-        all other blocks.
-    """
+    """A circuit as arrays, built by ``wire``."""
 
     circuit: CircuitTable
-    owner: Index
-    channel: Index
-    path: Index
-    deliver: Array
-    constant: Array
-    weight: Array
+    owner: Index  # (blocks,) index of each block's population
+    channel: Index  # (blocks,) its channel
+    path: Index  # (units,) index of each unit's projection
+    deliver: Array  # (units, blocks) nats that a unit receives per Hz of a block, including lesions
+    constant: Array  # (units,) nats that a unit receives: minus the baselines, plus clamped output
+    weight: Array  # (blocks, units) nats of input to a block per unit of transformed activity
+    # (blocks,) constant input, nats; for the input population it includes the resting drive
     bias: Array
+    # (blocks,) rate of blocks of which no cell is left: 0, or that at rest if they are clamped; NaN
+    # in all other blocks
     held_hz: Array
 
     @property
@@ -132,7 +114,7 @@ class Wiring:
     def tau_ms(self) -> Array:
         """Time constant with which each block's rate follows its input, ms: filter or membrane.
 
-        Raises ValueError for a cell type that does not have a single time constant.
+        Raises InputError for a cell type without a single time constant.
         """
         membrane = [row.cell.membrane_ms() for row in self.rows]
         return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
@@ -246,12 +228,7 @@ def _applied(placed: Placed, values: Array, what: str = "function") -> Array:
 def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
     """Turn a circuit into arrays.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    rest_hz : array (blocks,), optional
-        Resting rates of the intact circuit, Hz: the output of a clamped nucleus.
+    ``rest_hz`` (blocks,) are resting rates of the intact circuit: the output of a clamped nucleus.
     """
     owner: list[int] = []
     channel: list[int] = []
@@ -303,19 +280,8 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
 def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]:
     """Return the source channels summed by the units of a projection, and each target's unit.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    p : Projection
-        One of its rows.
-
-    Returns
-    -------
-    whole, alive : arrays (units, source channels)
-        How much of each source channel arrives, in total and through surviving axons.
-    place : array (target channels,)
-        Index of each channel's unit.
+    The first two are (units, source channels): how much of each source channel arrives, in total
+    and through surviving axons. The last is the index of each target channel's unit.
     """
     whole, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
     both, place = np.unique(np.hstack([whole, left * whole]), axis=0, return_inverse=True)
@@ -328,16 +294,7 @@ def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> np
 
     The in-degree is ``probability`` times the number of source cells, the same for every target;
     with a binomial in-degree, rates would differ between cells. Connections depend on the circuit's
-    ``wiring_seed``, not on the trial or the receptor.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    p : Projection
-        One of its rows.
-    target, source : int
-        Channels.
+    ``wiring_seed``, not on the trial or the receptor. ``target`` and ``source`` are channels.
     """
     sources = circuit.population(p.source).neurons
     targets = circuit.population(p.target).neurons

@@ -31,15 +31,10 @@ def run(
     seed: int | None = None,
     first_trial: int = 0,
 ) -> Activity:
-    """Return the fixed point of the circuit for every reading, without dynamics.
+    """Return the fixed point of the circuit for every reading, without dynamics and noise.
 
-    The arguments are those of ``Engine.run``; ``step_ms`` only sets the times, and there is no
-    noise.
-
-    Raises
-    ------
-    ValueError
-        If the drive does not fit the circuit, or the circuit has courses or no fixed point.
+    The arguments are those of ``Engine.run``; ``step_ms`` only sets the times. Courses have no
+    fixed point.
     """
     check_positive(step_ms=step_ms)
     circuit.check_steady("the algebra engine")

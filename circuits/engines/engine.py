@@ -130,24 +130,10 @@ class Engine:
         seed: int | None = None,
         trial: int = 0,
     ) -> Stream:
-        """Begin a trial that receives its readings one by one.
+        """Begin a trial that receives its readings one by one, at most ``steps``.
 
-        Parameters
-        ----------
-        circuit : Circuit
-            The table.
-        step_ms : float
-            Time from one reading to the next, ms.
-        steps : int
-            Maximum number of readings.
-        seed, trial : int
-            Key of the noise, and the number of the trial, as in ``run``.
-
-        Raises
-        ------
-        ValueError
-            If this engine takes all readings at once, a time does not fit, or the seed of the
-            noise is missing.
+        The other arguments are those of ``run``. Raises InputError if this engine takes all
+        readings at once.
         """
         if self.noisy and seed is None:
             raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
@@ -208,15 +194,7 @@ class Engine:
         return count
 
     def memory_bytes(self, circuit: CircuitTable, trials: int, samples: int) -> float:
-        """Return an estimate of the memory of a run, bytes.
-
-        Parameters
-        ----------
-        circuit : Circuit
-            The table.
-        trials, samples : int
-            Simultaneous trials, and samples of OUT in each.
-        """
+        """Return an estimate of a run's memory, bytes, for simultaneous trials."""
         kept = 4.0 * trials * samples * self.row_length(blocks(circuit)) if self.rates else 0.0
         return 8.0 * trials * samples * circuit.channels + kept
 

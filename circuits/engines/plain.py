@@ -38,13 +38,7 @@ def run(
     seed: int,
     first_trial: int = 0,
 ) -> Activity:
-    """Run a circuit of spiking cells in NumPy; the arguments are those of ``Engine.run``.
-
-    Raises
-    ------
-    ValueError
-        If the drive, a time or a name does not fit the circuit, or a cell type has no tick.
-    """
+    """Run a circuit of spiking cells in NumPy; the arguments are those of ``Engine.run``."""
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
     clock = Clock(drive.shape[1], step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)

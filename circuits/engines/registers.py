@@ -81,10 +81,7 @@ def _pointer(context, builder, kind, array, place, target):
 def instruction(result, *kinds):
     """Return a decorator that turns a function of a builder and LLVM values into compiled code.
 
-    Parameters
-    ----------
-    result, *kinds : types.Type
-        Types of its result, and of its arguments after the builder.
+    ``result`` and ``kinds`` are the types of its result, and of its arguments after the builder.
     """
 
     def made(emit):
@@ -354,14 +351,8 @@ def _transpose(builder, rows, pointer):
 def look_up_rows(typing, table, places, found):
     """Write a row of a flat table for each lane, and each number of it to a row of ``found``.
 
-    Parameters
-    ----------
-    table : array
-        Rows of as many numbers as there are lanes.
-    places : array
-        Where each lane's row begins.
-    found : array
-        Written: the first number of every lane, then the second, and so on.
+    Rows have as many numbers as there are lanes; ``places`` is where each lane's row begins.
+    ``found`` holds the first number of every lane, then the second, and so on.
     """
 
     def build(context, builder, signature, arguments):

@@ -37,20 +37,7 @@ def register(kind: E) -> E:
 
 
 def engine_of(given: Engine | str, **options: object) -> Engine:
-    """Return an engine from its id or from a record, with options changed.
-
-    Parameters
-    ----------
-    given : Engine or str
-        A record, or an id, which selects the engine with default options.
-    **options
-        Fields of the record to change.
-
-    Raises
-    ------
-    ValueError
-        For an unknown id or option (the message lists the known ones), or a value out of range.
-    """
+    """Return an engine from its id or from a record, with options (its fields) changed."""
     if not isinstance(given, Engine):
         known = isinstance(given, str) and given in ENGINES
         require(known, "engine", f"must be one of {', '.join(ENGINES)}", given)

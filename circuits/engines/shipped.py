@@ -28,14 +28,7 @@ COARSE_MS, COARSE_SAMPLE_MS = 0.5, 2.0
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Algebra(Engine):
-    """The fixed point of the table for every reading, without dynamics.
-
-    Parameters
-    ----------
-    laws : {"table", "cells", "finite"}
-        How rates depend on the input: by the lines (linear relations) of the rows; by the cells'
-        f-I curves; or by these and the effect of the noise of finitely many cells on mean rates.
-    """
+    """The fixed point of the table for every reading, without dynamics."""
 
     id: ClassVar[str] = "algebra"
     module: ClassVar[str] = "circuits.engines.algebra"
@@ -99,22 +92,7 @@ class PopulationsEngine(CompiledEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rate(PopulationsEngine):
-    """Populations that follow the lines of their rows after membrane filtering, without noise.
-
-    Parameters
-    ----------
-    dt_ms : float, optional
-        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times.
-    sample_ms, settle_ms : float
-        Time from one recorded sample to the next, and time at rest before the first reading; by
-        default 1 and 300 ms.
-    rates : bool
-        Whether to record the rates of all populations; by default yes.
-    drop_below : float, optional
-        A trial ends when OUT falls below this, nats; later samples are NaN.
-    workers : int
-        Number of threads, by default 1; results do not depend on it.
-    """
+    """Populations that follow the lines of their rows after membrane filtering, without noise."""
 
     id: ClassVar[str] = "rate"
     module: ClassVar[str] = "circuits.engines.population.run"
@@ -132,26 +110,7 @@ class Rate(PopulationsEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Population(PopulationsEngine):
-    """Populations that follow their cells' f-I curves, with the noise of finitely many cells.
-
-    Parameters
-    ----------
-    laws : {"cells", "lines"}
-        How rates depend on the input: by the cells' f-I curves and lags, or by the table's lines.
-    noise : bool
-        Whether rates have the noise of a finite number of cells; by default yes.
-    dt_ms : float, optional
-        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times.
-    sample_ms, settle_ms : float
-        Time from one recorded sample to the next, and time at rest before the first reading; by
-        default 1 and 300 ms.
-    rates : bool
-        Whether to record the rates of all populations; by default yes.
-    drop_below : float, optional
-        A trial ends when OUT falls below this, nats; later samples are NaN.
-    workers : int
-        Number of threads, by default 1; results do not depend on it.
-    """
+    """Populations that follow their cells' f-I curves, with the noise of finitely many cells."""
 
     id: ClassVar[str] = "population"
     module: ClassVar[str] = "circuits.engines.population.run"
@@ -180,26 +139,7 @@ class Population(PopulationsEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Ensemble(CompiledEngine, SpikingEngine):
-    """Spiking cells, compiled.
-
-    Parameters
-    ----------
-    dt_ms : float
-        One tick, by default 0.1 ms.
-    spikes : tuple of str
-        Populations whose spikes are recorded; none by default.
-    sample_ms, settle_ms : float
-        Time from one recorded sample to the next, and time at rest before the first reading; by
-        default 1 and 300 ms.
-    rates : bool
-        Whether to record the rates of all populations; by default yes.
-    drop_below : float, optional
-        A trial ends when OUT falls below this, nats; later samples are NaN.
-    workers : int
-        Number of threads, by default 1; results do not depend on it.
-    progress : bool
-        Whether to show the progress of a run; by default not.
-    """
+    """Spiking cells, compiled."""
 
     id: ClassVar[str] = "ensemble"
     module: ClassVar[str] = "circuits.engines.ensemble.run"
@@ -217,20 +157,7 @@ class Ensemble(CompiledEngine, SpikingEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Brian2(SpikingEngine):
-    """Spiking cells in Brian2, generated from the table.
-
-    Parameters
-    ----------
-    dt_ms : float
-        One tick, by default 0.1 ms.
-    spikes : tuple of str
-        Populations whose spikes are recorded; none by default.
-    sample_ms, settle_ms : float
-        Time from one recorded sample to the next, and time at rest before the first reading; by
-        default 1 and 300 ms.
-    explicit : bool
-        Whether pathways of probability 1 have N^2 synapses, not one shared input; by default not.
-    """
+    """Spiking cells in Brian2, generated from the table."""
 
     id: ClassVar[str] = "brian2"
     module: ClassVar[str] = "circuits.engines.brian2.run"
@@ -252,18 +179,7 @@ class Brian2(SpikingEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Plain(SpikingEngine):
-    """Spiking cells in NumPy, one trial at a time: the readable reference.
-
-    Parameters
-    ----------
-    dt_ms : float
-        One tick, by default 0.1 ms.
-    spikes : tuple of str
-        Populations whose spikes are recorded; none by default.
-    sample_ms, settle_ms : float
-        Time from one recorded sample to the next, and time at rest before the first reading; by
-        default 1 and 300 ms.
-    """
+    """Spiking cells in NumPy, one trial at a time: the readable reference."""
 
     id: ClassVar[str] = "plain"
     module: ClassVar[str] = "circuits.engines.plain"

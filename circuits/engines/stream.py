@@ -21,17 +21,9 @@ class Stream:
     """One trial of a circuit that receives its readings as they arrive.
 
     The result is identical to that of ``Engine.run`` with all readings, because a reading does not
-    affect earlier samples.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    clock : Clock
-        Its steps are the maximum number of readings.
-    begin : function
-        Takes the drive (steps, channels), nats, which is filled as readings arrive, and OUT
-        (samples, channels), which is written; starts at rest and returns a function that continues.
+    affect earlier samples. ``clock.steps`` is the maximum number of readings. ``begin`` takes the
+    drive (steps, channels), nats, which is filled as readings arrive, and OUT (samples, channels),
+    which is written; it starts at rest and returns a function that continues.
     """
 
     def __init__(
@@ -44,13 +36,7 @@ class Stream:
         self._onward = begin(self.drive, self.out)
 
     def add(self, reading: npt.ArrayLike) -> Array:
-        """Hold a drive (channels,), nats, for one step; return OUT (samples, channels) in it.
-
-        Raises
-        ------
-        ValueError
-            If the reading does not fit the circuit, or there were already ``steps`` readings.
-        """
+        """Hold a drive (channels,), nats, for one step; return OUT (samples, channels) in it."""
         if self.steps == self.clock.steps:
             raise InputError(f"this trial has had all its {self.steps} readings", "reading")
         given = checked_drive(self.circuit, np.asarray(reading)[None, None])[0, 0]

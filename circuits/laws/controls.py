@@ -54,15 +54,8 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
 def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: float = 20) -> Table:
     """Return the circuit with noise shared by all cortical cells of a channel.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        A circuit with spiking cells.
-    noise_nats : float
-        Standard deviation of the shared input, nats.
-    cells, tau_ms : int, float
-        Number of irregular cells (Phase, CV 1, 20 Hz) that provide it, and time constant of its
-        filter, ms; their mean input is subtracted.
+    ``noise_nats`` is its standard deviation. It comes from ``cells`` irregular cells (Phase, CV 1,
+    20 Hz), filtered with ``tau_ms``; their mean input is subtracted.
     """
     circuit.check_nats("noise in nats")
     rate_hz, decay_hz = 20.0, 1000 / tau_ms

@@ -34,62 +34,31 @@ KINK_NATS, KINK = 1e-8, 0.01
 class Linear(NamedTuple):
     """Small fluctuations of a circuit about its states.
 
-    Inputs are measured after the block's filter; a membrane is part of the cell's response.
-
-    Parameters
-    ----------
-    into, out : complex arrays (trials, F, blocks, blocks)
-        Transfer from a block's own noise, Hz, to each input, nats/Hz, and each rate, Hz/Hz.
-    bend : array (trials, F, blocks), Hz/nat^2
-        Change of the mean rate per unit of input variance.
-    own : array (trials, F, blocks), Hz^2/Hz
-        Two-sided power of the blocks' own noise.
-    det : complex array (trials, F)
-        ``det(1 - L)``, L the loop gain.
+    Inputs are measured after the block's filter; a membrane is part of the cell's response. The two
+    transfers are (trials, F, blocks, blocks).
     """
 
-    into: Complex
-    out: Complex
-    bend: Array
-    own: Array
-    det: Complex
+    into: Complex  # transfer from a block's own noise, Hz, to each input, nats/Hz
+    out: Complex  # transfer from a block's own noise, Hz, to each rate, Hz/Hz
+    bend: Array  # (trials, F, blocks) Hz/nat^2: change of the mean rate per unit of input variance
+    own: Array  # (trials, F, blocks) Hz^2/Hz: two-sided power of the blocks' own noise
+    det: Complex  # (trials, F): ``det(1 - L)``, L the loop gain
 
 
 class Extra(NamedTuple):
-    """Shifts of means due to fluctuations, to first order in 1/n.
+    """Shifts of means due to fluctuations, to first order in 1/n, (trials, blocks) each."""
 
-    Parameters
-    ----------
-    rates_hz : array (trials, blocks), Hz
-        Added to the rates by nonlinear cells.
-    inputs_nats : array (trials, blocks), nats
-        Added to the inputs by nonlinear pathways.
-    """
-
-    rates_hz: Array
-    inputs_nats: Array
+    rates_hz: Array  # added to the rates by nonlinear cells
+    inputs_nats: Array  # added to the inputs by nonlinear pathways
 
 
 def linear(
     wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike, extra_hz: Array | float = 0.0
 ) -> Linear:
-    """Return the small fluctuations about states, whether stable or not.
+    """Return the small fluctuations about states x (trials, blocks), nats, whether stable or not.
 
-    Parameters
-    ----------
-    wiring : Wiring
-        The circuit.
-    x : array (trials, blocks), nats
-        The states.
-    frequency_hz : array (F,)
-        At least 1e-3 Hz.
-    extra_hz : array (trials, blocks) or float
-        Added to the rates of the states, Hz.
-
-    Raises
-    ------
-    ValueError
-        If a cell type has no ``response``, or connections are sparse, for which there is no theory.
+    Frequencies (F,) are at least 1e-3 Hz; ``extra_hz`` is added to the rates of the states. There
+    is no theory for sparse connections, nor for cell types without a ``response``.
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -109,12 +78,7 @@ def linear(
 def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Array, Linear]:
     """Return frequencies (F,), Hz, dense near a resonance, and the fluctuations there.
 
-    Parameters are those of ``linear``.
-
-    Raises
-    ------
-    ValueError
-        As ``linear``, and if a state is unstable.
+    The arguments are those of ``linear``; states must be stable.
     """
     frequency, found = FREQUENCIES_HZ, linear(wiring, x, FREQUENCIES_HZ, extra_hz)
     for _ in range(MOST_HALVINGS):
@@ -137,11 +101,8 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
 def extra(wiring: Wiring, x: Array) -> Extra:
     """Return the shifts of means due to fluctuations at states x (trials, blocks), nats.
 
-    Raises
-    ------
-    ValueError
-        As ``swept``, and if noise meets a kink: a line that saturates, or a pathway with its
-        threshold, right at the state.
+    Raises ValueError as ``swept``, and if noise meets a kink: a line that saturates, or a pathway
+    with its threshold, right at the state.
     """
     frequency, found = swept(wiring, x)
     power = np.einsum("tfbc,tfc->tfb", np.abs(found.into) ** 2, found.own)

@@ -58,14 +58,10 @@ SETTLED_NATS = 1e-6
 def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
     """Return the factor on the weight from a nucleus at which the read-out ignores common input.
 
-    ``Circuit.balanced`` returns the circuit with this weight; arguments and errors are the same.
-
-    Notes
-    -----
     The end point of an anti-Hebbian rule: the synapse weakens while the read-out's mean over
     channels rises with the input common to all channels, and strengthens while it falls. The
-    read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on
-    the weight w: at rest and to first order ``w = - da / db``.
+    read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on the
+    weight w: at rest and to first order ``w = - da / db``.
     """
     rows = circuit.pathways(source, circuit.readout)
     for row in rows:
@@ -93,10 +89,6 @@ def biases(
 ) -> dict[str, float]:
     """Return the bias, nats, with which each population rests at its rate in the reference.
 
-    ``Circuit.compensate`` returns the circuit with these biases; arguments and errors are the same.
-
-    Notes
-    -----
     A population that rests at r needs the input ``x = f^-1((r - baseline) / gain)``. With all rates
     at their targets, it receives ``W g(deliver r + constant)``. The bias is the difference.
     """
@@ -124,30 +116,14 @@ def recovery(
     step: float = 0.1,
     until: float = 100.0,
 ) -> pd.DataFrame:
-    """Run the rule as dynamics from the edited circuit; return the course of rates and biases.
+    """Run the rule as dynamics from the edited circuit, as for ``Circuit.compensate``.
 
-    Activity is assumed to be at its fixed point, because the rule takes hours.
-
-    Parameters
-    ----------
-    circuit, reference, rebound_nats :
-        As for ``Circuit.compensate``; if channels differ, their mean rate is restored.
-    speed : mapping from names to numbers, optional
-        Factors W that replace the default for some populations; 0 keeps the bias fixed.
-    step, until : float
-        Time step, and the time by which it must have settled, in time constants tau of the rule.
-
-    Returns
-    -------
-    DataFrame
-        One row per time and population: time (in tau), population, rate_hz (the mean over
-        channels), bias_nats. It ends when all rates have settled.
-
-    Raises
-    ------
-    ValueError
-        If there is no fixed point at some step, or the rates do not reach their references in
-        time because a population cannot fire at its rate or the biases oscillate.
+    Activity is assumed to be at its fixed point, because the rule takes hours. ``speed`` replaces
+    the factors W of some populations; 0 keeps the bias fixed. ``step`` and ``until`` are in time
+    constants tau of the rule. There is one row per time and population: time (in tau), population,
+    rate_hz (the mean over channels, which is what is restored if they differ), bias_nats. Rates
+    that have not settled by ``until``, because a population cannot fire at its rate or the biases
+    oscillate, raise ValueError.
     """
     if not 0 < step <= until < np.inf:
         raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
@@ -192,21 +168,13 @@ def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.Dat
 
 @dataclass(frozen=True)
 class _Goal:
-    """Target resting rates, and the circuit that should reach them.
+    """Target resting rates, and the circuit that should reach them."""
 
-    Parameters
-    ----------
-    wiring, before : Wiring
-        Wiring of the edited circuit, and of the reference.
-    rates_hz : array (blocks,)
-        Target resting rates, in the order of the edited circuit's blocks.
-    before_nats : array (blocks,)
-        Resting inputs of the reference; NaN for a population with another line, or a rebound.
-    """
-
-    wiring: Wiring
-    before: Wiring
-    rates_hz: Array
+    wiring: Wiring  # of the edited circuit
+    before: Wiring  # of the reference
+    rates_hz: Array  # (blocks,) targets, in the order of the edited circuit's blocks
+    # (blocks,) resting inputs of the reference; NaN for a population with another line, or a
+    # rebound
     before_nats: Array
 
     def needed(self, now: Array) -> Array:

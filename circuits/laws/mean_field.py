@@ -18,10 +18,7 @@ STEP_NATS = 1e-7
 
 
 def own_rates(wiring: Wiring, x: Array) -> Array:
-    """Return the rates (trials, blocks), Hz, at states, nats, from the cells' f-I curves.
-
-    Inputs are taken as steady. Raises ValueError for a cell type without an f-I curve.
-    """
+    """Return the rates (trials, blocks), Hz, at steady inputs, nats, from the cells' f-I curves."""
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
         row = wiring.row(b)
@@ -38,23 +35,8 @@ def settled(
 ) -> Array:
     """Return the state (trials, blocks) at the fixed point with ``own_rates``, nats.
 
-    Parameters
-    ----------
-    wiring : Wiring
-        The circuit.
-    drive : array (trials, channels), nats
-        As for the engines.
-    start : array (trials, blocks), nats
-        Initial guess: the fixed point of the lines.
-    extra_hz : array (trials, blocks) or float
-        Added to each rate, Hz.
-    extra_nats : array (trials, blocks) or float
-        Added to each input, nats.
-
-    Raises
-    ------
-    ValueError
-        If no fixed point was found.
+    ``start`` is the initial guess, the fixed point of the lines; ``extra_hz`` and ``extra_nats``
+    are added to rates and inputs.
     """
     outside, extra = wiring.drive(drive) + extra_nats, np.broadcast_to(extra_hz, start.shape)
     given = zip(outside, extra, start, strict=True)

@@ -19,17 +19,8 @@ BEHIND_NATS = 30.0
 def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[float, float]:
     """Return the lowest and highest OUT - (-ln P), nats, of the leader at the fixed point.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit; its drive is centred and limited as its table says.
-    competitors : int, optional
-        Number of competitors with equal drive, the others being far behind; by default all.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has no fixed point, does not work in nats, or has fewer competitors.
+    The drive is centred and limited as the table says. ``competitors`` have equal drive, the others
+    are far behind; by default all compete.
     """
     circuit.check_nats("OUT as -ln P")
     count = circuit.channels - 1 if competitors is None else competitors

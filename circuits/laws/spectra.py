@@ -27,22 +27,9 @@ def rate_spectrum(
 ) -> Array:
     """Return the one-sided power (F,), Hz^2/Hz, of a population's rate averaged over channels.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    name : str
-        The population.
-    frequency_hz : array (F,)
-        At least 1e-3.
-    drive : array (channels,), nats, optional
-        Constant evidence; by default rest.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has courses, its fixed point does not exist or is unstable, or there is no
-        theory of its noise: see ``fluctuation.extra``.
+    Frequencies are at least 1e-3 Hz; the drive (channels,), nats, is constant, by default rest.
+    Raises ValueError for a circuit with courses or an unstable fixed point, and where there is no
+    theory of its noise: see ``fluctuation.extra``.
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     lowest = FREQUENCIES_HZ[0]
@@ -62,19 +49,8 @@ def out_variance(
 ) -> dict[str, Array]:
     """Return the variance of OUT (channels,), nats^2, contributed by each population's noise.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    drive : array (channels,), nats, optional
-        Constant evidence; by default rest.
-    mean_ms : float
-        Averaging time of OUT, after the read-out filter.
-
-    Raises
-    ------
-    ValueError
-        As ``rate_spectrum``.
+    OUT is averaged over ``mean_ms`` after the read-out filter; the drive is that of
+    ``rate_spectrum``.
     """
     wiring = wired(circuit)
     frequency, found = swept(wiring, *_state(wiring, drive))
@@ -95,15 +71,8 @@ def out_variance(
 def count_ratio(circuit: CircuitTable, name: str) -> float:
     """Return the variance of one cell's spike counts over their mean, at rest, in long windows.
 
-    For intervals that are independent this is the square of their coefficient of variation
-    (Cox 1962). Variability that cells share by the circuit's feedback is not in it.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    name : str
-        The population.
+    For intervals that are independent this is the square of their coefficient of variation (Cox
+    1962). Variability that cells share by the circuit's feedback is not in it.
     """
     wiring = wired(circuit)
     blocks = wiring.blocks_of(name)

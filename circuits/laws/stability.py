@@ -30,37 +30,19 @@ LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
 
 @dataclass(frozen=True)
 class Onset:
-    """Onset of oscillations.
+    """Onset of oscillations."""
 
-    Parameters
-    ----------
-    total_nats : float
-        The ``S = ln sum exp y`` above which the fixed point is unstable; inf if it never is.
-    frequency_hz : float
-        Frequency of the oscillation at onset; nan if there is no onset.
-    """
-
+    # the ``S = ln sum exp y`` above which the fixed point is unstable; inf if it never is
     total_nats: float
-    frequency_hz: float
+    frequency_hz: float  # of the oscillation at onset; NaN without an onset
 
 
 def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex:
     """Return the rightmost root of the circuit linearised at its fixed point, 1/s.
 
     A perturbation grows as ``exp(real * t)`` and oscillates at ``imag / (2 pi)`` Hz; -inf for a
-    circuit without loops, in which it decays with the filters.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit; its delays and time constants are used exactly, not in ticks.
-    drive : array (channels,), nats, optional
-        Evidence; by default rest.
-
-    Raises
-    ------
-    ValueError
-        If there is no fixed point, or the circuit has courses.
+    circuit without loops, in which it decays with the filters. Delays and time constants are used
+    exactly, not in ticks. The drive (channels,), nats, is by default rest.
     """
     found = roots(circuit, drive)
     return complex(found[0]) if len(found) else complex(-math.inf)
@@ -69,8 +51,7 @@ def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex
 def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
     """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
 
-    Parameters and errors are those of ``growth``. Roots far to the left are meaningless, because
-    the collocation of delays is too coarse for them.
+    Roots far to the left are meaningless, because the collocation of delays is too coarse for them.
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)[0]
@@ -87,10 +68,7 @@ def is_stable(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> bool
 def onset(circuit: CircuitTable) -> Onset:
     """Return where the fixed point loses stability as the drive of all channels rises together.
 
-    Raises
-    ------
-    ValueError
-        If it is already unstable at the lowest S, or has no fixed point there.
+    It must be stable at the lowest S.
     """
     from scipy.optimize import brentq
 
@@ -115,19 +93,8 @@ def ringing(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> tuple[
     """Return the largest amplification of fluctuations by the loops, and its frequency, Hz.
 
     The largest ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point, L the loop gain (Nyquist's
-    criterion): 1 without loops, infinite if the fixed point is unstable.
-
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The table.
-    drive : array (channels,), nats, optional
-        Constant evidence; by default rest.
-
-    Raises
-    ------
-    ValueError
-        If there is no fixed point, the drive does not fit the circuit, or the circuit has courses.
+    criterion): 1 without loops, infinite if the fixed point is unstable. The drive (channels,),
+    nats, is by default rest.
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)

@@ -25,32 +25,15 @@ params/STN.py); refractory period and noise are assumed."""
 def effect_of_nats(circuit: CircuitTable, nats: float = 1.0) -> pd.DataFrame:
     """Return what a constant input to all channels of one nucleus does at rest, in other units.
 
-    Parameters
-    ----------
-    circuit : CircuitTable
-        The circuit.
-    nats : float
-        The input, in the circuit's unit.
+    There is one row per nucleus: ``rest_hz``; ``hz`` and ``percent``, the change of its rate before
+    the circuit responds; slopes at rest before (``hz_per_nat``) and after all loops have settled
+    (``settled_hz_per_nat``); and the input to each cell with the effect of ``hz``: ``current_pa``,
+    ``conductance_ns``. NaN where that is not defined, as at a rate of 0.
 
-    Returns
-    -------
-    DataFrame
-        One row per nucleus: ``rest_hz``; ``hz`` and ``percent``, the change of its rate before the
-        circuit responds; slopes at rest before (``hz_per_nat``) and after all loops have settled
-        (``settled_hz_per_nat``); and the input to each cell with the effect of ``hz``:
-        ``current_pa``, ``conductance_ns``. NaN where that is not defined, as at a rate of 0.
-
-    Raises
-    ------
-    ValueError
-        If there is no resting state, or the input is not finite.
-
-    Notes
-    -----
-    With the slopes R of rates and U of units, a small input b settles at the state
-    ``x = (1 - W U D R)^-1 b``. A current I moves the mean potential by ``I / g``, g the leak:
-    ``mv_per_nat`` per nat in cells with a membrane, otherwise what takes ``CELL`` from one rate to
-    the other. The conductance is ``I / (reversal - potential)``.
+    With the slopes R of rates and U of units, a small input b settles at the state ``x = (1 - W U D
+    R)^-1 b``. A current I moves the mean potential by ``I / g``, g the leak: ``mv_per_nat`` per nat
+    in cells with a membrane, otherwise what takes ``CELL`` from one rate to the other. The
+    conductance is ``I / (reversal - potential)``.
     """
     import pandas as pd
 

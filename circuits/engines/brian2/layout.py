@@ -29,24 +29,12 @@ Columns = tuple[npt.NDArray[Any], ...]
 
 @dataclass(frozen=True)
 class Layout:
-    """A circuit in several parallel trials.
+    """A circuit in several parallel trials."""
 
-    Parameters
-    ----------
-    scheme : Scheme
-        The circuit with its tick.
-    trials : int
-        Trials in one network.
-    explicit : bool
-        Whether connections of probability 1 become synapses too.
-    courses : Timed, optional
-        Changes from tick to tick, if any.
-    """
-
-    scheme: Scheme
-    trials: int
-    explicit: bool = False
-    courses: Timed | None = None
+    scheme: Scheme  # the circuit with its tick
+    trials: int  # in one network
+    explicit: bool = False  # whether connections of probability 1 become synapses too
+    courses: Timed | None = None  # changes from tick to tick, if any
 
     @property
     def wiring(self) -> Wiring:

@@ -33,23 +33,9 @@ Group = dict[str, Any]
 class Network:
     """All trials of a circuit as groups and connections of a network.
 
-    Parameters
-    ----------
-    layout : Layout
-        The array layout.
-    clock : Clock
-        Times of the run.
-    drive : array (trials, steps, columns), nats
-        As for the engines.
-    start : dict
-        Initial values, from ``Layout.start``.
-    spikes : names
-        Populations whose spikes are recorded.
-
-    Raises
-    ------
-    ValueError
-        If one has no cells, a cell type has no Brian2 code, or a nucleus has the name of a group.
+    ``drive`` is (trials, steps, columns), nats; ``start`` the initial values of ``Layout.start``;
+    ``spikes`` the populations whose spikes are recorded. A nucleus may not have the name of a
+    group.
     """
 
     def __init__(

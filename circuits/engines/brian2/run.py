@@ -44,13 +44,7 @@ def run(
     seed: int,
     first_trial: int = 0,
 ) -> Activity:
-    """Run a circuit in Brian2; the arguments are those of ``Engine.run``.
-
-    Raises
-    ------
-    ValueError
-        If the drive, a time or a name does not fit the circuit.
-    """
+    """Run a circuit in Brian2; the arguments are those of ``Engine.run``."""
     network = network_of(circuit, drive, step_ms, seed, first_trial, engine)
     with in_numpy() as brian:
         objects = assembled(brian, network.parts)
@@ -67,7 +61,7 @@ def network_of(
     first_trial: int,
     engine: Brian2 | None,
 ) -> Network:
-    """Return the network of a run; arguments and errors are those of ``run``.
+    """Return the network of a run.
 
     Without an engine, its defaults apply, and the spikes of all cells are recorded.
     """

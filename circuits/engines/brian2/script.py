@@ -108,13 +108,7 @@ if sys.argv[1:]:
 
 
 def script(network: Network, seed: int, trial: int) -> str:
-    """Return the script of a network of one trial.
-
-    Raises
-    ------
-    InputError
-        If it is of several trials.
-    """
+    """Return the script of a network of one trial."""
     layout, w = network.layout, network.layout.wiring
     require(layout.trials == 1, "drive", "must be of one trial in a script", layout.trials)
     timed = {n: table for n, table in network.parts["timed"].items() if n != "reading"}

@@ -27,20 +27,12 @@ Columns = dict[str, float]
 
 
 class Entry(NamedTuple):
-    """A cell type with dedicated loops in the compiled engine.
+    """A cell type with dedicated loops in the compiled engine."""
 
-    Parameters
-    ----------
-    kind : int
-        Code of the loops.
-    columns : callable
-        Returns the fields of a block's record from (cell, dt_ms), for identical cells.
-    varied : callable
-        Returns rows (5, neurons) of ``Plan.constants`` from (cell, factors, dt_ms).
-    """
-
-    kind: int
+    kind: int  # code of the loops
+    # the fields of a block's record from (cell, dt_ms), for identical cells
     columns: Callable[[Any, float], Columns]
+    # rows (5, neurons) of ``Plan.constants`` from (cell, factors, dt_ms)
     varied: Callable[[Any, Any, float], Any]
 
 
@@ -126,13 +118,7 @@ PLACE = types.void(
 
 
 def loops(kind: type[Cell]) -> Loops:
-    """Compile a cell type's ``tick`` and ``begin``, once per process, which takes seconds.
-
-    Raises
-    ------
-    ValueError
-        If the type lacks them, or they cannot be compiled.
-    """
+    """Compile a cell type's ``tick`` and ``begin``, once per process, which takes seconds."""
     functions = (kind.tick, kind.begin)
     if functions not in _LOOPS:
         _LOOPS[functions] = _compiled_loops(kind)

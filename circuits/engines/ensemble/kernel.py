@@ -449,28 +449,11 @@ def trial(
     rates: npt.NDArray[np.float32],
     spikes: npt.NDArray[np.int32],
 ) -> int:
-    """Run one trial.
+    """Run one trial and return its number of spikes, which may exceed the capacity of ``spikes``.
 
-    Parameters
-    ----------
-    p : Plan
-    work : Work
-        Working memory, which is overwritten.
-    drive : array (steps, channels), nats
-    streams : array (blocks,) uint64
-    drop_below : float
-        OUT below which the trial ends; -inf for none.
-    out : array (samples, channels)
-        OUT, written here; NaN after the trial ended.
-    rates : array (samples, blocks), or (samples, 0)
-        Rates in Hz, written here.
-    spikes : array (capacity, 3) int32
-        Block, cell and tick of each spike, up to the capacity.
-
-    Returns
-    -------
-    int
-        Number of spikes to record, which may exceed the capacity.
+    The drive is (steps, channels), nats; the trial ends when OUT falls below ``drop_below``, -inf
+    for never. Written are ``out`` (samples, channels), NaN after the end; ``rates`` (samples,
+    blocks), Hz, or (samples, 0); and ``spikes`` (capacity, 3): block, cell and tick of each.
     """
     begin(p, work, streams)
     # Not 0 itself: for a number in the text, ``go_on`` is compiled a second time.

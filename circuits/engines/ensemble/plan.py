@@ -22,22 +22,7 @@ from circuits.errors import InputError
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:
-    """Convert a circuit to the records of the compiled engine.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        The circuit as arrays.
-    clock : Clock
-        Times of the run.
-    kept : array (blocks,) bool
-        Blocks whose spikes are recorded.
-
-    Raises
-    ------
-    ValueError
-        If a cell type cannot be compiled, or the engine lacks a transfer.
-    """
+    """Convert a circuit to the records of the compiled engine; spikes of ``kept`` are recorded."""
     places = _Places(Scheme(wiring, clock.dt_ms), timed(wiring, clock))
     own_inputs, own_sources, connections, needs = _own_inputs(places)
     of_block, nats = _added(places)
@@ -292,12 +277,8 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
 def _bits(who: npt.NDArray[np.int64], sources: int, targets: int) -> npt.NDArray[np.uint64]:
     """Return which targets each source reaches as bits, in the order of ``lanes.add_row``.
 
-    Parameters
-    ----------
-    who : array (target cells, in-degree)
-        Source cells that reach each target cell.
-    sources, targets : int
-        Number of source cells, and of target cells including padding.
+    ``who`` (target cells, in-degree) are the source cells that reach each target cell; ``targets``
+    includes padding.
     """
     table = np.zeros((sources, targets), np.uint8)
     table[who.ravel(), np.repeat(np.arange(len(who)), who.shape[1])] = 1

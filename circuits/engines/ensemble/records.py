@@ -30,111 +30,55 @@ OWN_SOURCE = record(i8="source connections")
 
 
 class Plan(NamedTuple):
-    """A circuit and a clock in the kernel's format; made by ``plan.plan``.
+    """A circuit and a clock in the kernel's format; made by ``plan.plan``."""
 
-    Parameters
-    ----------
-    clock : record array (1,)
-        Times in ticks, the read-out, and whether spikes are listed cell by cell.
-    blocks : record array (blocks,)
-        One row per block: its kind, the positions of its cells and inputs, its constants.
-    units : record array (units,)
-        One row per postsynaptic sum, with the positions of its sources.
-    sources, inputs : record arrays
-        Blocks, with weights, that reach a unit; units that reach a block.
-    own_inputs : record array
-        Connections cell by cell: one row per target block of a sparse projection.
-    own_sources : record array
-        Blocks that feed an own input, and the positions of their rows in ``connections``.
-    connections : array uint64
-        For every source cell, one row of bits: the target cells that it reaches.
-    readout : array (channels,)
-        Blocks of the read-out.
-    ticks : tuple
-        A tuple whose length is the number of ticks by which cells advance at once.
-    constants : array (5, cells) float32, or None
-        Constants of each cell if cells differ; None avoids compiling unused code. For a Lif:
-        decay, rest (corrected for the mean of the noise), slope, noise step, unit of
-        potential; for the others the last is a factor on the rate, and the noise step is that of a
-        Phase, cv times the root of half of it.
-    tick_constants : array (most constants, cells) float32
-        Constants of the ticks of types without dedicated loops.
-    factors, nats : arrays (rows, ticks)
-        Tables of ``circuits.dynamics.timed``; ``course`` is the row of a unit or a block, 0 for
-        none.
-    """
-
-    clock: Any
-    blocks: Any
-    units: Any
-    sources: Any
-    inputs: Any
-    own_inputs: Any
+    clock: Any  # (1,) times in ticks, the read-out, and whether spikes are listed cell by cell
+    blocks: Any  # a row per block: its kind, the positions of its cells and inputs, its constants
+    units: Any  # a row per postsynaptic sum, with the positions of its sources
+    sources: Any  # blocks, with weights, that reach a unit
+    inputs: Any  # units that reach a block
+    own_inputs: Any  # connections cell by cell: a row per target block of a sparse projection
+    # blocks that feed an own input, and the positions of their rows in ``connections``
     own_sources: Any
-    connections: Any
-    readout: Any
-    ticks: Any
+    connections: Any  # uint64: for every source cell, a row of bits: the target cells it reaches
+    readout: Any  # (channels,) blocks of the read-out
+    ticks: Any  # a tuple whose length is the number of ticks by which cells advance at once
+    # (5, cells) float32, or None if cells are identical, to avoid compiling unused code. For a Lif:
+    # decay, rest (corrected for the mean of the noise), slope, noise step, unit of potential; for
+    # the others the last is a factor on the rate, and the noise step is that of a Phase, cv times
+    # the root of half of it.
     constants: Any
-    tick_constants: Any
+    tick_constants: Any  # (most constants, cells) float32, for types without dedicated loops
+    # (rows, ticks), of ``circuits.dynamics.timed``; ``course`` is the row of a unit; 0: none
     factors: Any
-    nats: Any
+    nats: Any  # (rows, ticks), the same for blocks
 
 
 class Work(NamedTuple):
-    """Working memory of a trial; made by ``plan.workspace``.
+    """Working memory of a trial; made by ``plan.workspace``."""
 
-    Parameters
-    ----------
-    v, counts, cell_x : arrays (cells,)
-        State, noise of four ticks (for types without dedicated loops), and filtered input of each
-        cell.
-    x : array (4, most cells of a block)
-        Inputs of the cells of one block in four ticks.
-    ring : array (blocks, ring)
-        Rates of the last ticks, Hz.
-    state, total : arrays (blocks,)
-        Filtered inputs, nats; sums of rates over a sample.
-    common, mean_step, noise_step : arrays (window,)
-        Common input of the cells of one block, nats; its effect on a cell's state, and the noise
-        per bit. If cells are heterogeneous, mean_step is that input (Lif) or the mean advance, and
-        noise_step its root.
-    states : array (most variables, cells)
-        Variables of cells without dedicated loops.
-    heard, marks : arrays (4, most cells of a block), (most cells of a block,)
-        Inputs of those cells, and a bit for each of four ticks in which one fired.
-    fired : array (4, most cells of a block / 64) uint64
-        A bit for each cell of a block that fired, in four ticks.
-    unit, passed : arrays (units,), (units, window)
-        Filtered activity before and after the transfer.
-    own_input, scale : arrays (own_input cells,), (own_inputs,)
-        Filtered activity cell by cell, divided by a scale common to all cells of an own input.
-    sums : array (most cells of a block,)
-        Arrivals in a tick.
-    found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
-        Cells that fired in the last ticks, and their number.
-    low_pass : array (channels,)
-        Low-passed rates of the read-out, Hz.
-    """
-
-    v: Any
-    counts: Any
-    x: Any
-    cell_x: Any
-    ring: Any
-    state: Any
-    total: Any
-    common: Any
+    v: Any  # (cells,) state
+    counts: Any  # (cells,) noise of four ticks, for types without dedicated loops
+    x: Any  # (4, most cells of a block) inputs of the cells of one block in four ticks
+    cell_x: Any  # (cells,) filtered input
+    ring: Any  # (blocks, ring) rates of the last ticks, Hz
+    state: Any  # (blocks,) filtered inputs, nats
+    total: Any  # (blocks,) sums of rates over a sample
+    common: Any  # (window,) common input of the cells of one block, nats
+    # (window,) its effect on a cell's state; if cells are heterogeneous, that input (Lif) or the
+    # mean advance
     mean_step: Any
+    # (window,) the noise per bit; if cells are heterogeneous, the root of mean_step
     noise_step: Any
-    states: Any
-    heard: Any
-    marks: Any
-    fired: Any
-    unit: Any
-    passed: Any
-    own_input: Any
-    scale: Any
-    sums: Any
-    found: Any
-    found_n: Any
-    low_pass: Any
+    states: Any  # (most variables, cells) of cells without dedicated loops
+    heard: Any  # (4, most cells of a block) inputs of those cells
+    marks: Any  # (most cells of a block,) a bit for each of four ticks in which one fired
+    fired: Any  # (4, most cells of a block / 64) uint64: a bit for each cell that fired
+    unit: Any  # (units,) filtered activity before the transfer
+    passed: Any  # (units, window) and after it
+    own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its own input
+    scale: Any  # (own_inputs,) common to all cells of an own input
+    sums: Any  # (most cells of a block,) arrivals in a tick
+    found: Any  # (ring * blocks * most,) cells that fired in the last ticks
+    found_n: Any  # (ring * blocks,) their number
+    low_pass: Any  # (channels,) low-passed rates of the read-out, Hz

@@ -44,13 +44,7 @@ def run(
     seed: int,
     first_trial: int = 0,
 ) -> Activity:
-    """Run a circuit of spiking cells on many trials; the arguments are those of ``Engine.run``.
-
-    Raises
-    ------
-    ValueError
-        If the drive, a time or a name does not fit the circuit.
-    """
+    """Run a circuit of spiking cells on many trials; the arguments are those of ``Engine.run``."""
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
@@ -78,10 +72,7 @@ def stream(
 ) -> Stream:
     """Begin a trial of spiking cells; the arguments are those of ``Engine.stream``.
 
-    Raises
-    ------
-    ValueError
-        If a step is not a multiple of the ticks that share a noise word, or a time does not fit.
+    A step must be a multiple of the ticks that share a noise word.
     """
     clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     for name in ("step", "settle"):
@@ -107,14 +98,7 @@ def stream(
 def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDArray[np.int32]]:
     """Run all trials, a few per task; return the spikes of each.
 
-    Parameters
-    ----------
-    p : Plan
-        The circuit.
-    arrays : tuple
-        Drive, keys of noise, OUT and rates, one row per trial; the last two are written.
-    engine : Ensemble
-        Number of threads, and the OUT below which a trial ends.
+    ``arrays`` are drive, keys of noise, OUT and rates, one row per trial; the last two are written.
     """
     trials = len(arrays[0])
     found = [np.empty((0, 3), np.int32)] * trials

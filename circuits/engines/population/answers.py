@@ -57,45 +57,23 @@ class Straight:
 
 @dataclass(frozen=True)
 class Answers:
-    """Responses of a population's cells between two inputs, nats.
+    """Responses of a population's cells between two inputs, nats."""
 
-    Parameters
-    ----------
-    lowest, highest, top : float
-        Inputs between which filters vary with the input, and up to which rates are tabulated.
-    hz : array (POINTS,)
-        Rate at evenly spaced inputs from ``lowest`` to ``top``.
-    rows : array (COEFFICIENTS, STEPS)
-        Coefficients of the rate's filter, and of the two sections of the noise's filter, at evenly
-        spaced inputs from ``lowest`` to ``highest``.
-    lags : bool
-        Whether rates lag behind their input.
-    rough : str
-        A warning if a filter deviates from theory or the cells have no noise; otherwise empty.
-    """
-
-    lowest: float
-    highest: float
-    top: float
-    hz: Array
+    lowest: float  # input from which filters vary with the input
+    highest: float  # input up to which they do
+    top: float  # input up to which rates are tabulated
+    hz: Array  # (POINTS,) rate at evenly spaced inputs from ``lowest`` to ``top``
+    # (COEFFICIENTS, STEPS), of the rate's filter and of the two sections of the noise's filter, at
+    # evenly spaced inputs from ``lowest`` to ``highest``
     rows: Array
-    lags: bool
+    lags: bool  # whether rates lag behind their input
+    # a warning if a filter deviates from theory or the cells have no noise; otherwise empty
     rough: str
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Cells of a population, which may be heterogeneous (``circuits.laws.mixture``), and its line.
-
-    Parameters
-    ----------
-    cell : Cell
-        The cell of the row.
-    line : Straight
-        The line of the row.
-    heterogeneity : float
-        Heterogeneity of the row; 0 for identical cells.
-    """
+    """Cells of a population, which may be heterogeneous (``laws.mixture``), and its line."""
 
     cell: Cell
     line: Straight
@@ -157,12 +135,9 @@ def _fitted(mixture: Mixture) -> Arrays:
 def _fit(mixture: Mixture) -> Arrays:
     """Fit the filters of rate and noise at some inputs.
 
-    Returns
-    -------
-    dict of arrays
-        ``ends``, the fields ``lowest``, ``highest`` and ``top`` of ``Answers``; ``hz`` and
-        ``paces`` (STATES,), the rates there and the positions between which coefficients are
-        interpolated; coefficients and misfits of both filters, empty without lags or noise.
+    ``ends`` are the fields ``lowest``, ``highest`` and ``top`` of ``Answers``; ``hz`` and ``paces``
+    (STATES,) the rates there and the positions between which coefficients are interpolated; then
+    coefficients and misfits of both filters, empty without lags or noise.
     """
     rate = mixture.rate_hz
     low, high = _ends(rate, MOST_HZ)
@@ -195,10 +170,7 @@ def _fit(mixture: Mixture) -> Arrays:
 def looked_up(name: str) -> tuple[float, float, Array]:
     """Return the lowest and highest input of a transfer's table, and its values (POINTS,).
 
-    Raises
-    ------
-    ValueError
-        If the transfer is too curved for linear interpolation.
+    The transfer must not be too curved for linear interpolation.
     """
     law, ends = transfer.named(name), (-FAR_NATS / 4, FAR_NATS / 4)
     grid = np.linspace(*ends, POINTS)

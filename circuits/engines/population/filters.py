@@ -40,14 +40,9 @@ class Fitted(NamedTuple):
 
 
 def following(gain: Complex) -> Fitted:
-    """Fit the rate's filter: n1, n2, d1, d2 in powers of 10 ms.
+    """Fit the rate's filter, n1, n2, d1, d2 in powers of 10 ms, to gains (S, F).
 
     Misfits are relative to the gain at frequency 0.
-
-    Parameters
-    ----------
-    gain : complex array (S, F)
-        Gain in each state at ``FREQUENCIES_HZ``.
     """
     s, weight = PER_RAD_S, 1 / (1 + FREQUENCIES_HZ / 100)
     wanted = gain / gain[:, :1].real
@@ -77,20 +72,9 @@ def following(gain: Complex) -> Fitted:
 def colour(power: Array, rate_hz: Array) -> Fitted:
     """Fit the noise's filter: b1, b0, a1, a0 of ``(s^2 + b1 s + b0) / (s^2 + a1 s + a0)``.
 
-    The frequencies scale with the rate in pacemakers, and with the membrane in noise-driven cells;
-    both are tried, and the better fit is used.
-
-    Parameters
-    ----------
-    power : array (S, F)
-        Power at ``FREQUENCIES_HZ``, divided by that at the highest frequencies.
-    rate_hz : array (S,)
-        Rates of the states.
-
-    Returns
-    -------
-    Fitted
-        Coefficients (S, 4 SECTIONS) in powers of 100 /s; the misfit is relative.
+    The frequencies scale with the rate (S,) in pacemakers, and with the membrane in noise-driven
+    cells; both are tried, and the better fit is used. The power (S, F) is divided by that at the
+    highest frequencies. Coefficients (S, 4 SECTIONS) are in powers of 100 /s; misfits are relative.
     """
     tried = [_colour(power, unit) for unit in (np.ones(len(power)), rate_hz / MIDDLING_HZ)]
     return min(tried, key=lambda found: float(found.misfit.sum()))

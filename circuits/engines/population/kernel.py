@@ -233,8 +233,7 @@ def _noise(found, state, values, counts, ticks):
     """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
 
     Except for the response to a constant, the output of a section (``filters.sampled``) is a
-    difference between ticks, which sums to zero in the long run even if the coefficients change
-    with the state.
+    difference between ticks, which sums to 0 in the long run even if the coefficients change.
     """
     _white(values, counts, ticks)
     _section(found, FOLLOWING, state, FIRST, values, ticks)
@@ -549,31 +548,13 @@ def _window(p, work, first, drive, level, out, rates, saved, ticks):
 def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ticks, next_trial):
     """Run trials until none is left, together with other threads.
 
-    Parameters
-    ----------
-    p, work : Plan, Work
-    state : State
-        Initial states.
-    entries : array (trials,)
-        The initial state of each trial.
-    drive : array (trials, steps, channels), nats
-    streams : array (trials, blocks) uint64, or (0, 0) without noise
-    level : float
-        OUT below which a trial ends.
-    out, rates : arrays (trials, samples, channels), (trials, samples, row or 0)
-        Written here; NaN after the end of a trial. A row of rates has a whole number of cache lines
-        and begins at one (``memory.on_cache_lines``).
-    saved : State
-        Final states, written here unless it has no rows.
-    ticks : tuple
-        One of ``WINDOWS``.
-    next_trial : array (1,) int64
-        The first trial that no thread has begun; shared by all threads.
-
-    Returns
-    -------
-    int
-        0, or 1 plus the sample at which rates had diverged.
+    Return 0, or 1 plus the sample at which rates had diverged. ``entries`` are the initial states
+    of trials in ``state``; the drive is (trials, steps, channels), nats; ``streams`` are (trials,
+    blocks), or (0, 0) without noise; ``level`` is the OUT below which a trial ends. Written are
+    ``out`` (trials, samples, channels) and ``rates`` (trials, samples, row or 0), NaN after the
+    end, and the final states ``saved``, unless it has no rows. A row of rates has a whole number of
+    cache lines and begins at one (``memory.on_cache_lines``). ``next_trial`` (1,) is the first
+    trial that no thread has begun, shared by all threads.
     """
     clock, running, first, left = p.clock[0], 0, 0, True
     work.trial[:] = EMPTY

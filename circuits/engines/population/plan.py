@@ -49,22 +49,7 @@ TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 
 
 def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Plan:
-    """Convert a circuit to the records of the population engine.
-
-    Parameters
-    ----------
-    scheme : Scheme
-        The circuit as arrays, and its tick.
-    clock : Clock
-        Times of the run.
-    engine : PopulationsEngine
-        The engine with its options.
-
-    Raises
-    ------
-    ValueError
-        If a cell type lacks a method, or there is no theory for its heterogeneity.
-    """
+    """Convert a circuit to the records of the population engine."""
     wiring = scheme.wiring
     if engine.noise or engine.by_cells:
         _check(wiring)

@@ -23,122 +23,62 @@ EDGE = record(i8="index", f4="weight")
 
 
 class Plan(NamedTuple):
-    """A circuit and a clock in the kernel's format; made by ``plan.plan``.
+    """A circuit and a clock in the kernel's format; made by ``plan.plan``."""
 
-    Parameters
-    ----------
-    clock : record array (1,)
-        Times in ticks, and the read-out.
-    units, blocks : record arrays
-        One row per postsynaptic sum, and one per block: law, filter, and positions of its inputs.
-    sources, inputs : record arrays
-        Blocks, with weights, that reach a unit; units that reach a block.
-    driven : array (driven blocks,)
-        Blocks that receive a column of the drive.
-    readout : array (channels,)
-        Blocks of the read-out.
-    laws : array (laws, points) float32
-        Laws without dedicated loops: values at even steps of the input.
-    tables : array (tables, states * COEFFICIENTS) float32
-        Coefficients of the blocks' filters, state by state.
-    factors, nats : arrays (rows, 1 + ticks) float32, or None
-        Tables of ``circuits.dynamics.timed``, after one tick of rest; ``course`` is the row of a
-        unit or a block. None if there are no courses, which avoids compiling unused code.
-    """
-
-    clock: Any
-    units: Any
-    blocks: Any
-    sources: Any
-    inputs: Any
-    driven: Any
-    readout: Any
-    laws: Any
-    tables: Any
+    clock: Any  # (1,) times in ticks, and the read-out
+    units: Any  # a row per postsynaptic sum: law, filter, and positions of its inputs
+    blocks: Any  # a row per block: the same
+    sources: Any  # blocks, with weights, that reach a unit
+    inputs: Any  # units that reach a block
+    driven: Any  # blocks that receive a column of the drive
+    readout: Any  # (channels,) blocks of the read-out
+    laws: Any  # (laws, points) float32, without dedicated loops: values at even steps
+    tables: Any  # (tables, states * COEFFICIENTS) float32, state by state
+    # (rows, 1 + ticks) float32, of ``circuits.dynamics.timed``, after one tick of rest; ``course``
+    # is the row of a unit. None without courses, to avoid compiling unused code.
     factors: Any
-    nats: Any
+    nats: Any  # the same for blocks
 
 
 class State(NamedTuple):
-    """States of trials between two windows, one entry each; a trial begins in one of them.
+    """States of trials between two windows, float32; a trial begins in one of the entries."""
 
-    Parameters
-    ----------
-    ring : array (entries, blocks, ticks) float32
-        Rates of the last ticks, Hz, the latest first.
-    blocks, units : arrays (entries, blocks or units, rows) float32
-        Filters, as in ``Work``.
-    low_pass : array (entries, channels) float32
-        Low-passed rates of the read-out, Hz.
-    """
-
-    ring: Any
-    blocks: Any
-    units: Any
-    low_pass: Any
+    ring: Any  # (entries, blocks, ticks) rates of the last ticks, Hz, the latest first
+    blocks: Any  # (entries, blocks, rows) filters, as in ``Work``
+    units: Any  # (entries, units, rows) the same
+    low_pass: Any  # (entries, channels) low-passed rates of the read-out, Hz
 
 
 class Work(NamedTuple):
     """Working memory of a group of trials; made by ``plan.workspace``.
 
     A row has one number per lane; the rows of a unit or a block are contiguous.
-
-    Parameters
-    ----------
-    ring : array (blocks, places * LANES)
-        Rates of the last ticks, Hz.
-    units, states, coefficients : arrays (units or blocks, rows * LANES)
-        Filters of units; state of blocks; the coefficients of their filters.
-    passed : array (units, WINDOW * LANES)
-        Activity that each unit transmits in each tick of a window, nats.
-    jumps : array (units, WINDOW * LANES)
-        For each tick, the change of a unit's previous output due to the change of its factor.
-    shifts : array (WINDOW * LANES,), or None without courses
-        For each tick, the change of a block's previous input due to courses.
-    totals, square : arrays (blocks padded to a multiple of LANES, LANES), (LANES * LANES,)
-        Sums of rates over a sample; those of some blocks in the order of lanes.
-    values, noise : arrays (WINDOW * LANES,)
-        Input or activity of one block at a time, nats; the noise of its cells.
-    drive : array (blocks, LANES)
-        Drive by the current reading, nats.
-    low_pass, out, lowest : arrays (channels, LANES) and (LANES,)
-        Low-passed rates of the read-out, Hz; OUT, and its lowest value, nats.
-    streams, keys : arrays (blocks, LANES) uint64, (blocks, 2 LANES) uint32
-        Keys of the noise: of each trial, and, in halves, of the present ticks.
-    trial, begun, samples, reading, due : arrays (LANES,)
-        Each lane's trial, its first tick, its numbers of samples and readings so far, and the tick
-        of the next reading.
-    places, rows : arrays (LANES,)
-        Column of each lane's next tick in the tables of courses; its row of coefficients.
-    soonest : array (1,)
-        Tick of the next reading of any lane.
-    kept : bool
-        Whether rates are recorded.
     """
 
-    ring: Any
-    units: Any
-    states: Any
-    coefficients: Any
-    passed: Any
+    ring: Any  # (blocks, places * LANES) rates of the last ticks, Hz
+    units: Any  # (units, rows * LANES) filters
+    states: Any  # (blocks, rows * LANES)
+    coefficients: Any  # (blocks, rows * LANES) of their filters
+    passed: Any  # (units, WINDOW * LANES) activity transmitted in each tick of a window, nats
+    # (units, WINDOW * LANES) change of a unit's previous output due to that of its factor
     jumps: Any
-    shifts: Any
-    totals: Any
-    square: Any
-    values: Any
-    noise: Any
-    drive: Any
-    low_pass: Any
-    out: Any
-    lowest: Any
-    streams: Any
-    keys: Any
-    trial: Any
-    begun: Any
-    samples: Any
-    reading: Any
-    due: Any
-    places: Any
-    rows: Any
-    soonest: Any
-    kept: bool
+    shifts: Any  # (WINDOW * LANES,) change of a block's previous input due to courses; None without
+    totals: Any  # (blocks padded to a multiple of LANES, LANES) sums of rates over a sample
+    square: Any  # (LANES * LANES,) those of some blocks in the order of lanes
+    values: Any  # (WINDOW * LANES,) input or activity of one block at a time, nats
+    noise: Any  # (WINDOW * LANES,) the noise of its cells
+    drive: Any  # (blocks, LANES) by the current reading, nats
+    low_pass: Any  # (channels, LANES) low-passed rates of the read-out, Hz
+    out: Any  # (channels, LANES), nats
+    lowest: Any  # (LANES,) lowest OUT, nats
+    streams: Any  # (blocks, LANES) uint64: keys of the noise of each trial
+    keys: Any  # (blocks, 2 LANES) uint32: keys of the present ticks, in halves
+    trial: Any  # (LANES,) the trial of each lane
+    begun: Any  # (LANES,) first tick of the trial
+    samples: Any  # (LANES,) number of samples so far
+    reading: Any  # (LANES,) number of readings so far
+    due: Any  # (LANES,) tick of the next reading
+    places: Any  # (LANES,) column of the next tick in the tables of courses
+    rows: Any  # (LANES,) row of coefficients
+    soonest: Any  # (1,) tick of the next reading of any lane
+    kept: bool  # whether rates are recorded

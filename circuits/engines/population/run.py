@@ -61,19 +61,9 @@ def run(
 ) -> Activity:
     """Run a circuit's populations on many trials; the arguments are those of ``Engine.run``.
 
-    A warning is issued near an oscillation, for fewer than 30 cells, and if a filter deviates from
-    theory.
-
-    Returns
-    -------
-    Activity
-        Rates are means between samples; OUT is low-pass filtered and read at each sample's end.
-
-    Raises
-    ------
-    ValueError
-        If the drive, a time or a law does not fit the circuit, the seed of the noise is missing, a
-        cell type lacks a method, the circuit has no resting fixed point, or rates diverge.
+    Rates are means between samples; OUT is low-pass filtered and read at each sample's end. A
+    warning is issued near an oscillation, for fewer than 30 cells, and if a filter deviates from
+    theory; rates that diverge raise ValueError.
     """
     drive = checked_drive(circuit, drive)
     _check_trials(len(drive), first_trial=first_trial)
@@ -166,15 +156,8 @@ class _Prepared:
 def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
     """Run all trials; return 0, or 1 plus the first sample at which rates had diverged.
 
-    Parameters
-    ----------
-    prepared : _Prepared
-        The circuit.
-    arrays : tuple
-        Drive, keys of noise, initial states and their numbers, OUT and rates; all but the states
-        have one row per trial, and the last two are written.
-    engine : PopulationsEngine
-        Number of threads, and the OUT below which a trial ends.
+    ``arrays`` are drive, keys of noise, initial states and their numbers, OUT and rates; all but
+    the states have one row per trial, and the last two are written.
     """
     drive, streams, state, entries, out, kept = arrays
     given = state, entries, drive, streams, engine.level_nats, out, kept, NOT_SAVED

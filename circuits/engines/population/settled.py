@@ -46,14 +46,9 @@ a file has 1 MB with two alternatives, 7 MB with twelve."""
 
 
 class Bank:
-    """Settled states of one circuit and seed, simulated when they are first needed.
+    """Settled states of one circuit and seed (the key), simulated when they are first needed.
 
-    Parameters
-    ----------
-    initial : State
-        The state at rest without noise, in which settling begins.
-    key : str
-        What identifies circuit and seed.
+    ``initial`` is the state at rest without noise, in which settling begins.
     """
 
     def __init__(self, initial: records.State, key: str) -> None:
@@ -115,23 +110,7 @@ def settled(
     trials: Index,
     seed: int,
 ) -> tuple[records.State, Index]:
-    """Return initial states, and the number of that of each trial.
-
-    Parameters
-    ----------
-    p : Plan
-        The circuit.
-    scheme : Scheme
-        The circuit as arrays, and its tick.
-    clock : Clock
-        Times of the run.
-    engine : PopulationsEngine
-        The engine with its options.
-    trials : array of int
-        Numbers of the trials.
-    seed : int
-        Key of the noise.
-    """
+    """Return initial states, and the number of that of each of ``trials``."""
     initial = rest(scheme)
     if not clock.settle_ticks:
         return initial, np.zeros(len(trials), dtype=np.intp)
