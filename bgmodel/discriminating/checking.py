@@ -30,13 +30,7 @@ def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
 
 
 def again(trials: Trials, design: Design, seed: int, count: int, free_time: bool) -> Told:
-    """Return what a task tells with another seed.
-
-    Raises
-    ------
-    ValueError
-        If a model does not reach the accuracy on these trials.
-    """
+    """Return what a task tells with another seed."""
     found = list(told(_only(trials, design, seed, count), design.probe, free_time))
     if not found:
         said = f"{design.text()}: the accuracy is not reached with seed {seed}"

@@ -37,19 +37,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Direction:
-    """What a trial tells if one of the two models is true.
-
-    Parameters
-    ----------
-    information : Information
-        Of a trial of the task.
-    partitions : list of Partition
-        The bins of each kind of trials.
-    levels : tuple of float
-        Threshold of the true model and of its rival.
-    shift_ms : float
-        Non-decision time of the rival less that of the true model.
-    """
+    """What a trial tells if one of the two models is true."""
 
     information: Information
     partitions: list[Partition]
@@ -89,22 +77,7 @@ def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
 
 
 def told(trials: Trials, probe: Probe, free_time: bool) -> Iterator[Told]:
-    """Yield what each task with these probes tells, for every accuracy and deadline of the space.
-
-    Parameters
-    ----------
-    trials : Trials
-        Simulated trials of both models.
-    probe : Probe
-        The probes.
-    free_time : bool
-        Whether the rival has the non-decision time at which it is hardest to tell apart.
-
-    Raises
-    ------
-    ValueError
-        If a model cannot be run in these trials, or reaches none of the accuracies.
-    """
+    """Yield the information of each task with these probes, at every accuracy and deadline."""
     kinds, shares = shares_of(trials, probe)
     every = [[trials.simulated(k, kind) for kind in kinds] for k in (0, 1)]
     known = [trials.levels(k, probe) for k in (0, 1)]

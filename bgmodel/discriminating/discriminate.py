@@ -183,13 +183,7 @@ def _check_recording(
 
 
 def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
-    """Return the part of a space that both models can be in, and what is left out.
-
-    Raises
-    ------
-    ValueError
-        If the models are one, or a circuit cannot be built or has no nats.
-    """
+    """Return the part of a space that both models can be in, and what is left out."""
     space, left_out = _built(space, models)
     for channels in space.channels:
         for one in models:

@@ -44,23 +44,7 @@ LOWEST, HIGHEST = 0.5, 0.99
 
 @dataclass(frozen=True)
 class Model:
-    """A model of decisions, for any number of alternatives.
-
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    build : function, optional
-        Takes the number of alternatives and returns the circuit.
-    test : Integrator, optional
-        The test, if it is not a circuit.
-    source : str
-        Name or file of the circuit, before its edits.
-    edits : Edits
-        Its edits.
-    engine : str
-        Engine of a circuit.
-    """
+    """A model of decisions, for any number of alternatives."""
 
     name: str
     build: Callable[[int], Circuit] | None = None
@@ -94,23 +78,7 @@ class Model:
         seed: int = 0,
         workers: int = 1,
     ) -> Tradeoff:
-        """Return the decisions at many thresholds.
-
-        Parameters
-        ----------
-        evidence : Evidence
-            Readings of all trials.
-        levels : array (K,)
-            Thresholds on OUT.
-        edits : sequence of str
-            Further edits of the circuit.
-        stop : tuple of float
-            Stop signal to STN, nats, and its delay, ms.
-        gain : float, optional
-            Gain of a circuit, as from ``gain_on``.
-        seed, workers : int
-            Seed of the noise, and threads.
-        """
+        """Return the decisions at many thresholds."""
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence, levels)
         model = self._model(evidence.hypotheses, edits, gain, seed, workers)
@@ -145,13 +113,7 @@ class Model:
         return recording.counts(np.concatenate(means), model.circuit, rng)
 
     def swept(self, evidence: Evidence, *, seed: int, workers: int = 1) -> Tradeoff:
-        """Return the decisions at all thresholds at which evidence decides.
-
-        Raises
-        ------
-        ValueError
-            If no threshold decides.
-        """
+        """Return the decisions at all thresholds at which evidence decides."""
         if self.test is not None:
             return tradeoff(self.test.run(evidence), evidence)
         model = self._model(evidence.hypotheses, (), None, seed, workers).adapted_to(evidence)
@@ -205,13 +167,7 @@ def model_of(
     engine: str = "population",
     argument: str = "second",
 ) -> Model:
-    """Return a circuit, given as such, by name or as a file, or a test, as a model.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, edits of a test, or a circuit without nats.
-    """
+    """Return a circuit, given as such, by name or as a file, or a test, as a model."""
     of_lines = isinstance(edits, (list, tuple)) and all(isinstance(x, str) for x in edits)
     require(of_lines, "edits", "must be a list of lines", edits)
     lines = Edits(edits)

@@ -44,30 +44,7 @@ def planned(
     seed: int,
     folder: str | Path = ".",
 ) -> Experiment:
-    """Return the best task as an experiment: the second model against the first.
-
-    Parameters
-    ----------
-    models : tuple of Model
-        Two edits of one circuit.
-    check : Told
-        The best task, with the thresholds of both models.
-    space : Space
-        The space from which it is.
-    median : float
-        Number of trials that it needs; infinite if the models cannot be told apart.
-    verdict : str
-        What the search found, for the note.
-    seed : int
-        Seed of the check, on whose trials predictions are made; the experiment has another.
-    folder : path
-        Folder from which the path of a circuit's file is given: that of the experiment's file.
-
-    Raises
-    ------
-    ValueError
-        As for ``edited_from``.
-    """
+    """Return the best task as an experiment: the second model against the first."""
     probe, design = check.design.probe, check.design
     first, second = models = models[0], edited_from(*models, channels=probe.channels)
     _check_order(models, probe)
@@ -114,20 +91,7 @@ def _task(design: Design, step_ms: float, median: float) -> Gaussian:
 
 
 def edited_from(first: Model, second: Model, channels: int | None = None) -> Model:
-    """Return the second model as edits of the first one's circuit, before the edits of either.
-
-    Parameters
-    ----------
-    first, second : Model
-        Two circuits, given by name or file.
-    channels : int, optional
-        Number of alternatives for which edits are found; by default 2, or that of a file.
-
-    Raises
-    ------
-    ValueError
-        If a model is a test, or if no edits turn one circuit into the other.
-    """
+    """Return the second model as edits of the first one's circuit, before the edits of either."""
     for model in (first, second):
         if not model.source:
             said = "an experiment changes one circuit, given by name or file"

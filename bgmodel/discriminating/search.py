@@ -16,19 +16,6 @@ def search(
 ) -> dict[Place, float]:
     """Return the score of each place of a grid that was tried; the best is the largest.
 
-    Parameters
-    ----------
-    sizes : sequence of int
-        Number of values of each axis.
-    score : function
-        Score of a place, an index per axis; minus infinity if it has no score.
-    evaluations : int
-        Most places that are tried. A grid of no more is tried completely.
-    seed : int
-        Seed of the search.
-
-    Notes
-    -----
     Differential evolution (Storn & Price 1997; ``scipy.optimize``) begins with a Sobol sequence,
     which spreads the first places over the space, so that they are a map of it, and needs neither
     gradients nor scores without noise.

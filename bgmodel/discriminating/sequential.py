@@ -21,16 +21,6 @@ STEEP = 30.0
 def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> float:
     """Return the median number of steps in which a walk leaves (-bound, bound), by diffusion.
 
-    Parameters
-    ----------
-    mean, variance : float
-        Of one step, nats and nats^2. For two models that are hard to tell apart the variance is
-        twice the mean (the local limit).
-    bound : float, nats
-        The bound, which is moved outwards by the expected overshoot.
-
-    Notes
-    -----
     The survival of a diffusion between two bounds is a series of sines (Cox & Miller 1965); it is
     solved for 1/2. The mean number of steps is Wald's (1945).
     """
@@ -58,15 +48,6 @@ def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> floa
 def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> float:
     """Return the median number of trials until a Bayes factor reaches its bound on either side.
 
-    Parameters
-    ----------
-    values, weights : arrays (bins,)
-        Log likelihood ratio of a trial in each bin, nats, and its probability.
-    bound : float, nats
-        Log of the Bayes factor.
-
-    Notes
-    -----
     Small numbers are those of the exact Markov chain (``theory.first_passage``), larger ones those
     of the diffusion.
     """
@@ -95,27 +76,7 @@ def experiments(
     most: int = 100_000,
     bound: float = BOUND_NATS,
 ) -> tuple[Array, Array]:
-    """Simulate experiments that end when the Bayes factor decides.
-
-    Parameters
-    ----------
-    values : list of array (bins,)
-        Log likelihood ratio of a trial in each bin, of each kind of trials.
-    bins : list of int array (trials,)
-        Bins of a model's trials of each kind, from which experiments draw with replacement. They
-        must not be those from which the ratios were estimated.
-    shares : list of float
-        Share of each kind.
-    repeats, most : int
-        Number of experiments, and their largest number of trials.
-
-    Returns
-    -------
-    trials : array (repeats,)
-        Number of trials of each experiment; NaN if it did not end.
-    right : array (repeats,)
-        Whether it ended at the upper bound, in favour of the model that made the trials.
-    """
+    """Simulate experiments that end when the Bayes factor decides."""
     state, ended = np.zeros(repeats), np.full(repeats, np.nan)
     right = np.zeros(repeats)
     scores = [ratio[place] for ratio, place in zip(values, bins, strict=True)]

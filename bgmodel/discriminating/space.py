@@ -112,13 +112,7 @@ class Space:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Space:
-        """Read a space from a TOML file.
-
-        Raises
-        ------
-        ValueError
-            If the file is invalid; the message names the key, what is allowed and what was given.
-        """
+        """Read a space from a TOML file."""
         return toml_files.read(path, cls)
 
     @classmethod

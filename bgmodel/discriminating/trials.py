@@ -25,23 +25,7 @@ RIVALS = np.round(np.arange(-0.12, 0.125, 0.01), 2)
 
 @dataclass(frozen=True)
 class Simulated:
-    """Decisions of one model in one kind of trials, at many thresholds.
-
-    Parameters
-    ----------
-    tradeoff : Tradeoff
-        The decisions, up to the latest deadline.
-    truth : int array (trials,)
-        The true alternative of each trial.
-    channels : int
-        Number of alternatives.
-    conflict : bool
-        Whether the channel after the true one is a competitor.
-    jitter_ms : array (trials,)
-        Non-decision times, less their mean; the same in both models.
-    spikes : int array (trials,), optional
-        Spikes of recorded cells.
-    """
+    """Decisions of one model in one kind of trials, at many thresholds."""
 
     tradeoff: Tradeoff
     truth: Integers
@@ -65,25 +49,7 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Trials:
-    """Simulated trials of two models in a space of tasks.
-
-    Parameters
-    ----------
-    models : tuple of Model
-        The models; both get the same evidence, and their cells the same noise.
-    space : Space
-        The space.
-    seed : int
-        Seed of the evidence and the noise. Thresholds are matched on other trials of that seed.
-    trials : int
-        Number of trials of each kind.
-    free : bool
-        Whether thresholds around the matched ones are simulated too.
-    workers : int
-        Threads; results do not depend on them.
-    recording : Recording, optional
-        Cells that are recorded.
-    """
+    """Simulated trials of two models in a space of tasks."""
 
     models: tuple[Model, Model]
     space: Space
@@ -124,13 +90,7 @@ class Trials:
         return [float(a) for a in given if 0 < a < 1]
 
     def simulated(self, k: int, probe: Probe) -> Simulated:
-        """Return the decisions of a model in one kind of trials.
-
-        Raises
-        ------
-        ValueError
-            If it reaches none of the accuracies, or cannot be run.
-        """
+        """Return the decisions of a model in one kind of trials."""
         key = "trials", k, probe
         if key not in self.kept:
             self.kept[key] = self._run(k, probe)

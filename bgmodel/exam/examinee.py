@@ -18,22 +18,7 @@ from circuits.errors import InputError
 
 @dataclass(frozen=True)
 class Examinee:
-    """A circuit that takes the exam.
-
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    build : function
-        Takes the number of alternatives and returns the circuit.
-    engine : str, optional
-        Engine; by default populations, or rates without noise for sparse connections.
-    gain : float, optional
-        Nats in the circuit per nat of evidence; by default that of the circuit, or the one of five
-        at which a circuit without nats is fastest for an accuracy of 0.9.
-    table : str
-        Name of the included circuit that it is, whose rows some numbers have set; "" for others.
-    """
+    """A circuit that takes the exam."""
 
     name: str
     build: Callable[[int], Circuit]

@@ -50,21 +50,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Asked:
-    """Who is asked: tables and, for a circuit, its sitting.
-
-    Parameters
-    ----------
-    tables : Tables
-        Trials and rates.
-    tasks : dict
-        Tasks by name.
-    seed : int
-        Seed of the bootstrap and of the optimal test's evidence.
-    sitting : Sitting, optional
-        The circuit; None for results from elsewhere.
-    in_hz : bool
-        Whether the number is a rate in Hz, which abstract rates cannot answer.
-    """
+    """Who is asked: tables and, for a circuit, its sitting."""
 
     tables: Tables
     tasks: dict[str, Task]
@@ -96,13 +82,7 @@ def aligned(asked: Asked, *tasks: str) -> tuple[list[pd.DataFrame], Array]:
 
 
 def times(table: pd.DataFrame, weights: Array) -> Array:
-    """Return the mean time of go trials, (B,), ms; missed ones count at the deadline.
-
-    Raises
-    ------
-    Failed
-        If most trials are missed.
-    """
+    """Return the mean time of go trials, (B,), ms; missed ones count at the deadline."""
     go = table["ssd_ms"].isna() & (table["rt_ms"].notna() | table["deadline_ms"].notna())
     missed = (table["rt_ms"].isna() & go).sum() / max(1, go.sum())
     if missed > MOST_MISSED:

@@ -261,13 +261,7 @@ def shipped_list() -> NumberList:
 
 
 def read_numbers(path: str | Path) -> tuple[Number, ...]:
-    """Read the numbers of one domain from a TOML file.
-
-    Raises
-    ------
-    ValueError
-        If the file is invalid; the message names the key, what is allowed and what was given.
-    """
+    """Read the numbers of one domain from a TOML file."""
     found = toml_files.read(path, _OfDomain)
     return tuple(replace(one, domain=found.domain) for one in found.numbers)
 

@@ -32,19 +32,7 @@ COLUMNS = (
 
 
 def marked(number: Number, table: str, answer: Answer | Exception, failed: bool) -> dict[str, Any]:
-    """Return the row of a number.
-
-    Parameters
-    ----------
-    number : Number
-        What was published.
-    table : str
-        Name of the included circuit that answers; "" for others.
-    answer : Answer or Exception
-        Its value, or why there is none.
-    failed : bool
-        Whether the exception means that it fails.
-    """
+    """Return the row of a number."""
     row: dict[str, Any] = {name: getattr(number, name, None) for name in COLUMNS}
     row |= {"published": number.published(), "reason": "", "z": np.nan, "trials": 0}
     row["set_by"] = "set by" if table in number.set_by else "predicted"
@@ -137,14 +125,7 @@ class ExamRecord(Facts):
         return "\n".join([*lines, "", shown.to_string(index=False), "", LEGEND])
 
     def plot(self) -> Figure:
-        """Draw the exam on one page: z scores and directions of all numbers, and totals.
-
-        Returns
-        -------
-        Figure
-            Panel a: a row per number; a point is the z score of a value, a letter the outcome of a
-            direction. Panel b: the share of each domain that agrees, with counts.
-        """
+        """Draw the exam on one page: z scores and directions of all numbers, and totals."""
         from bgmodel.exam.drawing import page
 
         version = self.parameters["list"]["version"]

@@ -43,21 +43,7 @@ MOST_MISSED = 0.5
 
 @dataclass(frozen=True)
 class Sitting:
-    """One examinee with a seed: its models, thresholds and tables, each computed once.
-
-    Parameters
-    ----------
-    examinee : Examinee
-        The circuit.
-    tasks : dict
-        Tasks by name.
-    seed : int
-        Seed of evidence and noise.
-    share : float
-        Share of the usual numbers of trials.
-    workers : int
-        Threads; results do not depend on them.
-    """
+    """One examinee with a seed: its models, thresholds and tables, each computed once."""
 
     examinee: Examinee
     tasks: dict[str, Task]
@@ -98,13 +84,7 @@ class Sitting:
 
     @once
     def level(self, channels: int, accuracy: float) -> float:
-        """Return the threshold at which the unedited circuit reaches an accuracy.
-
-        Raises
-        ------
-        Failed
-            If it reaches it at no threshold, or by the deadline.
-        """
+        """Return the threshold at which the unedited circuit reaches an accuracy."""
         model, swept = self.tuned(channels)
         usual = self.drawn(Task(name="", about="", channels=channels), TUNING_TRIALS, TUNING)
         with quiet():

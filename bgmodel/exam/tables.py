@@ -61,17 +61,7 @@ class Failed(Exception):
 
 @dataclass(frozen=True)
 class Tables:
-    """Trials and rates of one examinee.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Columns of ``OF_TRIALS``, one row per trial and task.
-    rates : DataFrame
-        Columns of ``OF_RATES``; one row per task, trial, nucleus, window and role.
-    abstract : frozenset of str
-        Nuclei whose rates are not those of cells, so that they have a sign but no Hz.
-    """
+    """Trials and rates of one examinee."""
 
     trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_TRIALS)))
     rates: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_RATES)))
@@ -102,21 +92,7 @@ def read_tables(
     rates: str | Path | pd.DataFrame | None,
     tasks: dict[str, Task],
 ) -> Tables:
-    """Read trials and rates that were recorded, or simulated by another tool.
-
-    Parameters
-    ----------
-    trials, rates : path or DataFrame, optional
-        ``.csv``, ``.tsv`` or ``.parquet``: the columns of ``OF_TRIALS`` and ``OF_RATES``.
-    tasks : dict
-        The tasks of the exam by name.
-
-    Raises
-    ------
-    ValueError
-        If neither is given, a column is missing or has no unit, a task, window or role is unknown,
-        or a value is impossible.
-    """
+    """Read trials and rates that were recorded, or simulated by another tool."""
     if trials is None and rates is None:
         raise InputError("give a table of trials, of rates, or both", "trials")
     nothing = Tables()
