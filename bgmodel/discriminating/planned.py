@@ -9,19 +9,18 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.discriminating.designs import Design, Told
+from bgmodel.discriminating.designs import TaskInformation
 from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
-from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.models import Model
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
-from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
 from circuits.differences import differences
@@ -37,7 +36,7 @@ CLEAR = 3.0
 
 def planned(
     models: tuple[Model, Model],
-    check: Told,
+    check: TaskInformation,
     space: Space,
     median: float,
     verdict: str,
@@ -60,6 +59,9 @@ def planned(
         Changes(edits=one.edits, posterior=round(float(np.exp(-level)), 4))
         for one, level in zip(models, levels, strict=True)
     )
+    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
+    # The circuit's trials end a step after the last reading.
+    readings = max(1, round(design.deadline_ms / space.step_ms) - 1)
     circuit = first.source
     if is_path(circuit):
         circuit = os.path.relpath(circuit, folder)
@@ -69,24 +71,13 @@ def planned(
         f"task ({design.text()}); each condition has its matched threshold.",
         circuit=CircuitName(circuit),
         edits=Edits(probe.lines),
-        engine=EngineName(first.engine),
+        engine=EngineName(first.engine or "population"),
         seed=seed + 2,
-        task=_task(design, space.step_ms, median),
+        task=space.task(probe, trials, readings),
         stop=stop,
         control=control,
         manipulation=manipulation,
         predictions=_predictions(Trials(models, space, seed, PREDICTED), check),
-    )  # fmt: skip
-
-
-def _task(design: Design, step_ms: float, median: float) -> Gaussian:
-    """Return the probe trials of a task; the circuit's trials end a step after the last reading."""
-    probe = design.probe
-    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
-    readings = max(1, round(design.deadline_ms / step_ms) - 1)
-    return Gaussian(
-        probe.channels, probe.d_prime, probe.conflict, trials=trials, t_max=readings,
-        step_ms=step_ms,
     )  # fmt: skip
 
 
@@ -113,7 +104,7 @@ def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
         )
 
 
-def _predictions(trials: Trials, check: Told) -> tuple[Prediction, ...]:
+def _predictions(trials: Trials, check: TaskInformation) -> tuple[Prediction, ...]:
     """Return the changes of probe trials that are clear, half of each as the least."""
     design = check.design
     with quiet():

@@ -227,7 +227,7 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
     """Return the published effects with the model's, one row per effect.
 
     They are "compatible" if the 95 % interval of the model's minus the published effect, d = m - p,
-    includes 0, otherwise "differs". Samples are independent: the ends are those of Zou & Donner 2008,
+    includes 0, otherwise "differs". For independent samples its ends are (Zou & Donner 2008)
     ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``.
     """
     control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]

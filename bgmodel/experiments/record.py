@@ -138,7 +138,7 @@ class ExperimentRecord(Observed):
         return NamedEvidence(features.exact, list(features.names))
 
     def groups(self, trials: int) -> Integers | None:
-        """Return the run of learning of each trial, over which intervals are resampled, (trials,)."""
+        """Return the run of learning of each trial, for intervals over runs, (trials,)."""
         runs = [one.runs for one in self.learnings if one is not None]
         if not runs:
             return None

@@ -8,11 +8,11 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.discriminating.information import CORRECT, OTHER, Partition, Recorded, information
-from bgmodel.discriminating.models import model_of
 from bgmodel.discriminating.recording import Recording
-from bgmodel.discriminating.result import TOLD, UNTOLD
+from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
+from bgmodel.experiments.models import model_of
 from circuits.errors import InputError
 from circuits.laws.spectra import count_ratio
 
@@ -90,8 +90,8 @@ def recorded():
 
 def test_spikes_tell_a_loss_of_stn_that_behaviour_cannot(recorded):
     """At matched thresholds a loss of STN is a lower threshold; the cells that are left differ."""
-    assert bg.discriminate("macaque", **LOSS).verdict == UNTOLD
-    assert recorded.verdict == TOLD
+    assert bg.discriminate("macaque", **LOSS).verdict == INSEPARABLE
+    assert recorded.verdict == SEPARABLE
     assert recorded.sequential["median"].between(30, 80).all()
     ratio = recorded.sequential["simulated_median"] / recorded.sequential["median"]
     assert ratio.between(0.75, 1.33).all()

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.exam.numbers import shipped_list
-from bgmodel.exam.tables import Unanswered, read_tables
+from bgmodel.exam.tables import NotApplicable, read_tables
 from circuits.errors import DataWarning, InputError
 
 TASKS = shipped_list().tasks
@@ -71,7 +71,7 @@ def test_the_populations_of_a_nucleus_are_averaged(tmp_path):
     assert tables.rates_of("rest", "MSN", "rest", "all").tolist() == [7, 11]
     assert tables.rates_of("rest", "D1", "rest", "all").tolist() == [12, 18]
     for place in (("rest", "STN", "rest", "all"), ("rest", "MSN", "late", "all")):
-        with pytest.raises(Unanswered):
+        with pytest.raises(NotApplicable):
             tables.rates_of(*place)
-    with pytest.raises(Unanswered):
+    with pytest.raises(NotApplicable):
         tables.trials_of("reference")
