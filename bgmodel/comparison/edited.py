@@ -37,7 +37,7 @@ from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError
 
-INTACT, AS_EDITED = "intact", "as edited"
+INTACT = "intact"
 
 
 def compare_edits(
