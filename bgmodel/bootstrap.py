@@ -12,11 +12,9 @@ from bgmodel.support.seeds import generator
 from circuits.errors import NoiseWarning, require
 
 FEWEST_TRIALS = 100
-
-
 RESAMPLES = 1000
-
-
+Z95 = 1.96
+"""Standard errors from the middle to the end of a 95 % interval."""
 FEWEST_DRAWN = {"resamples": 100, "groups": 10}
 """Numbers of resamples and of groups below which intervals give a warning."""
 

@@ -100,13 +100,7 @@ class Setup:
         return load_circuit(self.circuit, channels)
 
     def table(self, channels: int | None = None) -> Circuit:
-        """Return the edited circuit, with one channel per alternative.
-
-        Parameters
-        ----------
-        channels : int, optional
-            Number of alternatives; by default that of the file, or 2.
-        """
+        """Return the edited circuit, with one channel per alternative."""
         return self.intact(channels).edited(*self.edits)
 
     def model(
@@ -118,22 +112,7 @@ class Setup:
         rates: bool | None = None,
         sample_ms: float | None = None,
     ) -> BasalGanglia:
-        """Return the edited circuit as an integrator.
-
-        Parameters
-        ----------
-        channels : int, optional
-            Number of alternatives.
-        seed : int, optional
-            Seed of the noise; by default that of this record.
-        workers, rates, sample_ms :
-            Options of engines built for many trials, as for ``Engine.tuned``.
-
-        Raises
-        ------
-        ValueError
-            If the circuit has no default gain and none is given.
-        """
+        """Return the edited circuit as an integrator; by default with the noise of this record."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia
         from circuits.engines import engine_of
 
@@ -213,13 +192,7 @@ class Condition(Setup):
 
     @property
     def edited(self) -> Circuit:
-        """The edited circuit for this task's alternatives.
-
-        Raises
-        ------
-        ValueError
-            If the stopping rule is a posterior and the circuit does not work in nats.
-        """
+        """The edited circuit for this task's alternatives."""
         table = self.table(self.hypotheses)
         if self.threshold is None:
             table.check_nats("a stopping posterior", "; give a threshold in its unit")
@@ -228,10 +201,7 @@ class Condition(Setup):
     def check(self, control: Condition | None = None) -> None:
         """Raise ValueError for errors that can be detected before a run.
 
-        Parameters
-        ----------
-        control : Condition, optional
-            The control of the comparison; by default this condition without its edits.
+        The control is by default this condition without its edits.
         """
         from bgmodel.integrators.criterion import check_conditions, gain_of
 
@@ -285,17 +255,7 @@ class Observed(Condition):
     def behaviour(
         self, model: BasalGanglia, evidence: Evidence, seed: int | None = None
     ) -> Behaviour:
-        """Return the decisions of a model on evidence, at this condition's threshold.
-
-        Parameters
-        ----------
-        model : BasalGanglia
-            The circuit, its engine and its noise.
-        evidence : Evidence
-            Readings of all trials.
-        seed : int, optional
-            Seed of the stop signals; by default that of this record.
-        """
+        """Return the decisions of a model on evidence, at this condition's threshold."""
         from bgmodel.integrators.deciding import behaviour_of
 
         level = self.threshold_at(evidence.hypotheses)

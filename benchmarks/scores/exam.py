@@ -15,7 +15,9 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.exam.drawing import FAILS
-from bgmodel.exam.exam import Exam, Examinee, examinee
+from bgmodel.exam.exam import Exam
+from bgmodel.exam.exam import Model as Examinee
+from bgmodel.exam.exam import model_of as examinee
 from bgmodel.exam.numbers import SEED, shipped_list
 from bgmodel.exam.record import MOST_Z, totals
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit

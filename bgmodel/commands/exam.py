@@ -9,7 +9,7 @@ import pandas as pd
 
 from bgmodel.commands.options import FLAT, MANY, like
 from bgmodel.commands.output import Output, check_whole, options_of, recorded, say
-from bgmodel.exam.exam import Exam, examinee
+from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import OF_RATES, OF_TRIALS, WINDOWS
 from bgmodel.names import EngineName
 from circuits.declaration.edits import Edits
@@ -74,7 +74,7 @@ def exam(
         _list(asked, tasks, output)
         return
     if circuit:
-        examinee(circuit, edits, engine, options["gain"])  # refuses unknown names
+        asked.check(circuit, edits)
         count, version = len(asked.questions.numbers), asked.questions.version
         say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
         found = asked.take(circuit, edits=edits, engine=engine, workers=workers, **options)

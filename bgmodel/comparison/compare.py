@@ -51,15 +51,7 @@ SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_g
 
 
 def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return a circuit's decisions with noise of another seed, or ``found`` if it has no noise.
-
-    Parameters
-    ----------
-    model, evidence :
-        The circuit and its evidence.
-    found : Tradeoff
-        Its decisions with the original seed.
-    """
+    """Return a circuit's decisions with noise of another seed, or ``found`` if it has no noise."""
     if not model.engine.noisy:
         return found
     seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
@@ -127,11 +119,6 @@ class Comparison(Facts):
         the first reference, with thresholds matched at the lowest accuracy that is reached; one
         point per trial, or their density if there are more than 2000. Panel c: share of trials
         with the same choice at each accuracy, and by chance, with 95 % intervals.
-
-        Returns
-        -------
-        Figure
-            Three panels.
         """
         from bgmodel.comparison.drawing import draw
 

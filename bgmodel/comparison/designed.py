@@ -55,16 +55,10 @@ FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
 
 @dataclass(frozen=True)
 class Design:
-    """A designed trial: the evidence for the competitors of the leader.
+    """A designed trial: evidence for competitors from the first reading on, (channels - 1,) nats.
 
-    Parameters
-    ----------
-    name : str
-        Numbers of close and of hopeless competitors.
-    held : str
-        What equals that with equal competitors: "same lead" over the next, or "same average".
-    competitors : tuple of float (channels - 1,)
-        Evidence for each from the first reading on, nats; 0 for equal competitors.
+    ``held`` names what equals that with equal competitors: "same lead" over the next, or "same
+    average".
     """
 
     name: str
@@ -74,17 +68,7 @@ class Design:
     def evidence(
         self, readings: int, *, trials: int = 1, kappa: float = 1.0, leader: int = 0
     ) -> Evidence:
-        """Return copies of the trial, to be run with different noise.
-
-        Parameters
-        ----------
-        readings, trials : int
-            Shape of the result.
-        kappa : float
-            Nats of the design per nat of evidence.
-        leader : int
-            Index of the rising channel; competitors follow it in order.
-        """
+        """Return copies of the trial; ``kappa`` is nats of the design per nat of evidence."""
         count = len(self.competitors) + 1
         values = np.zeros((readings, count))
         values[0, 1:] = self.competitors
@@ -99,13 +83,7 @@ class Design:
 
 
 def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
-    """Return the designed trials, the one with equal competitors first.
-
-    Raises
-    ------
-    ValueError
-        For fewer than three channels: a single competitor cannot tell theories apart.
-    """
+    """Return the designed trials, the one with equal competitors first."""
     if channels < 3:
         raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
     competitors = channels - 1
@@ -229,31 +207,6 @@ def designed(
 ) -> pd.DataFrame:
     """Return decision times of an integrator on designed trials minus those of theories.
 
-    Parameters
-    ----------
-    observed : Integrator
-        The integrator to compare with the theories.
-    thresholds : sequence of float
-        Thresholds on its OUT.
-    settled : Integrator, optional
-        The same without noise and delays; its latency is the extra time of ``observed`` to cross
-        with equal competitors. Without it there is no latency.
-    kappa : float
-        Nats of the designs per nat of evidence, and the gain of the MSPRT.
-    channels, trials, leader : int
-        Number of alternatives, trials per design, and the channel that rises.
-
-    Returns
-    -------
-    DataFrame
-        One row per threshold, design and theory: threshold, design, held, theory, value, low, high
-        (time of ``observed`` minus its latency minus that of the theory, and the 95 % interval
-        over trials, ms), observed_ms, latency_ms, theory_ms, theory_threshold, right (share of
-        trials in which the leader was chosen). The value is NaN where that share is below
-        ``FEWEST_RIGHT``.
-
-    Notes
-    -----
     The threshold of each theory is its OUT at the time at which ``settled`` crosses with equal
     competitors, where all differences are 0. OUT is interpolated linearly between readings.
     """
@@ -304,13 +257,7 @@ def readings_of(
     kappa: float = 1.0,
     leader: int = 0,
 ) -> int:
-    """Return the readings needed to cross all thresholds in all designs, plus half of them.
-
-    Raises
-    ------
-    ValueError
-        If a threshold is never crossed.
-    """
+    """Return the readings needed to cross all thresholds in all designs, plus half of them."""
     readings, levels = 32, np.asarray(thresholds, dtype=np.float64)
     while readings <= MOST_READINGS:
         with quiet(RangeWarning):  # the leader rises for longer here than in the actual trials
@@ -389,20 +336,10 @@ def _intervals(moved: Array) -> tuple[Array, Array, Array]:
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the verdict of a table of designed trials on each theory.
+    """Return the verdict of a table of designed trials on each theory, with its differences in ms.
 
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``designed``.
-
-    Returns
-    -------
-    DataFrame
-        One row per theory: theory, largest_ms (largest difference), least_ms (smallest over
-        thresholds of the largest difference at each), outcome. It "follows" if the whole
-        interval of each difference is within ``CLOSE_MS``, and is "told apart" if at each
-        threshold the whole interval of a difference is beyond ``APART_MS``.
+    A theory is followed if the whole interval of each difference is within ``CLOSE_MS``, and
+    told apart if at each threshold the whole interval of a difference is beyond ``APART_MS``.
     """
     rows = []
     for name, part in table.groupby("theory", sort=False):
@@ -421,15 +358,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def text(table: pd.DataFrame, unit: str = NATS) -> str:
-    """Return a table of designed trials as text, one column per theory, with a legend.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``designed``.
-    unit : str
-        Unit of OUT.
-    """
+    """Return a table of designed trials as text, one column per theory, with a legend."""
     key = ["threshold", "held", "design"]
     rows = table.drop_duplicates(key)
     wide = pd.DataFrame(

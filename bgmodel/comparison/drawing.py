@@ -36,15 +36,7 @@ MANY = 2000
 
 @styled
 def draw(curves: pd.DataFrame, pairs: pd.DataFrame, table: pd.DataFrame, chance: float) -> Figure:
-    """Draw the three panels of a comparison.
-
-    Parameters
-    ----------
-    curves, pairs, table : DataFrame
-        As in ``Comparison``.
-    chance : float
-        Accuracy by chance.
-    """
+    """Draw the three panels of a comparison."""
     figure, axes = panels(1, 3, size=(7.2, 3.2))
     _curves(axes[0, 0], curves, chance)
     _times(axes[0, 1], pairs)

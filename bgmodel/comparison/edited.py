@@ -37,7 +37,7 @@ from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError
 
-INTACT, AS_EDITED = "intact", "as edited"
+INTACT = "intact"
 
 
 def compare_edits(
@@ -154,13 +154,6 @@ def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
 
     An edit keeps the name, channels, unit, input and read-out of a circuit, and removes no row.
     Otherwise the reference of a change would be another circuit.
-
-    Parameters
-    ----------
-    before, after : Circuit
-        The circuit before and after it was edited.
-    what : str
-        Name of the argument that holds the second.
     """
     for circuit in (before, after):
         if not isinstance(circuit, Circuit):

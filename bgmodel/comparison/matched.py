@@ -33,18 +33,9 @@ OTHER_NOISE = "circuit with other noise"
 
 
 def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the extra time of the other at equal accuracy, as a line over the test's time.
+    """Return offset (ms) and slope of the extra time at equal accuracy over the test's time, (B,).
 
-    Parameters
-    ----------
-    test, other : pairs of arrays (B, K)
-        As from ``curve``.
-
-    Returns
-    -------
-    offset_ms, slope : arrays (B,)
-        Offset and slope of the extra time over the test's time, for accuracies 0.85 to 0.98 as far
-        as both reach; NaN if they share fewer than three.
+    The line is fitted to accuracies from 0.85 to 0.98; NaN if both reach fewer than three.
     """
     x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
     known = np.isfinite(late)
@@ -134,14 +125,7 @@ def matched_measures(
 
 
 def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
-    """Return the requested accuracies, one or several, as a tuple.
-
-    Raises
-    ------
-    ValueError
-        If the list is empty or has a number twice, or an accuracy is not a number between chance
-        plus ``MARGIN`` and 1.
-    """
+    """Return the requested accuracies, one or several, as a tuple."""
     given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
     require(given.ndim == 1 and given.size, "accuracies", "must hold one number or more", given)
     least = 1 / hypotheses + MARGIN
@@ -205,14 +189,7 @@ def _measures(
 
 
 def paired(test: Tradeoff, other: Tradeoff, accuracies: Sequence[float]) -> pd.DataFrame:
-    """Return choices and times of both, trial by trial, at the thresholds of each accuracy.
-
-    Returns
-    -------
-    DataFrame
-        One row per accuracy and trial: accuracy, trial, test_choice, test_ms, circuit_choice,
-        circuit_ms.
-    """
+    """Return choices and times of both, trial by trial, at the thresholds of each accuracy."""
     parts = []
     for accuracy in accuracies:
         first, second = at_equal_accuracy((test, other), accuracy)

@@ -50,13 +50,7 @@ NO_INTERVAL = (
 
 
 def behaviour(table: pd.DataFrame) -> str:
-    """Return the behaviour of edited circuits at the threshold of the unedited one, as text.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``compare_edits``.
-    """
+    """Return the behaviour of edited circuits at the threshold of the unedited one, as text."""
     fixed = table[table["kind"] == "fixed"]
     rows = fixed.drop_duplicates(["variant", "accuracy"])[["variant", "accuracy"]]
     wide = fixed.pivot(index=["variant", "accuracy"], columns="measure", values="value")
@@ -76,15 +70,9 @@ def _plain(form: str) -> Callable[[float], str]:
 
 
 def verdicts(table: pd.DataFrame, cautions: Sequence[str] = ()) -> str:
-    """Return one line per accuracy on the circuit and the first reference, warnings below them.
+    """Return one line per accuracy on the circuit and the first reference.
 
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``compare``.
-    cautions : sequence of str
-        Warnings of the run. One that names an accuracy is shown below the line of the first that it
-        names, the others at the end.
+    A warning that names an accuracy is shown below its line, the others at the end.
     """
     reference = table["reference"].iloc[0]
     of = table[(table["model"] == CIRCUIT) & (table["reference"] == reference)]
@@ -126,11 +114,6 @@ def page(table: pd.DataFrame) -> str:
     """Return the main measures at one accuracy as text, one line per model or variant.
 
     The accuracy is the first at which the circuit is compared. What is unknown is explained below.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``compare``, or the rows of kind "value" from ``compare_edits``.
     """
     table = table[table["accuracy"].notna()]
     known = table[(table["measure"] == "agreement") & table["value"].notna()]

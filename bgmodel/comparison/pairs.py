@@ -29,26 +29,7 @@ def side_by_side(
     *,
     again: ChoicesAndTimes | None = None,
 ) -> dict[str, Array]:
-    """Return the trial-by-trial measures by name, (B,) each.
-
-    Parameters
-    ----------
-    test, other : ChoicesAndTimes
-        The reference, and the integrator compared with it, on the same trials.
-    truth : int array (trials,), optional
-        The true hypotheses.
-    weights : array (B, trials)
-        As from ``compare.resampled``.
-    again : ChoicesAndTimes, optional
-        The other with noise of another seed.
-
-    Returns
-    -------
-    dict
-        agreement, error_agreement and within_50_ms, each with ``_chance`` and ``_corrected``;
-        pearson_r with ``_chance``, spearman_r, residual_sd_ms, test_ms, and with a truth
-        test_accuracy and accuracy; with ``again`` r_noise_corrected.
-    """
+    """Return the trial-by-trial measures by name, (B,) each."""
     from scipy.stats import rankdata
 
     x, y = test.time_ms, other.time_ms
@@ -139,15 +120,8 @@ def by_chance(
 ) -> Array:
     """Return the mean of a quantity over pairs of different trials of one stratum, (B,).
 
-    Parameters
-    ----------
-    of_pair :
-        The quantity to average.
-    strata : int array (trials,)
-        Stratum of each trial, within which trials are shuffled.
-    first, second : arrays (B, trials)
-        Weights of a trial for the test, and for the other. Strata are weighted by ``first``; those
-        without two trials are left out.
+    Strata are weighted by ``first``, the weights of the test's trials (B, trials); strata without
+    two trials are left out.
     """
     total, counted = np.zeros(len(first)), np.zeros(len(first))
     own = of_pair.own()

@@ -25,23 +25,7 @@ ACCURACY = 0.9
 
 
 def swept(model: BasalGanglia, evidence: Evidence, test: Tradeoff | None = None) -> Tradeoff:
-    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence : Evidence
-        Readings of all trials.
-    test : Tradeoff, optional
-        Decisions of the test about whose thresholds the circuit's are tried; by default those of
-        the MSPRT at the circuit's gain.
-
-    Raises
-    ------
-    ValueError
-        If the circuit would decide without evidence, or never, at each threshold.
-    """
+    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
     test = tradeoff(Msprt(model.gain).run(evidence), evidence) if test is None else test
     levels = without_noise_alone(model, thresholds_of(model.circuit, test))
     if not levels.size:
@@ -63,15 +47,6 @@ def fastest_gain(
 
     A circuit has its default gain, adapted to the evidence, or 1 if it is exact. One without is
     given the gain of ``GAINS`` at which it reaches ``ACCURACY`` fastest on this evidence.
-
-    Parameters
-    ----------
-    circuit, engine, seed :
-        As for ``BasalGanglia``.
-    evidence : Evidence
-        Trials that are used for nothing else.
-    gain : float, optional
-        The gain, if it is known.
     """
     known = gain is not None or circuit.default_gain is not None
     known |= (circuit.unedited or circuit).exact

@@ -1,4 +1,4 @@
-"""What a trial of each task tells about two models, in either direction."""
+"""The information of a trial of each task about two models, in either direction."""
 
 from __future__ import annotations
 
@@ -9,8 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.discriminating.information import Information, Partition, Recorded, divergence
-from bgmodel.discriminating.information import information as informed
+from bgmodel.discriminating.information import (
+    Information,
+    Partition,
+    Recorded,
+    divergence,
+    information,
+)
 from bgmodel.discriminating.space import Probe
 from bgmodel.discriminating.trials import Trials
 from bgmodel.support.arrays import Array
@@ -37,18 +42,10 @@ class Design:
 
 @dataclass(frozen=True)
 class Direction:
-    """What a trial tells if one of the two models is true.
+    """The information of a trial if one of the two models is true.
 
-    Parameters
-    ----------
-    information : Information
-        Of a trial of the task.
-    partitions : list of Partition
-        The bins of each kind of trials.
-    levels : tuple of float
-        Threshold of the true model and of its rival.
-    shift_ms : float
-        Non-decision time of the rival less that of the true model.
+    ``partitions`` are the bins of each kind of trials, ``levels`` the thresholds of the true and of
+    the other model, ``shift_ms`` the other's non-decision time less that of the true one.
     """
 
     information: Information
@@ -63,8 +60,8 @@ class Direction:
 
 
 @dataclass(frozen=True)
-class Told:
-    """A task with what its trials tell, if the first or if the second model is true."""
+class TaskInformation:
+    """A task with the information of its trials, if the first or if the second model is true."""
 
     design: Design
     directions: tuple[Direction, Direction]
@@ -72,12 +69,12 @@ class Told:
     @property
     def nats(self) -> float:
         """Information per trial, the smaller of both directions."""
-        return min(one.information.nats for one in self.directions)
+        return min(direction.information.nats for direction in self.directions)
 
     @property
     def low(self) -> float:
         """Its lower end, by which tasks are ranked."""
-        return min(one.low for one in self.directions)
+        return min(direction.low for direction in self.directions)
 
 
 def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
@@ -88,43 +85,31 @@ def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
     return [probe.plain, probe], [1 - share, share]
 
 
-def told(trials: Trials, probe: Probe, free_time: bool) -> Iterator[Told]:
-    """Yield what each task with these probes tells, for every accuracy and deadline of the space.
+def informed(trials: Trials, probe: Probe, free_time: bool) -> Iterator[TaskInformation]:
+    """Yield the information of each task with these probes, at every accuracy and deadline.
 
-    Parameters
-    ----------
-    trials : Trials
-        Simulated trials of both models.
-    probe : Probe
-        The probes.
-    free_time : bool
-        Whether the rival has the non-decision time at which it is hardest to tell apart.
-
-    Raises
-    ------
-    ValueError
-        If a model cannot be run in these trials, or reaches none of the accuracies.
+    With ``free_time`` the other model has the non-decision time that is hardest to tell apart.
     """
     kinds, shares = shares_of(trials, probe)
-    every = [[trials.simulated(k, kind) for kind in kinds] for k in (0, 1)]
-    known = [trials.levels(k, probe) for k in (0, 1)]
+    simulated = [[trials.simulated(k, kind) for kind in kinds] for k in (0, 1)]
+    levels = [trials.levels(k, probe) for k in (0, 1)]
     for accuracy, deadline_ms in product(trials.space.accuracy, trials.space.deadline_ms):
-        if any(accuracy not in one for one in known):
+        if any(accuracy not in each for each in levels):
             continue
 
         def recorded(k: int, level: float, until: float = deadline_ms) -> list[Recorded]:
-            return [one.at(level, until) for one in every[k]]
+            return [each.at(level, until) for each in simulated[k]]
 
-        found = []
+        directions = []
         for k in (0, 1):
-            mine, rival = known[k][accuracy], known[1 - k][accuracy]
-            true = recorded(k, mine)
-            levels = list(known[1 - k].values()) if trials.free else [rival]
-            nearest = [(*_nearest(true, recorded(1 - k, x), shares, free_time), x) for x in levels]
-            _, shift, rival = min(nearest, key=lambda one: one[0])
-            other = [one.later(shift) for one in recorded(1 - k, rival)]
-            found.append(Direction(*informed(true, other, shares), (mine, rival), shift))
-        yield Told(Design(probe, accuracy, deadline_ms), (found[0], found[1]))
+            level = levels[k][accuracy]
+            true = recorded(k, level)
+            tried = list(levels[1 - k].values()) if trials.free else [levels[1 - k][accuracy]]
+            nearest = [(*_nearest(true, recorded(1 - k, x), shares, free_time), x) for x in tried]
+            _, shift, rival = min(nearest, key=lambda each: each[0])
+            other = [each.later(shift) for each in recorded(1 - k, rival)]
+            directions.append(Direction(*information(true, other, shares), (level, rival), shift))
+        yield TaskInformation(Design(probe, accuracy, deadline_ms), (directions[0], directions[1]))
 
 
 def _nearest(
@@ -145,12 +130,12 @@ def _median(one: Recorded) -> float:
     return float(np.median(times)) if len(times) else 0.0
 
 
-def row(one: Told) -> dict[str, Any]:
+def row(task: TaskInformation) -> dict[str, Any]:
     """Return a task as a row of a table."""
-    design = one.design
-    found: dict[str, Any] = asdict(design.probe)
-    found |= {"accuracy": design.accuracy, "deadline_ms": design.deadline_ms}
-    for name, way in zip(("first", "second"), one.directions, strict=True):
-        found[f"{name}_nats"] = way.information.nats
-        found[f"{name}_error"] = way.information.error
-    return found | {"nats": one.nats, "low": one.low}
+    design = task.design
+    values: dict[str, Any] = asdict(design.probe)
+    values |= {"accuracy": design.accuracy, "deadline_ms": design.deadline_ms}
+    for name, direction in zip(("first", "second"), task.directions, strict=True):
+        values[f"{name}_nats"] = direction.information.nats
+        values[f"{name}_error"] = direction.information.error
+    return values | {"nats": task.nats, "low": task.low}

@@ -11,16 +11,25 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import names
-from bgmodel.discriminating.checking import again, simulated_experiments
-from bgmodel.discriminating.designs import Told, row, told
-from bgmodel.discriminating.models import Model, model_of, same_rule
+from bgmodel.discriminating.designs import TaskInformation, informed, row
 from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.result import Discrimination
-from bgmodel.discriminating.search import Place, search
-from bgmodel.discriminating.space import OF_CIRCUITS, Probe, Space, check_space, split
+from bgmodel.discriminating.sequential import again, simulated_experiments
+from bgmodel.discriminating.space import (
+    OF_CIRCUITS,
+    Place,
+    Probe,
+    Space,
+    check_space,
+    search,
+    split,
+)
 from bgmodel.discriminating.trials import Trials
+from bgmodel.experiments.models import Model, model_of
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.names import EngineName
+from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.checks import whole
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError, quiet, require
@@ -30,6 +39,8 @@ SEED, CHECK_SEED = 99_101, 99_201
 one after that of the check, and a planned experiment the one after that."""
 MOST_TRIALS = 1_000_000
 """Most trials of each kind, and most kinds of trials."""
+ROUNDING = 1e-9
+"""Difference of outputs that is rounding error, nats."""
 Tell = Callable[[str], None]
 
 
@@ -106,8 +117,8 @@ def discriminate(
     the best of many noisy estimates is too good.
     """
     models = (
-        model_of(first, first_edits, engine=engine, argument="first"),
-        model_of(first if second is None else second, second_edits, engine=engine),
+        model_of(first, first_edits, engine, argument="first"),
+        model_of(first if second is None else second, second_edits, engine, argument="second"),
     )
     _check_words(thresholds, non_decision, engine)
     require(callable(tell), "tell", "must be a function", tell)
@@ -115,12 +126,12 @@ def discriminate(
     whole("workers", workers, 1)
     space, left_out = _within(check_space(space), models)
     _check_recording(recording, models, space)
-    one_test = sum(one.test is not None for one in models) == 1
+    one_test = sum(model.test is not None for model in models) == 1
     free_time = non_decision == "free" or (non_decision is None and one_test)
     searched = Trials(models, space, seed, trials, thresholds == "free", workers, recording)
     with quiet():
-        found, refused = _searched(searched, free_time, evaluations, tell)
-        best = max(found, key=lambda one: one.low)
+        tasks, refused = _searched(searched, free_time, evaluations, tell)
+        best = max(tasks, key=lambda task: task.low)
         tell(f"check of the best task: {best.design.text()}")
         check = again(searched, best.design, check_seed, check_trials, free_time)
         sequential = simulated_experiments(searched, check, check_seed + 1, check_trials)
@@ -131,20 +142,19 @@ def discriminate(
         "engine": engine, "recording": recording and asdict(recording), "left_out": left_out,
         "refused": refused,
     }  # fmt: skip
-    table = pd.DataFrame([row(one) for one in found])
+    table = pd.DataFrame([row(task) for task in tasks])
     return Discrimination(models, space, table, check, sequential, same, settings)
 
 
 def _check_words(thresholds: object, non_decision: object, engine: str) -> None:
     """Raise ValueError for a word that is none of those allowed."""
     names.check("engine", engine, EngineName)
-    for name, given, known in (
+    for name, value, known in (
         ("thresholds", thresholds, ("matched", "free")),
-        ("non_decision", non_decision, ("same", "free")),
+        ("non_decision", non_decision, ("same", "free", None)),
     ):
-        found = isinstance(given, str) and given in known
-        allowed = found or (given is None and name == "non_decision")
-        require(allowed, name, f"must be {' or '.join(known)}", given)
+        allowed = isinstance(value, str | None) and value in known
+        require(allowed, name, f"must be {' or '.join(known[:2])}", value)
 
 
 def _check_numbers(
@@ -172,43 +182,47 @@ def _check_recording(
         return
     must = 'must be a Recording, such as Recording("STN")'
     require(isinstance(recording, Recording), "recording", must, recording)
-    for one in models:
-        if one.build is None:
-            raise InputError(f"{one.name} is a test, which has no nuclei to record", "nucleus")
+    for model in models:
+        if model.test is not None:
+            raise InputError(f"{model.name} is a test, which has no nuclei to record", "nucleus")
         for channels in space.channels:
-            recording.check(one.build(channels))
+            recording.check(model.circuit(channels))
     last = recording.window_ms[1]
     must = f"must end within the trials, which end after {space.longest_ms:g} ms"
     require(last <= space.longest_ms, "window_ms", must, last)
 
 
 def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
-    """Return the part of a space that both models can be in, and what is left out.
-
-    Raises
-    ------
-    ValueError
-        If the models are one, or a circuit cannot be built or has no nats.
-    """
+    """Return the part of a space in which both models can be run, and what is left out."""
     space, left_out = _built(space, models)
     for channels in space.channels:
-        for one in models:
-            one.check(channels)
-        if models[0].identity(channels) == models[1].identity(channels):
-            said = f"{models[0].name} and {models[1].name} are one model: nothing tells them apart"
-            raise InputError(said, "second")
-    if any(one.test is not None for one in models):
+        for model in models:
+            _check(model, channels)
+        if models[0].key(channels) == models[1].key(channels):
+            raise InputError(
+                f"{models[0].name} and {models[1].name} are one model: nothing tells them apart",
+                "second",
+            )
+    if any(model.test is not None for model in models):
         reduced = space.of_tests()
         left_out += [n for n in OF_CIRCUITS if getattr(space, n) != getattr(reduced, n)]
         return reduced, left_out
     for text in filter(None, space.edits):
         try:
-            for one in models:
-                one.check(space.channels[0], split(text))
+            for model in models:
+                _check(model, space.channels[0], split(text))
         except ValueError as error:
             EditWarning.warn(f"{text!r} is left out of the space: {error}")
             space, left_out = space.without(text), [*left_out, text]
     return space, left_out
+
+
+def _check(model: Model, channels: int, edits: Iterable[str] = ()) -> None:
+    """Raise ValueError if the circuit cannot be edited, or does not work in nats."""
+    if model.test is None:
+        circuit = model.circuit(channels).edited(*edits)
+        circuit.check_nats("a comparison at matched thresholds", ": give a circuit in nats")
+        gain_of(circuit)
 
 
 def _built(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
@@ -216,44 +230,54 @@ def _built(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]
 
     A circuit in a file has one number of alternatives.
     """
-    refused: dict[int, ValueError] = {}
-    for channels in space.channels:
-        try:
-            for one in models:
-                if one.build is not None:
-                    one.build(channels)
-        except ValueError as error:
-            refused[channels] = error
-    kept = tuple(channels for channels in space.channels if channels not in refused)
+    errors: dict[int, ValueError] = {}
+    for model in models:
+        if model.test is None:
+            errors |= model.circuits(space.channels)[1]
+    kept = tuple(channels for channels in space.channels if channels not in errors)
     if not kept:
-        raise refused[space.channels[0]]
-    for channels, why in refused.items():
-        EditWarning.warn(f"{channels} alternatives are left out of the space: {why}")
-    return replace(space, channels=kept), [f"channels {channels}" for channels in refused]
+        raise errors[space.channels[0]]
+    for channels, error in errors.items():
+        EditWarning.warn(f"{channels} alternatives are left out of the space: {error}")
+    return replace(space, channels=kept), [f"channels {channels}" for channels in errors]
+
+
+def same_rule(first: Model, second: Model, *, channels: int) -> bool:
+    """Whether two tests are one rule at different thresholds, for a number of alternatives.
+
+    They are if the output of one increases with that of the other over all alternatives, readings
+    and trials: each threshold of one then has a threshold of the other with the same decisions, so
+    that no choices and times tell them apart. It is checked on every output of 200 trials.
+    """
+    if first.test is None or second.test is None:
+        return False
+    evidence = gaussian_evidence(200, channels=channels, t_max=40, seed=0)
+    one, other = (np.ravel(test.run(evidence).out_nats) for test in (first.test, second.test))
+    return bool((np.diff(other[np.argsort(one)]) >= -ROUNDING).all())
 
 
 def _searched(
     trials: Trials, free_time: bool, evaluations: int, tell: Tell
-) -> tuple[list[Told], list[str]]:
-    """Return what every task that was tried tells, and why others could not be run."""
+) -> tuple[list[TaskInformation], list[str]]:
+    """Return the information gained by each task, and the reasons for skipping others."""
     axes = trials.space.axes()
-    found: list[Told] = []
+    tasks: list[TaskInformation] = []
     refused: list[str] = []
 
     def score(place: Place) -> float:
         probe = Probe(**{name: axes[name][k] for name, k in zip(axes, place, strict=True)})
         tell(probe.text())
         try:
-            here = list(told(trials, probe, free_time))
+            here = list(informed(trials, probe, free_time))
         except ValueError as error:
             refused.append(f"{probe.text()}: {error}")
             return -np.inf
-        found.extend(here)
-        return max((one.low for one in here), default=-np.inf)
+        tasks.extend(here)
+        return max((task.low for task in here), default=-np.inf)
 
     sizes = [len(values) for values in axes.values()]
     search(sizes, score, evaluations=evaluations, seed=trials.seed)
-    if not found:
+    if not tasks:
         why = refused[0] if refused else "no accuracy is reached by both models"
         raise InputError(f"no task of the space can be run: {why}", "space")
-    return found, refused
+    return tasks, refused

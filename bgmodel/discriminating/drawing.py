@@ -33,15 +33,7 @@ def label(axis: str, value: str) -> str:
 
 @styled
 def draw(rows: pd.DataFrame, sequential: pd.DataFrame, title: str) -> Figure:
-    """Draw a map of the space, and the trials that the best task needs.
-
-    Parameters
-    ----------
-    rows, sequential : DataFrame
-        As from ``Discrimination.axes`` and ``Discrimination.summary``.
-    title : str
-        Title of the figure.
-    """
+    """Draw a map of the space, and the trials that the best task needs."""
     # An axis of one value is no axis.
     several = rows[rows.groupby("axis")["value"].transform("size") > 1]
     rows = several if len(several) else rows

@@ -27,17 +27,7 @@ GROUPS = 50
 
 @dataclass(frozen=True)
 class Recorded:
-    """Choices and response times of one kind of trials.
-
-    Parameters
-    ----------
-    choice : int array (trials,)
-        ``CORRECT``, ``COMPETITOR``, ``OTHER`` or ``MISSED``.
-    time_ms : array (trials,), ms
-        Response times; of missed trials they do not count.
-    spikes : int array (trials,), optional
-        Spikes of recorded cells.
-    """
+    """Choices and response times of one kind of trials."""
 
     choice: Integers
     time_ms: Array
@@ -50,15 +40,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Partition:
-    """Bins of what a trial shows.
-
-    Parameters
-    ----------
-    edges : tuple of array
-        Edges of times for each choice but the missed trials.
-    counts : array
-        Edges of spike counts; none unless cells are recorded.
-    """
+    """Bins of what a trial shows."""
 
     edges: tuple[Array, ...]
     counts: Array = field(default_factory=lambda: np.empty(0))
@@ -104,18 +86,7 @@ class Partition:
 
 @dataclass(frozen=True)
 class Information:
-    """What one trial tells, if the first of two models made it.
-
-    Parameters
-    ----------
-    nats : float
-        Expected log likelihood ratio per trial, the Kullback-Leibler divergence, corrected for the
-        bias of a finite number of simulated trials.
-    error : float
-        Its standard error, by the jackknife.
-    values, weights : arrays (bins,)
-        Log likelihood ratio in each bin, nats, and its probability if the first model is true.
-    """
+    """What one trial tells, if the first of two models made it."""
 
     nats: float
     error: float

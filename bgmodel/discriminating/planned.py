@@ -9,19 +9,18 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.discriminating.designs import Design, Told
+from bgmodel.discriminating.designs import TaskInformation
 from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
-from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.models import Model
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
-from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
 from circuits.differences import differences
@@ -37,37 +36,14 @@ CLEAR = 3.0
 
 def planned(
     models: tuple[Model, Model],
-    check: Told,
+    check: TaskInformation,
     space: Space,
     median: float,
     verdict: str,
     seed: int,
     folder: str | Path = ".",
 ) -> Experiment:
-    """Return the best task as an experiment: the second model against the first.
-
-    Parameters
-    ----------
-    models : tuple of Model
-        Two edits of one circuit.
-    check : Told
-        The best task, with the thresholds of both models.
-    space : Space
-        The space from which it is.
-    median : float
-        Number of trials that it needs; infinite if the models cannot be told apart.
-    verdict : str
-        What the search found, for the note.
-    seed : int
-        Seed of the check, on whose trials predictions are made; the experiment has another.
-    folder : path
-        Folder from which the path of a circuit's file is given: that of the experiment's file.
-
-    Raises
-    ------
-    ValueError
-        As for ``edited_from``.
-    """
+    """Return the best task as an experiment: the second model against the first."""
     probe, design = check.design.probe, check.design
     first, second = models = models[0], edited_from(*models, channels=probe.channels)
     _check_order(models, probe)
@@ -83,6 +59,9 @@ def planned(
         Changes(edits=one.edits, posterior=round(float(np.exp(-level)), 4))
         for one, level in zip(models, levels, strict=True)
     )
+    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
+    # The circuit's trials end a step after the last reading.
+    readings = max(1, round(design.deadline_ms / space.step_ms) - 1)
     circuit = first.source
     if is_path(circuit):
         circuit = os.path.relpath(circuit, folder)
@@ -92,9 +71,9 @@ def planned(
         f"task ({design.text()}); each condition has its matched threshold.",
         circuit=CircuitName(circuit),
         edits=Edits(probe.lines),
-        engine=EngineName(first.engine),
+        engine=EngineName(first.engine or "population"),
         seed=seed + 2,
-        task=_task(design, space.step_ms, median),
+        task=space.task(probe, trials, readings),
         stop=stop,
         control=control,
         manipulation=manipulation,
@@ -102,32 +81,8 @@ def planned(
     )  # fmt: skip
 
 
-def _task(design: Design, step_ms: float, median: float) -> Gaussian:
-    """Return the probe trials of a task; the circuit's trials end a step after the last reading."""
-    probe = design.probe
-    trials = int(np.clip(np.ceil(4 * median), FEWEST, MOST)) if np.isfinite(median) else MOST
-    readings = max(1, round(design.deadline_ms / step_ms) - 1)
-    return Gaussian(
-        probe.channels, probe.d_prime, probe.conflict, trials=trials, t_max=readings,
-        step_ms=step_ms,
-    )  # fmt: skip
-
-
 def edited_from(first: Model, second: Model, channels: int | None = None) -> Model:
-    """Return the second model as edits of the first one's circuit, before the edits of either.
-
-    Parameters
-    ----------
-    first, second : Model
-        Two circuits, given by name or file.
-    channels : int, optional
-        Number of alternatives for which edits are found; by default 2, or that of a file.
-
-    Raises
-    ------
-    ValueError
-        If a model is a test, or if no edits turn one circuit into the other.
-    """
+    """Return the second model as edits of the first one's circuit, before the edits of either."""
     for model in (first, second):
         if not model.source:
             said = "an experiment changes one circuit, given by name or file"
@@ -149,7 +104,7 @@ def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
         )
 
 
-def _predictions(trials: Trials, check: Told) -> tuple[Prediction, ...]:
+def _predictions(trials: Trials, check: TaskInformation) -> tuple[Prediction, ...]:
     """Return the changes of probe trials that are clear, half of each as the least."""
     design = check.design
     with quiet():

@@ -61,17 +61,7 @@ class Recording:
             raise InputError.of("nucleus", must, self.nucleus)
 
     def mean_hz(self, rate_hz: Array, time_ms: Array, truth: Integers) -> Array:
-        """Return the mean rate in the window of the true alternative's cells, (trials,) Hz.
-
-        Parameters
-        ----------
-        rate_hz : array (trials, samples, channels), Hz
-            Rates of the nucleus, with one channel if all alternatives share it.
-        time_ms : array (samples,), ms
-            Ends of the samples.
-        truth : int array (trials,)
-            The true alternative of each trial.
-        """
+        """Return the mean rate in the window of the true alternative's cells, (trials,) Hz."""
         first, last = self.window_ms
         inside = (time_ms > first) & (time_ms <= last)
         channel = truth if rate_hz.shape[2] > 1 else np.zeros_like(truth)
@@ -81,17 +71,6 @@ class Recording:
     def counts(self, mean_hz: Array, circuit: Circuit, rng: np.random.Generator) -> Integers:
         """Draw the number of spikes of all recorded cells in each trial, (trials,).
 
-        Parameters
-        ----------
-        mean_hz : array (trials,), Hz
-            Mean rates in the window.
-        circuit : Circuit
-            Its resting cells say how irregular the counts are.
-        rng : Generator
-            Random numbers; with the same ones, counts differ between models by their rates alone.
-
-        Notes
-        -----
         A cell's phase begins anywhere between two spikes and moves on by the expected number m of
         spikes and a Gaussian of variance F m, with F from ``count_ratio``; every whole number that
         it passes is a spike. The mean is m, apart from phases below 0, and the variance F m + 1/6,

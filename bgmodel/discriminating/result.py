@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.discriminating.designs import Told
+from bgmodel.bootstrap import Z95
+from bgmodel.discriminating.designs import TaskInformation
 from bgmodel.discriminating.drawing import draw
-from bgmodel.discriminating.information import Information
-from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.planned import planned
-from bgmodel.discriminating.sequential import exit_median, median_trials, wald_mean
 from bgmodel.discriminating.space import AXES, Space
-from bgmodel.exam.numbers import Z95
-from bgmodel.support.files import provenance, replacing
+from bgmodel.experiments.models import Model
+from bgmodel.support.files import json_text, provenance
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
 from circuits.errors import require
@@ -28,26 +25,9 @@ if TYPE_CHECKING:
 
     from bgmodel.experiments.experiment import Experiment
 
-TOLD, UNTOLD = "can be told apart", "cannot tell"
+SEPARABLE, INSEPARABLE = "can be told apart", "cannot tell"
 """Verdicts."""
 UNRECORDED = "must not be given with a plan: an experiment measures choices and times, not spikes"
-
-
-def needed(found: Information) -> dict[str, float]:
-    """Return the trials until a Bayes factor of 10: nats, error, median, low, high, wald_mean.
-
-    The interval is that of the information, 95 %. If the information is not above 0, the median is
-    infinite, and low is the number of trials that is needed at least.
-    """
-    least, most = found.nats - Z95 * found.error, max(found.nats, 0) + Z95 * found.error
-    known = {"nats": found.nats, "error": found.error}
-    if least <= 0:
-        low = exit_median(most, 2 * most) if most > 0 else np.inf
-        return known | {"median": np.inf, "low": low, "high": np.inf, "wald_mean": np.inf}
-    # Numbers of trials are inversely proportional to the information.
-    scale = median_trials(found.values, found.weights) * found.plain_nats
-    ends = {"median": scale / found.nats, "low": scale / most, "high": scale / least}
-    return known | ends | {"wald_mean": wald_mean(found.nats)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,7 +45,7 @@ class Discrimination(Facts):
         deadline_ms; first_nats and first_error, the information per trial if the first model is
         true, with its standard error; second_nats and second_error; nats, the smaller of both, and
         low, its lower end, by which tasks are ranked.
-    check : Told
+    check : TaskInformation
         The best task, simulated again with another seed.
     sequential : DataFrame
         One row per model: truth (the model that makes the trials), nats and error, the median
@@ -81,15 +61,15 @@ class Discrimination(Facts):
     models: tuple[Model, Model]
     space: Space
     table: pd.DataFrame
-    check: Told
+    check: TaskInformation
     sequential: pd.DataFrame
     same: tuple[int, ...]
     settings: dict[str, Any]
 
     @property
     def verdict(self) -> str:
-        """``TOLD`` or ``UNTOLD``; the best task must tell in both directions in the check."""
-        return TOLD if np.isfinite(self.sequential["median"]).all() else UNTOLD
+        """``SEPARABLE``, if the check of the best task tells in both directions, or not."""
+        return SEPARABLE if np.isfinite(self.sequential["median"]).all() else INSEPARABLE
 
     @property
     def most_nats(self) -> float:
@@ -112,19 +92,19 @@ class Discrimination(Facts):
     def sentence(self) -> str:
         """Return the verdict in one sentence, with the trials needed or the bound."""
         if set(self.same) == set(self.space.channels):
-            return f"{UNTOLD}: they are one rule with different thresholds, so no task can"
-        if self.verdict == UNTOLD:
+            return f"{INSEPARABLE}: they are one rule with different thresholds, so no task can"
+        if self.verdict == INSEPARABLE:
             least = self.sequential["low"].min()
             return (
-                f"{UNTOLD}: no task of {len(self.table)} tells more than {self.most_nats:.1g} nats "
-                f"per trial (upper 95 %), and the best needs at least {_number(least)} trials"
+                f"{INSEPARABLE}: no task of {len(self.table)} tells more than {self.most_nats:.1g} "
+                f"nats per trial (upper 95 %), and the best needs at least {_number(least)} trials"
             )
         parts = [
             f"{_number(one['median'])} [{_number(one['low'])}, {_number(one['high'])}] trials if "
             f"{one['truth']} is true"
             for one in self.sequential.to_dict("records")
         ]
-        return f"{TOLD}: {', '.join(parts)}"
+        return f"{SEPARABLE}: {', '.join(parts)}"
 
     def summary(self) -> pd.DataFrame:
         """Return the trials that the best task needs; see ``sequential``."""
@@ -205,15 +185,7 @@ class Discrimination(Facts):
         rest = {name: value for name, value in self.settings.items() if name != "seed"}
         about = provenance(self.settings["seed"], **rest, space=self.space)
         tables = {"sequential": self.sequential, "axes": self.axes(), "records": self.table}
-        rows = {
-            name: json.loads(table.to_json(orient="records", double_precision=10))
-            for name, table in tables.items()
-        }
-        text = json.dumps({**self.facts(), **about, **rows}, indent=1)
-        if path is not None:
-            with replacing(path) as partial:
-                partial.write_text(text + "\n", encoding="utf-8")
-        return text
+        return json_text(path, **self.facts(), **about, **tables)
 
 
 def _number(count: float) -> str:

@@ -1,13 +1,22 @@
-"""How many trials a sequential test needs until its Bayes factor decides between two models."""
+"""Trials until the Bayes factor decides: in theory, and in experiments on the best task."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pandas as pd
+
+from bgmodel.bootstrap import Z95
+from bgmodel.discriminating.designs import Design, Direction, TaskInformation, informed, shares_of
+from bgmodel.discriminating.information import Information
+from bgmodel.discriminating.trials import Trials
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.seeds import stream
 from bgmodel.theory.empirical import Empirical
 from bgmodel.theory.first_passage import walk
 from bgmodel.theory.sprt import OVERSHOOT
+from circuits.errors import InputError
 
 FACTOR = 10.0
 """Bayes factor at which an experiment ends."""
@@ -16,21 +25,18 @@ SHORT = 400
 """Medians up to here are computed exactly."""
 STEEP = 30.0
 """Drift, relative to noise, from which the walk goes straight to its bound."""
+REPEATS = 200
+"""Simulated experiments for each of the two models."""
+LEAST_RIGHT = 1 - 1 / 11 - 3 * float(np.sqrt(10 / 11**2 / REPEATS))
+"""Least share of experiments that must favour the truth, that of a Bayes factor of 10 within three
+standard errors; otherwise the models are not told apart."""
+OF_EXPERIMENTS = ("simulated_median", "right", "experiments")
+"""Columns of simulated experiments; unknown where models cannot be told apart."""
 
 
 def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> float:
     """Return the median number of steps in which a walk leaves (-bound, bound), by diffusion.
 
-    Parameters
-    ----------
-    mean, variance : float
-        Of one step, nats and nats^2. For two models that are hard to tell apart the variance is
-        twice the mean (the local limit).
-    bound : float, nats
-        The bound, which is moved outwards by the expected overshoot.
-
-    Notes
-    -----
     The survival of a diffusion between two bounds is a series of sines (Cox & Miller 1965); it is
     solved for 1/2. The mean number of steps is Wald's (1945).
     """
@@ -58,15 +64,6 @@ def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> floa
 def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> float:
     """Return the median number of trials until a Bayes factor reaches its bound on either side.
 
-    Parameters
-    ----------
-    values, weights : arrays (bins,)
-        Log likelihood ratio of a trial in each bin, nats, and its probability.
-    bound : float, nats
-        Log of the Bayes factor.
-
-    Notes
-    -----
     Small numbers are those of the exact Markov chain (``theory.first_passage``), larger ones those
     of the diffusion.
     """
@@ -95,27 +92,7 @@ def experiments(
     most: int = 100_000,
     bound: float = BOUND_NATS,
 ) -> tuple[Array, Array]:
-    """Simulate experiments that end when the Bayes factor decides.
-
-    Parameters
-    ----------
-    values : list of array (bins,)
-        Log likelihood ratio of a trial in each bin, of each kind of trials.
-    bins : list of int array (trials,)
-        Bins of a model's trials of each kind, from which experiments draw with replacement. They
-        must not be those from which the ratios were estimated.
-    shares : list of float
-        Share of each kind.
-    repeats, most : int
-        Number of experiments, and their largest number of trials.
-
-    Returns
-    -------
-    trials : array (repeats,)
-        Number of trials of each experiment; NaN if it did not end.
-    right : array (repeats,)
-        Whether it ended at the upper bound, in favour of the model that made the trials.
-    """
+    """Simulate experiments that end when the Bayes factor decides."""
     state, ended = np.zeros(repeats), np.full(repeats, np.nan)
     right = np.zeros(repeats)
     scores = [ratio[place] for ratio, place in zip(values, bins, strict=True)]
@@ -135,3 +112,81 @@ def experiments(
         state, done = path[:, -1], done + block
         block = min(2 * block, 4096)
     return ended, right
+
+
+def needed(information: Information) -> dict[str, float]:
+    """Return the trials until a Bayes factor of 10: nats, error, median, low, high, wald_mean.
+
+    The interval is that of the information, 95 %. If the information is not above 0, the median is
+    infinite, and low is the number of trials that is needed at least.
+    """
+    nats, half = information.nats, Z95 * information.error
+    least, most = nats - half, max(nats, 0) + half
+    known = {"nats": nats, "error": information.error}
+    if least <= 0:
+        low = exit_median(most, 2 * most) if most > 0 else np.inf
+        return known | {"median": np.inf, "low": low, "high": np.inf, "wald_mean": np.inf}
+    # Numbers of trials are inversely proportional to the information.
+    scale = median_trials(information.values, information.weights) * information.plain_nats
+    ends = {"median": scale / nats, "low": scale / most, "high": scale / least}
+    return known | ends | {"wald_mean": wald_mean(nats)}
+
+
+def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
+    """Return trials of one task alone, with another seed."""
+    space = replace(trials.space, accuracy=(design.accuracy,), deadline_ms=(design.deadline_ms,))
+    return replace(trials, space=space, seed=seed, trials=count, cache={})
+
+
+def again(
+    trials: Trials, design: Design, seed: int, count: int, free_time: bool
+) -> TaskInformation:
+    """Return the information of a task with another seed."""
+    tasks = list(informed(_only(trials, design, seed, count), design.probe, free_time))
+    if not tasks:
+        raise InputError(
+            f"{design.text()}: the accuracy is not reached with seed {seed}", "check_seed"
+        )
+    return tasks[0]
+
+
+def simulated_experiments(
+    trials: Trials, check: TaskInformation, seed: int, count: int
+) -> pd.DataFrame:
+    """Return predicted numbers of trials, and those of simulated sequential experiments.
+
+    Columns are those of ``Discrimination.sequential``.
+    """
+    others = _only(trials, check.design, seed, count)
+    # Thresholds are those of the check; these trials give choices and times alone.
+    probe, accuracy = check.design.probe, check.design.accuracy
+    for k, direction in enumerate(check.directions):
+        levels = {accuracy: direction.levels[0]}
+        others.cache["levels", k, probe.channels, probe.d_prime] = levels
+    rows = []
+    for k, direction in enumerate(check.directions):
+        row = needed(direction.information) | dict.fromkeys(OF_EXPERIMENTS, np.nan)
+        if np.isfinite(row["median"]):
+            row |= _ended(others, k, direction, check.design)
+        rows.append({"truth": trials.models[k].name, **row})
+    table = pd.DataFrame(rows)
+    # Thresholds that are matched with an error tell models apart that are one: experiments with
+    # other trials then do not favour the truth.
+    if (table["right"] < LEAST_RIGHT).any():
+        table[["median", "high", "wald_mean"]] = np.inf
+    return table
+
+
+def _ended(trials: Trials, k: int, direction: Direction, design: Design) -> dict[str, float]:
+    """Return the median length of experiments on a model's trials, and the share that favour it."""
+    kinds, shares = shares_of(trials, design.probe)
+    bins = [
+        partition.place(trials.simulated(k, kind).at(direction.levels[0], design.deadline_ms))
+        for partition, kind in zip(direction.partitions, kinds, strict=True)
+    ]
+    cuts = np.cumsum([partition.bins for partition in direction.partitions])[:-1]
+    ratios = np.split(direction.information.values, cuts)
+    rng = stream(trials.seed, "discriminate", "experiments", k)
+    ended, right = experiments(ratios, bins, shares, rng, repeats=REPEATS)
+    median = float(np.median(np.nan_to_num(ended, nan=np.inf)))
+    return {"simulated_median": median, "right": float(right.mean()), "experiments": REPEATS}

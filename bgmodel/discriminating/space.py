@@ -1,15 +1,19 @@
-"""The space of tasks that is searched for the one that separates two models."""
+"""The space of tasks, and the search for the task that separates two models."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_positive, check_range, whole
+from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
@@ -20,6 +24,9 @@ PROBED = ("channels", "d_prime", "conflict", *OF_CIRCUITS)
 """Axes for whose values trials are simulated; accuracies and deadlines are read from the same
 trials."""
 AXES = (*PROBED, "accuracy", "deadline_ms")
+Place = tuple[int, ...]
+POPULATION = 16
+"""Places with which a search begins, spread evenly (Sobol)."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +46,12 @@ class Probe:
 
     def text(self) -> str:
         """Return the probe in a few words."""
-        found = [f"N = {self.channels}", f"d' {self.d_prime:g}"]
+        parts = [f"N = {self.channels}", f"d' {self.d_prime:g}"]
         if self.conflict:
-            found.append(f"conflict {self.conflict:g}")
+            parts.append(f"conflict {self.conflict:g}")
         if self.stop_nats:
-            found.append(f"stop signal {self.stop_nats:g} nats")
-        return ", ".join([*found, *self.lines])
+            parts.append(f"stop signal {self.stop_nats:g} nats")
+        return ", ".join([*parts, *self.lines])
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -91,7 +98,8 @@ class Space:
     """Standard deviation of the non-decision time, which is added to the times of both models."""
 
     def __post_init__(self) -> None:
-        for name, values in self._lists().items():
+        for name in AXES:
+            values = getattr(self, name)
             require(len(values) > 0, name, "must have at least one value", values)
             once = len(set(values)) == len(values)
             require(once, name, "must not have a value twice, which is no difference", values)
@@ -112,13 +120,7 @@ class Space:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Space:
-        """Read a space from a TOML file.
-
-        Raises
-        ------
-        ValueError
-            If the file is invalid; the message names the key, what is allowed and what was given.
-        """
+        """Read a space from a TOML file."""
         return toml_files.read(path, cls)
 
     @classmethod
@@ -136,6 +138,13 @@ class Space:
         """Readings up to the latest deadline."""
         return math.ceil(self.longest_ms / self.step_ms)
 
+    def task(self, probe: Probe, trials: int, readings: int | None = None) -> Gaussian:
+        """Return the task of some trials; by default with readings up to the latest deadline."""
+        return Gaussian(
+            probe.channels, probe.d_prime, probe.conflict, trials=trials,
+            t_max=readings or self.readings, step_ms=self.step_ms,
+        )  # fmt: skip
+
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Return the values of every axis for which trials are simulated."""
         return {name: getattr(self, name) for name in PROBED}
@@ -146,11 +155,8 @@ class Space:
 
     def without(self, text: str) -> Space:
         """Return the space without one manipulation."""
-        kept = tuple(one for one in self.edits if one != text)
-        return replace(self, edits=kept or ("",))
-
-    def _lists(self) -> dict[str, tuple[Any, ...]]:
-        return {name: getattr(self, name) for name in AXES}
+        others = tuple(each for each in self.edits if each != text)
+        return replace(self, edits=others or ("",))
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -167,3 +173,35 @@ def check_space(space: Space | str | Path | None) -> Space:
     if isinstance(space, (str, Path)):
         return Space.from_toml(space)
     raise InputError.of("space", "must be a Space or a .toml file", space)
+
+
+def search(
+    sizes: Sequence[int], score: Callable[[Place], float], *, evaluations: int, seed: int
+) -> dict[Place, float]:
+    """Return the score of each place of a grid that was tried; the best is the largest.
+
+    Differential evolution (Storn & Price 1997; ``scipy.optimize``) begins with a Sobol sequence,
+    which spreads the first places over the space, so that they are a map of it, and needs neither
+    gradients nor scores without noise.
+    """
+    known: dict[Place, float] = {}
+    if np.prod(sizes) <= evaluations:
+        for place in np.ndindex(*sizes):
+            known[place] = score(place)
+        return known
+    from scipy.optimize import differential_evolution
+    from scipy.stats import qmc
+
+    def cost(where: np.ndarray) -> float:
+        place = tuple(round(float(x)) for x in where)
+        if place not in known and len(known) < evaluations:
+            known[place] = score(place)
+        return -known.get(place, -np.inf) if np.isfinite(known.get(place, -np.inf)) else 1e9
+
+    unit = qmc.Sobol(len(sizes), rng=np.random.default_rng(seed)).random(POPULATION)
+    differential_evolution(
+        cost, [(0, size - 1 + 1e-9) for size in sizes], integrality=np.ones(len(sizes), dtype=bool),
+        init=np.floor(unit * np.asarray(sizes)), maxiter=50, polish=False, tol=0,
+        callback=lambda *_: len(known) >= evaluations, rng=np.random.default_rng(seed),
+    )  # fmt: skip
+    return known

@@ -2,45 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import numpy as np
 
-from bgmodel.deciding.tradeoff import Tradeoff
+from bgmodel.comparison.thresholds import moved
+from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHER, Recorded
-from bgmodel.discriminating.models import Model
 from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.space import Probe, Space
-from bgmodel.simulated_evidence import gaussian_evidence
+from bgmodel.evidence import Evidence
+from bgmodel.experiments.models import Model, stopped
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import deciding_thresholds
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    decide_at_thresholds,
+    thresholds_about,
+    without_noise_alone,
+)
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
+from circuits.circuit import Circuit
 from circuits.errors import InputError
 
 TUNING_TRIALS, TUNING_READINGS = 1000, 120
 """Trials by which thresholds are matched, and readings in each."""
 RIVALS = np.round(np.arange(-0.12, 0.125, 0.01), 2)
 """Differences in accuracy over which a free threshold is sought."""
+LOWEST, HIGHEST = 0.5, 0.99
+"""Range of accuracies about whose thresholds in the MSPRT those of a circuit are tried."""
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """Decisions of one model in one kind of trials, at many thresholds.
+    """Decisions of one model in one kind of trials at many thresholds, up to the latest deadline.
 
-    Parameters
-    ----------
-    tradeoff : Tradeoff
-        The decisions, up to the latest deadline.
-    truth : int array (trials,)
-        The true alternative of each trial.
-    channels : int
-        Number of alternatives.
-    conflict : bool
-        Whether the channel after the true one is a competitor.
-    jitter_ms : array (trials,)
-        Non-decision times, less their mean; the same in both models.
-    spikes : int array (trials,), optional
-        Spikes of recorded cells.
+    With conflict, the channel after the true one is the competitor. ``jitter_ms`` (trials,) are
+    non-decision times less their mean, the same in both models.
     """
 
     tradeoff: Tradeoff
@@ -53,36 +56,20 @@ class Simulated:
     def at(self, level: float, deadline_ms: float) -> Recorded:
         """Return choices and times at a threshold, with a deadline."""
         k = int(np.argmin(np.abs(self.tradeoff.settings - level)))
-        found = self.tradeoff.choices(k)
-        choice = np.where(found.choice == self.truth, CORRECT, OTHER)
+        decided = self.tradeoff.choices(k)
+        choice = np.where(decided.choice == self.truth, CORRECT, OTHER)
         if self.conflict:
-            rival = found.choice == (self.truth + 1) % self.channels
-            choice[rival] = COMPETITOR
-        missed = self.tradeoff.forced[k] | ~(found.time_ms <= deadline_ms)
-        choice[missed] = MISSED
-        return Recorded(choice, found.time_ms + self.jitter_ms, self.spikes)
+            choice[decided.choice == (self.truth + 1) % self.channels] = COMPETITOR
+        choice[self.tradeoff.forced[k] | ~(decided.time_ms <= deadline_ms)] = MISSED
+        return Recorded(choice, decided.time_ms + self.jitter_ms, self.spikes)
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Simulated trials of two models in a space of tasks.
+    """Simulated trials of two models, which share evidence and noise, in a space of tasks.
 
-    Parameters
-    ----------
-    models : tuple of Model
-        The models; both get the same evidence, and their cells the same noise.
-    space : Space
-        The space.
-    seed : int
-        Seed of the evidence and the noise. Thresholds are matched on other trials of that seed.
-    trials : int
-        Number of trials of each kind.
-    free : bool
-        Whether thresholds around the matched ones are simulated too.
-    workers : int
-        Threads; results do not depend on them.
-    recording : Recording, optional
-        Cells that are recorded.
+    ``trials`` is their number for each kind of trials. Thresholds are matched on other trials of
+    the same seed; if ``free``, thresholds around the matched ones are simulated too.
     """
 
     models: tuple[Model, Model]
@@ -92,7 +79,7 @@ class Trials:
     free: bool = False
     workers: int = 1
     recording: Recording | None = None
-    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+    cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def levels(self, k: int, probe: Probe) -> dict[float, float]:
         """Return a model's thresholds by the accuracy that it has in plain trials.
@@ -101,65 +88,65 @@ class Trials:
         accuracies that it does not reach are missing.
         """
         key = "levels", k, probe.channels, probe.d_prime
-        if key not in self.kept:
+        if key not in self.cache:
             rng = stream(self.seed, "discriminate", "tuning", probe.channels, probe.d_prime)
-            evidence = gaussian_evidence(
-                TUNING_TRIALS, d_prime=probe.d_prime, channels=probe.channels,
-                t_max=TUNING_READINGS, step_ms=self.space.step_ms, seed=rng,
-            )  # fmt: skip
-            swept = self.models[k].swept(evidence, seed=self._noise("tuning"), workers=self.workers)
-            self.kept[key] = {
+            task = self.space.task(probe.plain, TUNING_TRIALS, TUNING_READINGS)
+            evidence = task.drawn_with(rng, rng)
+            model = self.models[k]
+            swept = _swept(model, evidence, seed=self._noise("tuning"), workers=self.workers)
+            self.cache[key] = {
                 accuracy: float(swept.at_accuracy(accuracy).settings[0])
                 for accuracy in self._accuracies()
                 if swept.reaches(accuracy)
             }
-            self.kept["gain", *key[1:]] = self.models[k].gain_on(evidence)
-        found: dict[float, float] = self.kept[key]
-        return found
+            if model.test is None:
+                tuned = model.integrator(evidence.hypotheses).adapted_to(evidence)
+                self.cache["gain", *key[1:]] = tuned.gain
+        levels: dict[float, float] = self.cache[key]
+        return levels
 
     def _accuracies(self) -> list[float]:
-        given = np.asarray(self.space.accuracy)
+        accuracies = np.asarray(self.space.accuracy)
         if self.free:
-            given = np.union1d(given, np.round(given[:, None] + RIVALS, 4))
-        return [float(a) for a in given if 0 < a < 1]
+            accuracies = np.union1d(accuracies, np.round(accuracies[:, None] + RIVALS, 4))
+        return [float(a) for a in accuracies if 0 < a < 1]
 
     def simulated(self, k: int, probe: Probe) -> Simulated:
-        """Return the decisions of a model in one kind of trials.
-
-        Raises
-        ------
-        ValueError
-            If it reaches none of the accuracies, or cannot be run.
-        """
+        """Return the decisions of a model in one kind of trials."""
         key = "trials", k, probe
-        if key not in self.kept:
-            self.kept[key] = self._run(k, probe)
-        found: Simulated = self.kept[key]
-        return found
+        if key not in self.cache:
+            self.cache[key] = self._run(k, probe)
+        simulated: Simulated = self.cache[key]
+        return simulated
 
     def _run(self, k: int, probe: Probe) -> Simulated:
+        model = self.models[k]
         levels = np.array(list(self.levels(k, probe).values()))
         if not levels.size:
-            asked = ", ".join(f"{a:g}" for a in self.space.accuracy)
-            said = f"{self.models[k].name} does not reach an accuracy of {asked} by evidence"
-            raise InputError(said, "accuracy")
+            accuracies = ", ".join(f"{a:g}" for a in self.space.accuracy)
+            raise InputError(
+                f"{model.name} does not reach an accuracy of {accuracies} by evidence", "accuracy"
+            )
         kind = "plain" if probe == probe.plain else "probe"
         names = ("discriminate", kind, probe.channels, probe.d_prime)
         # Evidence with and without conflict differs in one mean alone.
-        evidence = gaussian_evidence(
-            self.trials, d_prime=probe.d_prime, channels=probe.channels, t_max=self.space.readings,
-            step_ms=self.space.step_ms, conflict=probe.conflict, seed=stream(self.seed, *names),
-        )  # fmt: skip
+        rng = stream(self.seed, *names)
+        evidence = self.space.task(probe, self.trials).drawn_with(rng, rng)
         run: dict[str, Any] = {
             "edits": probe.lines, "stop": (probe.stop_nats, self.space.stop_delay_ms),
-            "gain": self.kept.get(("gain", k, probe.channels, probe.d_prime)),
+            "gain": self.cache.get(("gain", k, probe.channels, probe.d_prime)),
             "seed": self._noise(kind), "workers": self.workers,
         }  # fmt: skip
-        decided = self.models[k].decided(evidence, levels, **run)
+        if model.test is not None:
+            decided = tradeoff(model.test.run(evidence), evidence, levels)
+        else:
+            decided = _decided(*_with_stop(model, evidence, **run), levels)
         spikes = None
         if self.recording is not None:
+            readings = int(np.ceil(self.recording.window_ms[1] / evidence.step_ms))
+            early = replace(evidence, log_likelihood=evidence.log_likelihood[:, :readings])
             rng = stream(self.seed, *names, "spikes")
-            spikes = self.models[k].spikes(evidence, self.recording, rng, **run)
+            spikes = _spikes(*_with_stop(model, early, **run, rates=True), self.recording, rng)
         sd = self.space.non_decision_sd_ms
         jitter = sd * stream(self.seed, *names, "non-decision").standard_normal(self.trials)
         assert evidence.truth is not None
@@ -170,3 +157,51 @@ class Trials:
     def _noise(self, kind: str) -> int:
         """Return the seed of the noise of cells in one kind of trials."""
         return int(stream(self.seed, "discriminate", "noise", kind).integers(2**31))
+
+
+def _with_stop(
+    model: Model,
+    evidence: Evidence,
+    edits: Iterable[str],
+    stop: tuple[float, float],
+    rates: bool = False,
+    **run: Any,
+) -> tuple[BasalGanglia, Evidence]:
+    """Return the circuit and its evidence, with a stop signal (nats, delay in ms) if any."""
+    circuit = model.integrator(evidence.hypotheses, edits, rates=rates, **run)
+    if not stop[0]:
+        return circuit, evidence
+    return stopped(circuit, evidence, StopSignal(amount_nats=stop[0]), stop[1])
+
+
+def _decided(model: BasalGanglia, evidence: Evidence, levels: Array) -> Tradeoff:
+    return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+
+def _spikes(
+    model: BasalGanglia, evidence: Evidence, recording: Recording, rng: np.random.Generator
+) -> Integers:
+    """Return the number of spikes of recorded cells in each trial, (trials,)."""
+    means = []
+    for part, activity, _ in model.batches(evidence):
+        rate_hz = np.asarray(activity.rates_hz[recording.nucleus])
+        assert part.truth is not None
+        means.append(recording.mean_hz(rate_hz, activity.time_ms, part.truth))
+    return recording.counts(np.concatenate(means), model.circuit, rng)
+
+
+def _swept(model: Model, evidence: Evidence, *, seed: int, workers: int) -> Tradeoff:
+    """Return the decisions at all thresholds at which evidence decides."""
+    if model.test is not None:
+        return tradeoff(model.test.run(evidence), evidence)
+    circuit = model.integrator(evidence.hypotheses, seed=seed, workers=workers, rates=False)
+    circuit = circuit.adapted_to(evidence)
+    test = tradeoff(Msprt(circuit.gain).run(evidence), evidence)
+    about = thresholds_about(test, HIGHEST, LOWEST)
+    before = cast("Circuit", circuit.circuit.unedited or circuit.circuit)
+    # An edit that shifts OUT shifts the counterparts of the test's thresholds.
+    about = np.union1d(about, about + moved(before, circuit.circuit, about))
+    levels = without_noise_alone(circuit, deciding_thresholds(circuit.circuit, about))
+    if not levels.size:
+        raise InputError(f"{model.name} decides without evidence at every threshold", "circuit")
+    return _decided(circuit, evidence, levels)

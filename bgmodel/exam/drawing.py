@@ -30,15 +30,7 @@ LOOKS: dict[str, Look] = {
 
 @styled
 def page(table: pd.DataFrame, totals: pd.DataFrame, title: str) -> Figure:
-    """Draw all numbers of an exam and the totals of its domains.
-
-    Parameters
-    ----------
-    table, totals : DataFrame
-        As from ``ExamRecord.table`` and ``ExamRecord.summary``.
-    title : str
-        Title of the page.
-    """
+    """Draw all numbers of an exam and the totals of its domains."""
     size = (7.2, 0.165 * len(table) + 1.2)
     figure, axes = panels(1, 2, size=size, width_ratios=[3, 1.3])
     numbers, domains = axes[0]

@@ -10,19 +10,19 @@ from typing import Any
 import pandas as pd
 
 from bgmodel.exam import measures, of_circuit
-from bgmodel.exam.examinee import Examinee, examinee
-from bgmodel.exam.measures import MEASURES, Answer, Asked
+from bgmodel.exam.measures import MEASURES, Results
 from bgmodel.exam.numbers import SEED, Number, NumberList, read_numbers, shipped_list
-from bgmodel.exam.record import COLUMNS, ExamRecord, marked
-from bgmodel.exam.sitting import Sitting
-from bgmodel.exam.tables import Failed, Unanswered, read_tables
+from bgmodel.exam.record import COLUMNS, ExamRecord, scored
+from bgmodel.exam.simulation import Simulation
+from bgmodel.exam.tables import Failed, NotApplicable, read_tables
+from bgmodel.experiments.models import Model, model_of
 from bgmodel.integrators.given import identity
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 
-__all__ = ["SEED", "Exam", "Examinee", "examinee", "measures", "of_circuit", "take_exam"]
+__all__ = ["SEED", "Exam", "Model", "measures", "model_of", "of_circuit", "take_exam"]
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Exam:
     def with_numbers(self, *files: str | Path) -> Exam:
         """Return the exam with further numbers, one TOML file per domain.
 
-        The version of the list is marked with "+": scores are comparable by number, not in total.
+        The version of the list is scored with "+": scores are comparable by number, not in total.
         """
         added = [one for file in files for one in read_numbers(file)]
         numbers = (*self.questions.numbers, *added)
@@ -71,9 +71,15 @@ class Exam:
         numbers = tuple(one for one in self.questions.numbers if one.domain in chosen)
         return Exam(replace(self.questions, numbers=numbers))
 
+    def check(self, circuit: Circuit | str | Path, edits: Iterable[str] = ()) -> None:
+        """Raise ValueError for an unknown circuit, or an edit that it does not have."""
+        model_of(circuit, edits).circuits(
+            sorted({t.channels for t in self.questions.tasks.values()})
+        )
+
     def take(
         self,
-        circuit: Circuit | Examinee | str | Path,
+        circuit: Circuit | Model | str | Path,
         *,
         edits: Iterable[str] = (),
         engine: str | None = None,
@@ -86,13 +92,13 @@ class Exam:
 
         Parameters
         ----------
-        circuit : str, path, Circuit or Examinee
+        circuit : str, path, Circuit or Model
             A name or a .toml file, which is built for each number of alternatives, or a circuit,
             which answers for its own number of alternatives alone.
         edits : sequence of str
             Edits of the circuit, as in ``Circuit.edited``.
         engine : str, optional
-            As for ``Examinee``.
+            Engine; by default populations, or rates without noise for sparse connections.
         gain : float, optional
             Nats in the circuit per nat of evidence; by default the circuit's, or the fastest of
             five.
@@ -110,16 +116,14 @@ class Exam:
         """
         check_range(0.05, 10, share=share)
         whole("workers", workers, 1)
-        given = circuit
-        if not isinstance(circuit, Examinee):
-            circuit = examinee(circuit, edits, engine, gain)
-        sitting = Sitting(circuit, self.questions.tasks, whole("seed", seed, 0), share, workers)
-        rows = [self._row(one, sitting) for one in self.questions.numbers]
-        hashes = _identities(sitting)
-        if not hashes:
-            raise InputError(f"the circuit cannot be built: {given}", "circuit")
-        about = {"circuits": hashes, "share": share, **_operating_point(sitting)}
-        return self._record(circuit.name, rows, seed, about)
+        model = circuit if isinstance(circuit, Model) else model_of(circuit, edits, engine, gain)
+        simulation = Simulation(model, self.questions.tasks, whole("seed", seed, 0), share, workers)
+        included = simulation.included  # an unknown name or edit raises here
+        results = Results(simulation, self.questions.tasks, seed)
+        rows = [_row(number, included, results) for number in self.questions.numbers]
+        circuits = {str(channels): identity(one) for channels, one in simulation.circuits.items()}
+        about = {"circuits": circuits, "share": share, **_operating_point(simulation)}
+        return self._record(model.name, rows, seed, about)
 
     def mark(
         self,
@@ -136,7 +140,7 @@ class Exam:
         trials, rates : path or DataFrame, optional
             Their columns are those of ``bgmodel.exam.tables``, with units in their names.
         name : str
-            Name of the examinee.
+            Name of the results.
         seed : int
             Seed of the bootstrap.
 
@@ -146,10 +150,8 @@ class Exam:
             As for ``read_tables``, or if they answer none of the numbers.
         """
         tables = read_tables(trials, rates, self.questions.tasks)
-        rows = []
-        for one in self.questions.numbers:
-            asked = Asked(tables, self.questions.tasks, seed)
-            rows.append(_answered(one, "", asked))
+        results = Results(tables, self.questions.tasks, seed)
+        rows = [_row(number, "", results) for number in self.questions.numbers]
         record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
         if (record.table["outcome"] == "not answered").all():
             raise InputError(
@@ -158,19 +160,6 @@ class Exam:
                 "trials",
             )
         return record
-
-    def _row(self, number: Number, sitting: Sitting) -> dict[str, Any]:
-        """Return the row of a number of a circuit: only the tasks that it needs are run."""
-        names = [task for _, task in self.questions.tasks_of(number)]
-        kind = "rates" if "nucleus" in number.of else "trials"
-        try:
-            tables, undone = sitting.tables(**{"trials": [], "rates": [], kind: names})
-            if undone:
-                raise next(iter(undone.values()))
-        except (Unanswered, Failed) as reason:
-            return marked(number, sitting.examinee.table, reason, isinstance(reason, Failed))
-        asked = Asked(tables, sitting.tasks, sitting.seed, sitting)
-        return _answered(number, sitting.examinee.table, asked)
 
     def _record(
         self, name: str, rows: list[dict[str, Any]], seed: int, about: dict[str, Any]
@@ -187,40 +176,25 @@ def _file(source: str | Path | pd.DataFrame | None) -> dict[str, str] | None:
     return {"file": Path(source).name, "sha256": checksum(source)}
 
 
-def take_exam(circuit: Circuit | Examinee | str | Path, **options: Any) -> ExamRecord:
+def take_exam(circuit: Circuit | Model | str | Path, **options: Any) -> ExamRecord:
     """Let a circuit take the shipped exam; arguments are those of ``Exam.take``."""
     return Exam.shipped().take(circuit, **options)
 
 
-def _answered(number: Number, table: str, asked: Asked) -> dict[str, Any]:
-    in_hz = number.unit == "Hz" and number.direction is None
-    answer: Answer | Exception
-    failed = False
+def _row(number: Number, included: str, results: Results) -> dict[str, Any]:
+    """Return the row of a number; of a circuit, only the tasks that it needs are run."""
+    results = replace(results, in_hz=number.unit == "Hz" and number.direction is None)
     try:
-        answer = MEASURES[number.measure](replace(asked, in_hz=in_hz), **number.of)
-    except Unanswered as reason:
-        answer = reason
-    except Failed as reason:
-        answer, failed = reason, True
-    return marked(number, table, answer, failed)
+        return scored(number, included, MEASURES[number.measure](results, **number.of))
+    except (NotApplicable, Failed) as reason:
+        return scored(number, included, reason)
 
 
-def _identities(sitting: Sitting) -> dict[str, dict[str, str]]:
-    """Return the name and hash of the circuit for each number of alternatives that was built."""
-    found = {}
-    for channels in sorted({task.channels for task in sitting.tasks.values()}):
-        try:
-            found[str(channels)] = identity(sitting.circuit(channels))
-        except Unanswered:
-            continue
-    return found
-
-
-def _operating_point(sitting: Sitting) -> dict[str, Any]:
+def _operating_point(simulation: Simulation) -> dict[str, Any]:
     """Return the engine, gain and threshold with two alternatives; nothing if it has none."""
     try:
-        model, _ = sitting.tuned(2)
-        level = sitting.level(2, sitting.tasks["reference"].accuracy)
-    except (Failed, Unanswered):
+        model, _ = simulation.tuned(2)
+        level = simulation.level(2, simulation.tasks["reference"].accuracy)
+    except (Failed, NotApplicable):
         return {}
     return {"engine": model.engine.id, "gain": model.gain, "threshold": level}

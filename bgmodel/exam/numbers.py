@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from bgmodel.bootstrap import Z95
 from bgmodel.support import toml_files
 from circuits.checks import check_positive, check_range
 from circuits.errors import InputError, require
@@ -25,8 +26,6 @@ TASKS = "tasks.toml"
 MARKS = ("read", "abstract", "computed", "derived")
 """How a number is known: read in the source, in its abstract only, computed from the data, or
 derived from theory."""
-Z95 = 1.96
-"""Standard errors from the middle to the end of a 95 % interval."""
 Window = Literal["rest", "early", "late", "response", "signal"]
 
 
@@ -91,14 +90,14 @@ class Number:
         check_positive(owner=self.id, weight=self.weight)
         check_range(0, float("inf"), owner=self.id, at_least=self.at_least)
         ends = (self.low is not None, self.high is not None)
-        both, given = all(ends), self.se is not None and self.value is not None
+        both, has_error = all(ends), self.se is not None and self.value is not None
         if self.direction is not None:
             alone = self.value is None and self.se is None and not any(ends)
             require(alone, "direction", "excludes a value and an interval", self.direction)
             fits = self.direction != "none" or self.at_least > 0
             require(fits, "at_least", 'must be > 0 if the direction is "none"', self.at_least)
             return
-        if both == (self.se is not None) or any(ends) != both or not (both or given):
+        if both == (self.se is not None) or any(ends) != both or not (both or has_error):
             raise InputError(
                 f"{self.id}: give a value with se, or low and high, or a direction", "value"
             )
@@ -261,17 +260,6 @@ def shipped_list() -> NumberList:
 
 
 def read_numbers(path: str | Path) -> tuple[Number, ...]:
-    """Read the numbers of one domain from a TOML file.
-
-    Raises
-    ------
-    ValueError
-        If the file is invalid; the message names the key, what is allowed and what was given.
-    """
+    """Read the numbers of one domain from a TOML file."""
     found = toml_files.read(path, _OfDomain)
     return tuple(replace(one, domain=found.domain) for one in found.numbers)
-
-
-def plain(record: Number | Task) -> dict[str, Any]:
-    """Return a record as a dictionary of plain values."""
-    return {each.name: getattr(record, each.name) for each in fields(record)}

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from bgmodel.bootstrap import Z95
 from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
-from bgmodel.exam.measures import Answer, Asked, measure, slope_over
-from bgmodel.exam.numbers import Z95, Task
-from bgmodel.exam.sitting import Sitting
-from bgmodel.exam.tables import NAMES, Failed, Unanswered
+from bgmodel.exam.measures import Estimate, Results, measure, slope_over
+from bgmodel.exam.numbers import Task
+from bgmodel.exam.simulation import drawn
+from bgmodel.exam.tables import NAMES, Failed, NotApplicable
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.arrays import Array
@@ -31,12 +32,6 @@ RESAMPLES = 200
 DESIGNED = 40
 
 
-def _sitting(asked: Asked) -> Sitting:
-    if asked.sitting is None:
-        raise Unanswered("it needs the circuit itself, not its trials and rates")
-    return asked.sitting
-
-
 # ---- rhythms
 
 
@@ -44,77 +39,76 @@ def _power(circuit: Circuit, nucleus: str) -> Array:
     """Return the power of a nucleus at ``FREQUENCIES_HZ``, Hz^2/Hz, mean of its populations."""
     names = [row.name for row in circuit.populations if row.name in NAMES.get(nucleus, (nucleus,))]
     if not names:
-        raise Unanswered(f"there is no nucleus {nucleus}")
+        raise NotApplicable(f"there is no nucleus {nucleus}")
     if not any(circuit.population(name).spiking for name in names):
-        raise Unanswered(f"the activity of {nucleus} is abstract and has no noise of cells")
+        raise NotApplicable(f"the activity of {nucleus} is abstract and has no noise of cells")
     try:
         power = [rate_spectrum(circuit, name, FREQUENCIES_HZ) for name in names]
     except ValueError as error:
-        raise Unanswered(str(error)) from None
+        raise NotApplicable(str(error)) from None
     return np.asarray(np.mean(power, axis=0))
 
 
-def _depleted(asked: Asked, level: float) -> tuple[Circuit, Circuit]:
-    circuit = _sitting(asked).circuit(2)
+def _depleted(results: Results, level: float) -> tuple[Circuit, Circuit]:
+    circuit = results.simulation.circuit(2)
     if not circuit.receptors():
-        raise Unanswered("no row has a receptor: dopamine has no effect")
+        raise NotApplicable("no row has a receptor: dopamine has no effect")
     return circuit, circuit.dopamine(level)
 
 
 @measure
-def beta_peak(asked: Asked, nucleus: str, dopamine: float) -> Answer:
+def beta_peak(results: Results, nucleus: str, dopamine: float) -> Estimate:
     """Return the frequency of the highest peak of the spectrum at a level of dopamine, Hz."""
-    _, low = _depleted(asked, dopamine)
+    _, low = _depleted(results, dopamine)
     power = _power(low, nucleus)
     inner = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     if not inner.size:
         raise Failed(f"the spectrum of {nucleus} has no peak between 4 and 60 Hz")
-    return Answer(float(FREQUENCIES_HZ[inner[power[inner].argmax()]]), 0.0, 0)
+    return Estimate(float(FREQUENCIES_HZ[inner[power[inner].argmax()]]), 0.0, 0)
 
 
 @measure
-def beta_power(asked: Asked, nucleus: str, dopamine: float, minus: str = "") -> Answer:
+def beta_power(results: Results, nucleus: str, dopamine: float, minus: str = "") -> Estimate:
     """Return the log of the power from 8 to 30 Hz at a level of dopamine over the usual one.
 
     With ``minus``, less that of another nucleus.
     """
-    usual, low = _depleted(asked, dopamine)
+    usual, low = _depleted(results, dopamine)
     band = (BETA_HZ[0] <= FREQUENCIES_HZ) & (BETA_HZ[1] >= FREQUENCIES_HZ)
 
     def rise(name: str) -> float:
         before, after = _power(usual, name)[band].sum(), _power(low, name)[band].sum()
         if not (before > 0 and after > 0):
-            raise Unanswered(f"{name} is silent, or has no noise")
+            raise NotApplicable(f"{name} is silent, or has no noise")
         return float(np.log(after / before))
 
-    return Answer(rise(nucleus) - (rise(minus) if minus else 0.0), 0.0, 0)
+    return Estimate(rise(nucleus) - (rise(minus) if minus else 0.0), 0.0, 0)
 
 
 # ---- the optimal test
 
 
-def compared(asked: Asked, channels: int, accuracy: float) -> pd.DataFrame:
+def compared(results: Results, channels: int, accuracy: float) -> pd.DataFrame:
     """Return the comparison of a circuit with the MSPRT at an accuracy, computed once."""
-    sitting = _sitting(asked)
+    simulation = results.simulation
     key = f"compared {channels} {accuracy:g}"
-    if key not in sitting.kept:
-        sitting.level(channels, accuracy)
-        model, tuned = sitting.tuned(channels)
-        count = max(200, round(sitting.share * COMPARED))
-        evidence = sitting.drawn(Task(name="", about="", channels=channels), count, "compared")
+    if key not in simulation.cache:
+        simulation.level(channels, accuracy)
+        model, tuned = simulation.tuned(channels)
+        count = max(200, round(simulation.share * COMPARED))
+        task = Task(name="", about="", channels=channels)
+        evidence = drawn(task, count, simulation.seed, "compared")
         levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
         test = tradeoff(Msprt().run(evidence), evidence, accuracies=(accuracy,))
         with quiet():
-            found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-            again = with_other_noise(model, evidence, found) if model.engine.noisy else None
-            rng = stream(sitting.seed, "exam", "bootstrap")
-            table = matched_measures(
-                test, found, rng=rng, truth=evidence.truth, again=again,
-                accuracies=(accuracy,), resamples=RESAMPLES,
+            decided = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+            again = with_other_noise(model, evidence, decided) if model.engine.noisy else None
+            simulation.cache[key] = matched_measures(
+                test, decided, rng=stream(simulation.seed, "exam", "bootstrap"),
+                truth=evidence.truth, again=again, accuracies=(accuracy,), resamples=RESAMPLES,
             )  # fmt: skip
-        sitting.kept[key] = table
-    whole: pd.DataFrame = sitting.kept[key]
-    return whole
+    table: pd.DataFrame = simulation.cache[key]
+    return table
 
 
 def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
@@ -127,60 +121,61 @@ def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
 
 
 @measure
-def agreement(asked: Asked, channels: float, accuracy: float) -> Answer:
+def agreement(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the share of trials with the MSPRT's choice, beyond chance."""
-    table = compared(asked, int(channels), accuracy)
+    table = compared(results, int(channels), accuracy)
     same, se = _measured(table, "agreement")
     chance, _ = _measured(table, "agreement_chance")
-    return Answer((same - chance) / (1 - chance), se / (1 - chance), COMPARED)
+    return Estimate((same - chance) / (1 - chance), se / (1 - chance), COMPARED)
 
 
 @measure
-def time_correlation(asked: Asked, channels: float, accuracy: float) -> Answer:
+def time_correlation(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return r of decision times with the MSPRT's, over the largest that the noise allows."""
-    table = compared(asked, int(channels), accuracy)
+    table = compared(results, int(channels), accuracy)
     noisy = (table["measure"] == "r_noise_corrected").any()
-    return Answer(*_measured(table, "r_noise_corrected" if noisy else "pearson_r"), COMPARED)
+    return Estimate(*_measured(table, "r_noise_corrected" if noisy else "pearson_r"), COMPARED)
 
 
 @measure
-def extra_time(asked: Asked, channels: float, accuracy: float) -> Answer:
+def extra_time(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the mean decision time less that of the MSPRT at equal accuracy, ms."""
-    value, se = _measured(compared(asked, int(channels), accuracy), "extra_ms")
-    return Answer(value, se, COMPARED)
+    value, se = _measured(compared(results, int(channels), accuracy), "extra_ms")
+    return Estimate(value, se, COMPARED)
 
 
 @measure
-def designed(asked: Asked, channels: float, accuracy: float) -> Answer:
+def designed(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the largest difference of crossing times from the MSPRT on designed trials, ms."""
-    sitting = _sitting(asked)
-    level = sitting.level(int(channels), accuracy)
-    model, _ = sitting.tuned(int(channels))
+    simulation = results.simulation
+    level = simulation.level(int(channels), accuracy)
+    model, _ = simulation.tuned(int(channels))
     try:
         with quiet():
-            found = designs.designed_circuit(model, [level], trials=DESIGNED)
+            table = designs.designed_circuit(model, [level], trials=DESIGNED)
     except ValueError as error:
         raise Failed(str(error)) from None
-    rows = found[(found["theory"] == designs.MSPRT) & (found["held"] != "")]
+    rows = table[(table["theory"] == designs.MSPRT) & (table["held"] != "")]
     if rows["value"].isna().any():
         raise Failed("it does not choose the leader in nine of ten designed trials")
     row = rows.iloc[int(rows["value"].abs().to_numpy().argmax())]
-    return Answer(abs(float(row["value"])), float((row["high"] - row["low"]) / (2 * Z95)), DESIGNED)
+    return Estimate(
+        abs(float(row["value"])), float((row["high"] - row["low"]) / (2 * Z95)), DESIGNED
+    )
 
 
 @measure
-def hick_ratio(asked: Asked, tasks: str) -> Answer:
+def hick_ratio(results: Results, tasks: str) -> Estimate:
     """Return the slope of the mean time over ln N, divided by that of the MSPRT."""
     names = [name.strip() for name in tasks.split(",")]
-    own = slope_over(asked, names)
+    slope = slope_over(results, names)
     x, best = [], []
-    drawer = Sitting.of_evidence(asked.tasks, asked.seed)
     for name in names:
-        task = asked.tasks[name]
-        evidence = drawer.drawn(task, task.trials)
+        task = results.tasks[name]
+        evidence = drawn(task, task.trials, results.seed)
         swept = tradeoff(Msprt().run(evidence), evidence)
         once = np.ones((1, evidence.trials))
         x.append(np.log(task.channels))
         best.append(time_at([task.accuracy], curve(swept, once))[0, 0])
-    slope = float(np.polyfit(x, best, 1)[0])
-    return Answer(own.value / slope, own.se / slope, own.trials)
+    optimal = float(np.polyfit(x, best, 1)[0])
+    return Estimate(slope.value / optimal, slope.se / optimal, slope.trials)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from bgmodel.bootstrap import Z95
 from bgmodel.exam.drawing import FAILS, UNANSWERED
-from bgmodel.exam.measures import Answer
-from bgmodel.exam.numbers import Z95, Number
+from bgmodel.exam.measures import Estimate
+from bgmodel.exam.numbers import Number
+from bgmodel.exam.tables import Failed
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, outcome_of
-from bgmodel.support.files import provenance, replacing
+from bgmodel.support.files import json_text, provenance
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
 
@@ -31,34 +32,25 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def marked(number: Number, table: str, answer: Answer | Exception, failed: bool) -> dict[str, Any]:
-    """Return the row of a number.
+def scored(number: Number, included: str, estimate: Estimate | Exception) -> dict[str, Any]:
+    """Return the row of a number, for an estimate or the reason for its absence.
 
-    Parameters
-    ----------
-    number : Number
-        What was published.
-    table : str
-        Name of the included circuit that answers; "" for others.
-    answer : Answer or Exception
-        Its value, or why there is none.
-    failed : bool
-        Whether the exception means that it fails.
+    ``included`` is the name of the included circuit that was run, "" for others.
     """
     row: dict[str, Any] = {name: getattr(number, name, None) for name in COLUMNS}
     row |= {"published": number.published(), "reason": "", "z": np.nan, "trials": 0}
-    row["set_by"] = "set by" if table in number.set_by else "predicted"
-    if isinstance(answer, Exception):
-        outcome = FAILS if failed else UNANSWERED
-        return row | {"value": np.nan, "se": np.nan, "outcome": outcome, "reason": str(answer)}
-    row |= {"value": answer.value, "se": answer.se, "trials": answer.trials}
+    row["set_by"] = "set by" if included in number.set_by else "predicted"
+    if isinstance(estimate, Exception):
+        outcome = FAILS if isinstance(estimate, Failed) else UNANSWERED
+        return row | {"value": np.nan, "se": np.nan, "outcome": outcome, "reason": str(estimate)}
+    row |= {"value": estimate.value, "se": estimate.se, "trials": estimate.trials}
     if number.direction is not None:
-        half = Z95 * answer.se
-        ends = answer.value - half, answer.value + half
+        half = Z95 * estimate.se
+        ends = estimate.value - half, estimate.value + half
         outcome = outcome_of(number.direction, number.at_least, *ends)
-        said = f"cannot tell with {answer.trials} trials" if outcome == OPEN else ""
-        return row | {"outcome": outcome, "reason": said}
-    z = (answer.value - number.middle) / float(np.hypot(answer.se, number.error))
+        reason = f"cannot tell with {estimate.trials} trials" if outcome == OPEN else ""
+        return row | {"outcome": outcome, "reason": reason}
+    z = (estimate.value - number.middle) / float(np.hypot(estimate.se, number.error))
     return row | {"z": z, "outcome": AGREES if abs(z) <= MOST_Z else DISAGREES}
 
 
@@ -88,7 +80,7 @@ def totals(table: pd.DataFrame) -> pd.DataFrame:
 
 @dataclass(frozen=True, repr=False)
 class ExamRecord(Facts):
-    """What an examinee answered.
+    """The scores of a circuit, or of trial tables.
 
     Parameters
     ----------
@@ -137,14 +129,7 @@ class ExamRecord(Facts):
         return "\n".join([*lines, "", shown.to_string(index=False), "", LEGEND])
 
     def plot(self) -> Figure:
-        """Draw the exam on one page: z scores and directions of all numbers, and totals.
-
-        Returns
-        -------
-        Figure
-            Panel a: a row per number; a point is the z score of a value, a letter the outcome of a
-            direction. Panel b: the share of each domain that agrees, with counts.
-        """
+        """Draw the exam on one page: z scores and directions of all numbers, and totals."""
         from bgmodel.exam.drawing import page
 
         version = self.parameters["list"]["version"]
@@ -153,23 +138,16 @@ class ExamRecord(Facts):
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Return the record as JSON, with parameters, seed and versions; write it to a path."""
-        rows = json.loads(self.table.to_json(orient="records", double_precision=10))
-        whole = json.loads(totals(self.table).to_json(orient="records", double_precision=10))
         about = provenance(self.seed, **self.parameters)
-        text = json.dumps(
-            {"examinee": self.examinee, **about, "domains": whole, "records": rows}, indent=1
-        )
-        if path is not None:
-            with replacing(path) as partial:
-                partial.write_text(text + "\n", encoding="utf-8")
-        return text
+        tables = {"domains": totals(self.table), "records": self.table}
+        return json_text(path, examinee=self.examinee, **about, **tables)
 
 
 LEGEND = """\
 ±: one standard error; z: difference from the published number in standard errors.
 agrees: within 2 standard errors (root of the published and the simulated variance), or the whole
 95 % interval in the published direction; disagrees: not; left open: the interval contains both;
-fails: the circuit does not do what the number is about; not answered: it cannot be asked.
+fails: the circuit does not do what the number is about; not answered: it cannot be results.
 share: weight of the numbers that agree among those that agree, disagree or fail. A: only the
 abstract was read. *: the circuit, or an assumed size, was set by this number; predicted_agrees
 counts the others that agree. An edited circuit carries no stars, although numbers may have set rows

@@ -1,6 +1,6 @@
 """The two tables from which most numbers of the exam are computed: trials and rates.
 
-A circuit of this package fills them by simulation (``sitting``); those of another tool or of a
+A circuit of this package fills them by simulation (``simulation``); those of another tool or of a
 recording are read from CSV files. The measures are the same.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -51,8 +52,8 @@ HIGHEST_HZ = 1000.0
 """No cell fires faster."""
 
 
-class Unanswered(Exception):
-    """A number cannot be asked: the circuit, or the table, lacks what it needs."""
+class NotApplicable(Exception):
+    """The circuit or the tables lack what the number needs."""
 
 
 class Failed(Exception):
@@ -61,17 +62,7 @@ class Failed(Exception):
 
 @dataclass(frozen=True)
 class Tables:
-    """Trials and rates of one examinee.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Columns of ``OF_TRIALS``, one row per trial and task.
-    rates : DataFrame
-        Columns of ``OF_RATES``; one row per task, trial, nucleus, window and role.
-    abstract : frozenset of str
-        Nuclei whose rates are not those of cells, so that they have a sign but no Hz.
-    """
+    """Trials and rates to be scored; rates of nuclei in ``abstract`` have a sign but no Hz."""
 
     trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_TRIALS)))
     rates: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(OF_RATES)))
@@ -79,21 +70,21 @@ class Tables:
 
     def trials_of(self, task: str) -> pd.DataFrame:
         """Return the trials of a task, indexed by their numbers."""
-        found = self.trials[self.trials["task"] == task]
-        if found.empty:
-            raise Unanswered(f"there are no trials of the task {task!r}")
-        return found.set_index("trial")
+        trials = self.trials[self.trials["task"] == task]
+        if trials.empty:
+            raise NotApplicable(f"there are no trials of the task {task!r}")
+        return trials.set_index("trial")
 
     def rates_of(self, task: str, nucleus: str, window: str, role: str) -> pd.Series:
         """Return the rate of a nucleus in each trial of a task, Hz, indexed by trial."""
         rates = self.rates
         names = [name for name in NAMES.get(nucleus, (nucleus,)) if name in set(rates["nucleus"])]
         if rates.empty or not names:
-            raise Unanswered(f"there are no rates of {nucleus}")
+            raise NotApplicable(f"there are no rates of {nucleus}")
         here = rates[rates["nucleus"].isin(names) & (rates["task"] == task)]
         here = here[(here["window"] == window) & (here["role"] == role)].dropna(subset="rate_hz")
         if here.empty:
-            raise Unanswered(f"there are no rates of {nucleus}, {window}, {role}, task {task!r}")
+            raise NotApplicable(f"there are no rates of {nucleus}, {window}, {role}, task {task!r}")
         return here.groupby("trial")["rate_hz"].mean()
 
 
@@ -102,28 +93,15 @@ def read_tables(
     rates: str | Path | pd.DataFrame | None,
     tasks: dict[str, Task],
 ) -> Tables:
-    """Read trials and rates that were recorded, or simulated by another tool.
-
-    Parameters
-    ----------
-    trials, rates : path or DataFrame, optional
-        ``.csv``, ``.tsv`` or ``.parquet``: the columns of ``OF_TRIALS`` and ``OF_RATES``.
-    tasks : dict
-        The tasks of the exam by name.
-
-    Raises
-    ------
-    ValueError
-        If neither is given, a column is missing or has no unit, a task, window or role is unknown,
-        or a value is impossible.
-    """
+    """Read trials and rates that were recorded, or simulated by another tool."""
     if trials is None and rates is None:
         raise InputError("give a table of trials, of rates, or both", "trials")
-    nothing = Tables()
-    return Tables(
-        nothing.trials if trials is None else _trials(_rows(trials, "trials"), tasks),
-        nothing.rates if rates is None else _rates(_rows(rates, "rates"), tasks),
-    )
+    tables: dict[str, Any] = {}
+    if trials is not None:
+        tables["trials"] = _trials(_rows(trials, "trials"), tasks)
+    if rates is not None:
+        tables["rates"] = _rates(_rows(rates, "rates"), tasks)
+    return Tables(**tables)
 
 
 def _rows(source: str | Path | pd.DataFrame, field: str) -> pd.DataFrame:

@@ -48,15 +48,7 @@ TITLE = 105
 def forest(
     measures: pd.DataFrame, verdicts: pd.DataFrame, published: pd.DataFrame, title: str
 ) -> Figure:
-    """Draw the change of each measure with its interval.
-
-    Parameters
-    ----------
-    measures, verdicts, published : DataFrame
-        As from ``Outcome.measures``, ``Outcome.verdicts()`` and ``Outcome.published()``.
-    title : str
-        Title of the figure.
-    """
+    """Draw the change of each measure with its interval."""
     by = {name: rows.set_index("measure") for name, rows in measures.groupby("condition")}
     change = by["change"].join(
         verdicts.set_index("measure")[["direction", "at_least", "outcome"]], how="left"

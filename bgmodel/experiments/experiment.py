@@ -301,11 +301,6 @@ class Outcome(Facts):
         grey box is the range of changes that agree with a prediction. The marker's shape and a word
         on the right give the verdict; between them are the values of both conditions. Published
         effects in the unit of the measure are shown as diamonds.
-
-        Returns
-        -------
-        Figure
-            One panel per unit; the title states the numbers of trials.
         """
         from bgmodel.experiments.drawing import forest
 
@@ -318,15 +313,7 @@ class Outcome(Facts):
 
 
 def _table(found: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
-    """Return the measures of both conditions and of their change as a table.
-
-    Parameters
-    ----------
-    found : list of dict
-        Measures of the control and of the manipulation.
-    trials, stops : int
-        Number of trials without a stop signal, and with one.
-    """
+    """Return the measures of both conditions and of their change as a table."""
     control, manipulation = found
     change = {name: manipulation[name] - control[name] for name in control}
     # The change in per cent is undefined for a control of 0.

@@ -17,11 +17,6 @@ class Kept:
 
     The control, which stays while a manipulation is edited, is then neither simulated nor measured
     again.
-
-    Parameters
-    ----------
-    most : int
-        Largest number of conditions; those that were added first are forgotten.
     """
 
     most: int = 12

@@ -108,17 +108,7 @@ class Learning:
         return self._sources(task)[1].draw(task.trials, rng=stream(seed, "experiment"))
 
     def learned(self, task: Task, model: BasalGanglia, seed: int) -> LearnedWeights:
-        """Return the weights of each run.
-
-        Parameters
-        ----------
-        task : Task
-            The task.
-        model : BasalGanglia
-            The circuit that decides while it learns, if it does.
-        seed : int
-            Seed of the trials of learning.
-        """
+        """Return the weights of each run."""
         from bgmodel.learning.weights.deciders import FixedPoint
         from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
         from bgmodel.learning.weights.learn import learn_weights

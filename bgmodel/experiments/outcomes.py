@@ -224,25 +224,11 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
 
 
 def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the measures with the published effects.
+    """Return the published effects with the model's, one row per effect.
 
-    Parameters
-    ----------
-    experiment : ExperimentRecord
-        The experiment with its effects.
-    table : DataFrame
-        The measures, as in ``Outcome``.
-
-    Returns
-    -------
-    DataFrame
-        One row per effect: condition ("change" or "percent"), measure, published, published_low,
-        published_high, value, low, high (the model's), effect_source, and comparison:
-        "compatible" if the 95 % interval of the model's minus the published one includes 0,
-        otherwise "differs"; "decides without evidence" and "left open" as in ``outcomes``. Both
-        samples are independent: the ends of the interval are those of Zou & Donner 2008,
-        ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
-        ``d = m - p``. A last column, comparison_reason, says why one is left open.
+    They are "compatible" if the 95 % interval of the model's minus the published effect, d = m - p,
+    includes 0, otherwise "differs". For independent samples its ends are (Zou & Donner 2008)
+    ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``.
     """
     control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]
     rows = []
@@ -280,15 +266,7 @@ def _held(effect: Effect, value: float, low: float, high: float) -> str:
 
 
 def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
-    """Return an experiment and its outcome as text, 95 % intervals in brackets.
-
-    Parameters
-    ----------
-    experiment : ExperimentRecord
-        The experiment.
-    table : DataFrame
-        The measures, as in ``Outcome``.
-    """
+    """Return an experiment and its outcome as text, 95 % intervals in brackets."""
     wide = 2 + table["measure"].str.len().max()
     lines = [
         _setting(experiment, table),
@@ -316,15 +294,7 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
 
 
 def measured(table: pd.DataFrame, *, every: bool = False) -> list[tuple[str, list[str]]]:
-    """Return each measure with the texts of control, manipulation and change, as on a page.
-
-    Parameters
-    ----------
-    table : DataFrame
-        The measures, as in ``Outcome``.
-    every : bool
-        Whether to include measures that are unknown, and those of all trials where none is missed.
-    """
+    """Return each measure with the texts of control, manipulation and change, as on a page."""
     # Without missed trials these repeat the measures of decided ones.
     repeated = OF_ALL if not any(_both(table, "missed")) else ()
     found = []
@@ -361,20 +331,7 @@ def _learned(experiment: ExperimentRecord) -> str:
 def predicted(
     experiment: ExperimentRecord, table: pd.DataFrame
 ) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return predictions and outcomes as the texts of a page, and why some are left open.
-
-    Parameters
-    ----------
-    experiment : ExperimentRecord
-        The experiment with its predictions.
-    table : DataFrame
-        The measures, as in ``Outcome``.
-
-    Returns
-    -------
-    tuple
-        A row per prediction with the columns of ``PREDICTED``, and sentences.
-    """
+    """Return predictions and outcomes as the texts of a page, and why some are left open."""
     rows: list[tuple[str, ...]] = []
     reasons = []
     for row in outcomes(experiment, table).to_dict("records"):

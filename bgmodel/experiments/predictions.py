@@ -58,17 +58,7 @@ class Prediction:
 def outcome_of(
     direction: Literal["up", "down", "none"], at_least: float, low: float, high: float
 ) -> str:
-    """Return whether the 95 % interval of a change lies in a direction: agrees, disagrees or open.
-
-    Parameters
-    ----------
-    direction : str
-        "up", "down", or "none": within ``at_least`` of 0.
-    at_least : float
-        Smallest change that counts.
-    low, high : float
-        The interval; left open where it is not known.
-    """
+    """Return the verdict on a direction from the 95 % interval of a change; open if it is NaN."""
     if not (np.isfinite(low) and np.isfinite(high)):
         return OPEN
     if direction == "none":
@@ -126,24 +116,7 @@ def _check_measure(name: str) -> None:
 
 
 def check_size(what: str, measure: str, size: float, below: float) -> None:
-    """Refuse an impossible change of a measure; warn if it seems to be in another unit.
-
-    Parameters
-    ----------
-    what : str
-        The key that holds the size.
-    measure : str
-        A name in ``measures.MEASURES`` or ``measures.OF_STOP``.
-    size : float
-        The size of the change, at least 0.
-    below : float
-        Upper limit of a change of a share.
-
-    Raises
-    ------
-    ValueError
-        If a share would change by this much or more.
-    """
+    """Refuse an impossible change of a measure; warn if it seems to be in another unit."""
     if measure in SHARES and size >= below:
         raise InputError(
             f"{what} of {measure} must be a share, below 1, got {size:g}: write 0.01 for 1 %", what

@@ -138,13 +138,7 @@ class ExperimentRecord(Observed):
         return NamedEvidence(features.exact, list(features.names))
 
     def groups(self, trials: int) -> Integers | None:
-        """Return the run of learning that each trial shares with others, for intervals (trials,).
-
-        Warns
-        -----
-        UserWarning
-            If the conditions have no runs in common, so that intervals leave out their differences.
-        """
+        """Return the run of learning of each trial, for intervals over runs, (trials,)."""
         runs = [one.runs for one in self.learnings if one is not None]
         if not runs:
             return None
@@ -158,15 +152,7 @@ class ExperimentRecord(Observed):
         return np.arange(trials) % shared
 
     def heard(self, models: Sequence[BasalGanglia], given: NamedEvidence) -> list[Evidence]:
-        """Return the evidence on which each condition decides: exact, or as it has been learned.
-
-        Parameters
-        ----------
-        models : sequence of BasalGanglia
-            The circuits of the control and of the manipulation.
-        given : NamedEvidence
-            The trials, as from ``given()``.
-        """
+        """Return the evidence on which each condition decides: exact, or as it has been learned."""
         found = []
         for learning, model in zip(self.learnings, models, strict=True):
             if learning is None:
@@ -199,12 +185,7 @@ def unchanged(table: pd.DataFrame) -> bool:
 def uncalibrated(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """Return a warning if posteriors at the decision are not calibrated, or an empty string.
 
-    Parameters
-    ----------
-    experiment : ExperimentRecord
-        The experiment. If only one truth counts, there is no warning: one kind of error is missing.
-    table : DataFrame
-        The measures, as in ``Outcome``.
+    If only one truth counts there is none, since one kind of error is missing.
     """
     values = table.set_index(["condition", "measure"])["value"]
     for condition in CONDITIONS[:2] if experiment.truth is None else ():

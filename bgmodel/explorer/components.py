@@ -92,13 +92,7 @@ class Refusal:
 
 
 class Ranking:
-    """The panel of the ranking: a button that starts it, one that ends it, and its table.
-
-    Parameters
-    ----------
-    start, cancel : function
-        Called when a button is pressed.
-    """
+    """The panel of the ranking: a button that starts it, one that ends it, and its table."""
 
     def __init__(self, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self.begin = pn.widgets.Button(name="Rank losses of 10 %", button_type="primary")
@@ -140,13 +134,7 @@ class Ranking:
 
 
 class Export:
-    """What is taken along: the experiment as TOML, as Python and as a link, and tables.
-
-    Parameters
-    ----------
-    state, outcome : function
-        Return the state that is shown, and its outcome.
-    """
+    """What is taken along: the experiment as TOML, as Python and as a link, and tables."""
 
     def __init__(self, state: Callable[[], State], outcome: Callable[[], Outcome]) -> None:
         self._state, self._outcome = state, outcome

@@ -36,13 +36,7 @@ STOP = {"share": "Share of stop trials", "delay_ms": "Delay to the nucleus (ms)"
 
 
 class Controls:
-    """Widgets of the task and of the circuit.
-
-    Parameters
-    ----------
-    change : function
-        Receives a change of the state, and the widget that asks for it.
-    """
+    """Widgets of the task and of the circuit."""
 
     def __init__(self, change: Change) -> None:
         self._change, self._showing = change, False

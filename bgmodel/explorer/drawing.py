@@ -71,15 +71,7 @@ def _figure(high: float, wide: float = WIDE) -> Figure:
 
 
 def times(trials: pd.DataFrame, *, edited: bool) -> str:
-    """Draw the distributions of decision times, errors below correct responses, as SVG.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        As in ``Outcome``: one row per trial and condition.
-    edited : bool
-        Whether the circuit is edited; otherwise the control is drawn alone.
-    """
+    """Draw the distributions of decision times, errors below correct responses, as SVG."""
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
@@ -127,17 +119,7 @@ def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> 
 
 
 def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: float) -> str:
-    """Draw accuracy against mean time with the curve of the MSPRT on the same evidence, as SVG.
-
-    Parameters
-    ----------
-    points : mapping of DataFrame
-        By the name of a condition, its measures: value, low and high by measure.
-    test : DataFrame
-        The MSPRT: mean_ms and accuracy at rising thresholds.
-    chance : float
-        Accuracy by chance.
-    """
+    """Draw accuracy against mean time with the curve of the MSPRT on the same evidence, as SVG."""
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
@@ -168,14 +150,7 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
 
 
 def trial(trials: Mapping[str, Shown]) -> str:
-    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus.
-
-    Parameters
-    ----------
-    trials : mapping of Shown
-        The trial by the name of its condition. OUT is that of the last one; spikes and rates of the
-        others are below its own, on the same axes.
-    """
+    """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus."""
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):

@@ -23,13 +23,7 @@ class History:
         return self._states[self._at]
 
     def go(self, state: State) -> None:
-        """Show a new state; states that were undone are forgotten.
-
-        Raises
-        ------
-        ValueError
-            If the state is refused; the shown one stays.
-        """
+        """Show a new state; states that were undone are forgotten."""
         if state == self.state and state.key == self.state.key:
             return  # Keys differ if a circuit's file has changed.
         state.check()

@@ -33,28 +33,10 @@ CONTROL, MANIPULATION = "Control", "Manipulation"
 
 @dataclass(frozen=True)
 class Panel:
-    """What one panel shows.
+    """The contents of one panel: a figure, a table, and the same in words for screen readers.
 
-    Parameters
-    ----------
-    name : str
-        A key of ``TITLES``, or ``RANKING``.
-    key : str
-        Hash of the state that it shows.
-    digest : str
-        SHA-256 of the edited circuit that it shows.
-    text : str
-        The same in words, for a screen reader; or why there is nothing to show.
-    svg : str
-        The figure; empty in panels without one.
-    html : str
-        A table; empty in panels without one.
-    folded : str
-        A long table, which is shown on request.
-    warnings : tuple of str
-        Warnings of its run.
-    refused : bool
-        Whether the run was refused: ``text`` is then the sentence.
+    ``key`` and ``digest`` are the hashes of its state and of the edited circuit; ``folded`` is a
+    long table shown on request. If the run was refused, ``text`` is the error.
     """
 
     name: str
@@ -148,15 +130,7 @@ def _story(outcome: Outcome) -> str:
 
 
 def table_of(head: Sequence[str], rows: Sequence[tuple[str, str, list[str]]]) -> str:
-    """Return a table as HTML.
-
-    Parameters
-    ----------
-    head : sequence of str
-        Names of the columns.
-    rows : sequence of tuple
-        Label of each row, its title, and its cells as HTML.
-    """
+    """Return a table as HTML."""
     top = "".join(f'<th scope="col">{name}</th>' for name in head)
     lines = [
         f'<tr><th scope="row" title="{escape(title)}">{escape(label)}</th>'

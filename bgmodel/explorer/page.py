@@ -36,24 +36,7 @@ COLUMNS = ((CIRCUIT, TIMES, TRADEOFF), (MEASURES, TRIAL))
 
 
 class Explorer:
-    """One user's explorer: a history of states, the runs behind it, and its widgets.
-
-    Parameters
-    ----------
-    state : State
-        The first state.
-    address : str
-        The address of the page, to which links lead; empty in a notebook.
-    later : function, optional
-        Runs a function in the thread of the page; by default at once.
-    memory : Memory, optional
-        Results that are known already.
-
-    Raises
-    ------
-    ValueError
-        If the state is refused.
-    """
+    """One user's explorer: a history of states, the runs behind it, and its widgets."""
 
     def __init__(
         self,

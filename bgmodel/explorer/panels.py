@@ -81,15 +81,6 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
     """Compute the panels of a state, those of behaviour first.
 
     A panel whose run is refused has the sentence of the refusal.
-
-    Parameters
-    ----------
-    state : State
-        The state.
-    memory : Memory
-        Results to use again; new ones are added.
-    workers : int
-        Number of threads; it does not affect results.
     """
     key, digest = state.key, state.digest
 
@@ -183,20 +174,7 @@ def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]
 
 
 def msprt_curve(evidence: Evidence, gain: float) -> pd.DataFrame:
-    """Return mean time and accuracy of the MSPRT, at thresholds where evidence decides.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Readings of all trials; the truth must be known.
-    gain : float
-        Nats per nat of evidence; it shifts the thresholds and leaves the curve.
-
-    Returns
-    -------
-    DataFrame
-        Columns mean_ms and accuracy, of trials that the deadline does not decide, in order of time.
-    """
+    """Return mean time and accuracy of the MSPRT, at thresholds where evidence decides."""
     swept = tradeoff(Msprt(gain).run(evidence), evidence)
     rows = []
     for k in range(len(swept.settings)):

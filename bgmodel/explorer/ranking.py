@@ -32,15 +32,7 @@ def losses(state: State) -> list[str]:
 
 
 def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
-    """Run each loss in addition to the edits of a state, and yield the ranking after each.
-
-    Parameters
-    ----------
-    state : State
-        The state.
-    workers : int
-        Number of threads; it does not affect results.
-    """
+    """Run each loss in addition to the edits of a state, and yield the ranking after each."""
     control, lines = _few(state.as_control()).experiment, losses(state)
     given, kept = control.given(), Kept(most=len(lines) + 1)
     found: list[tuple[float, str, list[str]]] = []

@@ -76,11 +76,6 @@ def with_amount(state: State, verb: str, name: str, number: float | None) -> Sta
     """Return the state after a lesion, a cut or a scaling of a row.
 
     There is none at 0 %, at a factor of 1, or at None, an empty field.
-
-    Raises
-    ------
-    ValueError
-        As for the line that it writes.
     """
     factor = QUICK[verb] == FACTOR
     if number is None or number == (1 if factor else 0):

@@ -22,19 +22,7 @@ class Superseded(Exception):
 
 
 class Runs:
-    """One thread that computes the panels of the newest state.
-
-    Parameters
-    ----------
-    deliver : function
-        Called with each panel.
-    ended : function
-        Called with a state when all of its panels have been delivered.
-    workers : int
-        Number of threads of an engine; it does not affect results.
-    memory : Memory, optional
-        Results that are known already.
-    """
+    """One thread that computes the panels of the newest state."""
 
     def __init__(
         self,

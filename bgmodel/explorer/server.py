@@ -36,15 +36,7 @@ if (!document.querySelector(".lost")) {
 
 
 class Token(AuthProvider):
-    """Lets in who has the token: from the address at first, then from a cookie.
-
-    Parameters
-    ----------
-    token : str
-        The secret.
-    port : int
-        The server's port: cookies of one machine are shared by its ports.
-    """
+    """Lets in who has the token: from the address at first, then from a cookie."""
 
     def __init__(self, token: str, port: int) -> None:
         self._token, self._cookie = token, f"bgmodel-{port}"
@@ -73,15 +65,7 @@ class Token(AuthProvider):
 
 
 class Served:
-    """A server of one state; each tab that opens its address has an explorer.
-
-    Parameters
-    ----------
-    state : State
-        The first state of every tab.
-    entry : Entry
-        The port that listens, and the secret.
-    """
+    """A server of one state; each tab that opens its address has an explorer."""
 
     def __init__(self, state: State, entry: Entry) -> None:
         state.check()
@@ -160,13 +144,7 @@ class Served:
         self._server.stop()
 
     def compute(self, memory: Memory) -> None:
-        """Run the first state, which also loads the engine; its page shows what is refused.
-
-        Parameters
-        ----------
-        memory : Memory
-            Receives the results.
-        """
+        """Run the first state, which also loads the engine; its page shows what is refused."""
         with suppress(ValueError), quiet():
             given = memory.given(self._state)
             self._state.experiment.run(workers=2, given=given, kept=memory.conditions)

@@ -49,13 +49,7 @@ QUERY = "state"
 
 @dataclass(frozen=True)
 class State:
-    """A control, a manipulation (the edited circuit), their task, and one trial.
-
-    Raises
-    ------
-    ValueError
-        If the experiment has too many trials for an interactive view, or the trial is none of them.
-    """
+    """A control, a manipulation (the edited circuit), their task, and one trial."""
 
     experiment: Experiment
     """The experiment whose behaviour is shown."""
@@ -105,16 +99,10 @@ class State:
         return self._with(control=replace(self.experiment.control, edits=edits), **self._unnamed())
 
     def with_setting(self, name: str, value: Any) -> State:
-        """Return the state with one setting of the task, of the stop signal or of the run changed.
+        """Return the state with one setting of the task, the stop signal or the run changed.
 
-        Parameters
-        ----------
-        name : str
-            A setting of the task; ``evidence``, the file of a table of your own, or None; one of
-            ``Experiment`` (posterior, threshold, gain, seed, engine, circuit); ``trial``; or
-            ``stop.`` and a field of ``StopTask``, or ``stop`` with None.
-        value : object
-            Its new value; None for a setting that is left out.
+        None leaves a setting out; ``evidence`` is the file of a table, and ``stop.NAME`` a field of
+        ``StopTask``.
         """
         if name == "trial":
             return replace(self, trial=value)
@@ -216,13 +204,7 @@ class State:
 
     @classmethod
     def from_link(cls, link: str) -> State:
-        """Return the state of a link, or of the part of it that follows the question mark.
-
-        Raises
-        ------
-        ValueError
-            If there is no state in it, or one that is refused.
-        """
+        """Return the state of a link, or of the part of it that follows the question mark."""
         from urllib.parse import parse_qs
 
         given = parse_qs(link.partition("?")[2])
@@ -240,19 +222,7 @@ class State:
 
 
 def opened(name: str | Path) -> State:
-    """Return the state of a circuit, of an experiment, or of a link.
-
-    Parameters
-    ----------
-    name : str or path
-        The name of a circuit or of an included experiment, the path of a .toml file of either, or
-        a link from the explorer; the default circuit if it is empty.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, or an invalid file.
-    """
+    """Return the state of a circuit or an experiment, by name or file, or of a link."""
     text = str(name).strip()
     if f"?{QUERY}=" in text:
         return State.from_link(text)

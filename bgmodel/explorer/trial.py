@@ -27,37 +27,11 @@ WITHOUT_EVIDENCE = "decides without evidence"
 
 @dataclass(frozen=True)
 class Shown:
-    """One trial, up to its decision.
+    """One trial up to its decision: OUT and rates (ticks, channels), spikes, and the MSPRT's -ln P.
 
-    Parameters
-    ----------
-    time_ms : array (ticks,)
-        Times, ms from the onset of evidence.
-    rates_hz : mapping of arrays (ticks, channels)
-        Rates of each nucleus, Hz.
-    out : array (ticks, channels)
-        OUT, in ``unit``.
-    spikes : mapping of DataFrame
-        Spikes of each spiking nucleus: channel, neuron, time_ms.
-    test : tuple of arrays, optional
-        Times and -ln P of the MSPRT at the circuit's gain, on the same evidence; None if the
-        circuit does not work in nats.
-    threshold : float
-        Threshold on OUT.
-    unit : str
-        Unit of OUT.
-    choice : int
-        The alternative that was chosen, -1 if none was.
-    truth : int
-        The true one.
-    decided_ms : float
-        Time of the decision, ms; NaN without one.
-    premature : bool
-        Whether it was made before the first reading could act, that is without evidence.
-    lost : mapping of str
-        What happened to nuclei of which no cell is left: "silenced", or "clamped".
-    courses : tuple of Course
-        Changes of input and dopamine that begin before the end.
+    ``test`` holds times and -ln P at the circuit's gain; None for a circuit without nats. ``lost``
+    says why a nucleus has no cell left: "silenced" or "clamped". ``courses`` are changes of input
+    and dopamine that begin before the end.
     """
 
     time_ms: Array
@@ -94,22 +68,7 @@ class Shown:
 
 
 def one_trial(condition: Observed, evidence: Evidence, trial: int) -> Shown:
-    """Run a trial of a condition; it has no stop signal.
-
-    Parameters
-    ----------
-    condition : Observed
-        Circuit, threshold, gain and seed.
-    evidence : Evidence
-        Readings of all trials.
-    trial : int
-        Which of them, from 0.
-
-    Raises
-    ------
-    ValueError
-        If the circuit cannot be run on the engine of the trial.
-    """
+    """Run a trial of a condition; it has no stop signal."""
     spiking = [row.name for row in condition.edited.populations if row.spiking]
     engine = SPIKES if spiking else WITHOUT_SPIKES
     model = replace(condition, engine=engine).model(evidence.hypotheses).adapted_to(evidence)

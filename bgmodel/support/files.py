@@ -105,6 +105,21 @@ def write_table(
     return path
 
 
+def json_text(path: str | Path | None = None, **parts: Any) -> str:
+    """Return a result as JSON, its tables as lists of rows; it is also written to a path."""
+    plain = {
+        name: json.loads(part.to_json(orient="records", double_precision=10))
+        if hasattr(part, "to_json")
+        else part
+        for name, part in parts.items()
+    }
+    text = json.dumps(plain, indent=1)
+    if path is not None:
+        with replacing(path) as partial:
+            partial.write_text(text + "\n", encoding="utf-8")
+    return text
+
+
 def provenance_path(path: str | Path) -> Path:
     """Return the path of the provenance of a ``.csv``: the whole name and ``.json``."""
     path = Path(path)

@@ -24,17 +24,6 @@ def check_slurm(folder: Path) -> None:
     """Refuse a folder or a machine from which jobs can't be submitted and followed.
 
     Without accounts (slurmdbd) the executor of Snakemake would submit jobs and wait forever.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the jobs write.
-
-    Raises
-    ------
-    ValueError
-        If the path of the folder, or of the current one, has quotes or other characters that a
-        shell would interpret, or if SLURM or its database of accounts does not answer.
     """
     for path in (folder.absolute(), Path.cwd()):
         allowed = "must have a path without quotes, $, ` and backslashes, as SLURM's shell reads it"

@@ -37,27 +37,10 @@ AT_ONCE = 20_000_000
 
 
 def measured(point: Point, folder: Path) -> pd.DataFrame:
-    """Return the measures of one point of a sweep.
+    """Return the measures of one point, with gain and remark (a warning, or why the run ended).
 
-    Parameters
-    ----------
-    point : Point
-        The point.
-    folder : Path
-        Folder of the sweep; every shard of the point is there.
-
-    Returns
-    -------
-    DataFrame
-        One row per measure of ``plan.measures_of``: measure, value (times in ms, shares of trials),
-        low and high (95 % interval, a bootstrap over trials, the same for points of one size),
-        trials, gain (as run), and remark (a warning of the run, or why it ended; usually empty).
-        Values are NaN if the circuit could not be run.
-
-    Raises
-    ------
-    ValueError
-        If a shard is missing or can't be read.
+    Intervals (95 %) are from a bootstrap over trials, the same for points of one size. Values are
+    NaN if the circuit could not be run.
     """
     behaviour, remark = read(point, folder)
     if behaviour is None:
@@ -128,30 +111,7 @@ def _kept(seed: int, trials: int) -> Array:
 
 
 def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Return the measures of all points as one table.
-
-    Parameters
-    ----------
-    plan : Plan
-        The sweep.
-    tables : list of DataFrame
-        As from ``measured``, one per point, in the plan's order; columns of keys are added.
-
-    Returns
-    -------
-    DataFrame
-        One column per key that changes, then the columns of ``measured``.
-
-    Raises
-    ------
-    ValueError
-        If there is not one table per point.
-
-    Warns
-    -----
-    UserWarning
-        If no measure depends on a key.
-    """
+    """Return the measures of all points as one table, and warn of keys that change none."""
     whole = []
     for point, measures in zip(plan.each, tables, strict=True):
         table = measures.drop(columns="gain") if "gain" in point else measures
@@ -184,11 +144,6 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
     Over one key, or two of which one has at most ``LINES`` values, measures are lines with 95 %
     intervals (bootstrap over trials), one per value of the key with fewer. Other grids are maps
     without intervals.
-
-    Raises
-    ------
-    ValueError
-        If more than two keys change.
     """
     axes = plan.axes
     if len(axes) > 2:

@@ -200,18 +200,10 @@ class Plan(Point):
         return {key: list(dict.fromkeys(p[key] for p in self.each)) for key in self.each[0]}
 
     def all_points(self, folder: Path = Path()) -> list[Point]:
-        """Return every point.
+        """Return every point; relative paths are seen from a folder.
 
-        Parameters
-        ----------
-        folder : Path
-            Folder to which paths in the plan are relative: that of its file.
-
-        Raises
-        ------
-        ValueError
-            Naming the point, for a key or a value that has no effect there, or two points that are
-            the same although written differently, such as a lesion of 0.1 and of 10%.
+        A ValueError names the point at which a key or a value has no effect, and two points that
+        are the same although written differently, such as a lesion of 0.1 and of 10%.
         """
         same = {f.name: getattr(self, f.name) for f in fields(Point)}
         points = [_point(Point(**same), point, folder) for point in self.each]
@@ -297,13 +289,7 @@ def point_text(point: Mapping[str, Value]) -> str:
 
 
 def read_plan(file: str | Path) -> Plan:
-    """Read the file of a sweep.
-
-    Raises
-    ------
-    ValueError
-        With the key, the value given and what is allowed.
-    """
+    """Read the file of a sweep."""
     path = path_of(file, "file")
     if path.suffix != ".toml":
         raise InputError(f"a sweep is a .toml file, got {str(file)!r}", "file", file)

@@ -140,11 +140,6 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
     """Lock a folder: exclusively, or shared by several parts of a sweep.
 
     A lock of filelock is never shared.
-
-    Raises
-    ------
-    ValueError
-        If another sweep is running there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "sweep.lock").open("a+") as lock:

@@ -188,15 +188,5 @@ class SweepOutcome(Facts):
 
         Lines have 95 % intervals (bootstrap over trials); a grid of more than four values of both
         keys is a map without intervals. An asterisk marks a point with a remark in the table.
-
-        Returns
-        -------
-        Figure
-            A panel per measure. The title has the number of trials per point.
-
-        Raises
-        ------
-        ValueError
-            If more than two keys change.
         """
         return draw(self.plan, self.table)

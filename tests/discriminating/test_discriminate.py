@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.discriminating.discriminate import _within
-from bgmodel.discriminating.models import model_of, same_rule
-from bgmodel.discriminating.result import TOLD, UNTOLD
+from bgmodel.discriminating.discriminate import _within, same_rule
+from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
+from bgmodel.experiments.models import model_of
 from bgmodel.integrators.steady import out_shift
 from circuits.declaration.table_files import text
 from circuits.errors import EditWarning, InputError
@@ -37,7 +37,7 @@ def lesioned():
 def test_two_alternatives_cannot_tell_the_msprt_from_max_vs_average():
     """Bogacz & Gurney 2007: with two alternatives they are one test."""
     found = bg.discriminate("msprt", "max vs average", space=TWO, **FEW)
-    assert found.verdict == UNTOLD
+    assert found.verdict == INSEPARABLE
     assert found.same == (2,)
     assert found.most_nats == 0
     # Their thresholds are matched to about a ten-thousandth.
@@ -46,7 +46,7 @@ def test_two_alternatives_cannot_tell_the_msprt_from_max_vs_average():
 
 
 def test_four_alternatives_can(tests):
-    assert tests.verdict == TOLD
+    assert tests.verdict == SEPARABLE
     assert tests.same == ()
     assert tests.sequential["median"].between(10, 30).all()
     assert (tests.sequential["right"] > 0.85).all()
@@ -64,7 +64,7 @@ def test_rules_that_differ_are_not_one_rule():
 
 def test_a_loss_of_stn_is_a_threshold_that_is_lower_by_its_logarithm(lesioned):
     """OUT falls by -ln(1 - f) at every S, so that a threshold lower by as much does the same."""
-    assert lesioned.verdict == UNTOLD
+    assert lesioned.verdict == INSEPARABLE
     first, second = (way.levels[0] for way in lesioned.check.directions)
     assert first - second == pytest.approx(-np.log(0.9), abs=0.01)
     assert lesioned.most_nats < 0.003
@@ -103,8 +103,8 @@ def test_a_free_non_decision_time_takes_what_a_delay_tells():
     plain = replace(FOUR, conflict=(0.0,))
     same = bg.discriminate("msprt", Late(), space=plain, non_decision="same", **FEW)
     free = bg.discriminate("msprt", Late(), space=plain, non_decision="free", **FEW)
-    assert same.verdict == TOLD
-    assert free.verdict == UNTOLD
+    assert same.verdict == SEPARABLE
+    assert free.verdict == INSEPARABLE
     assert [way.shift_ms for way in free.check.directions] == pytest.approx([-100, 100], abs=15)
 
 

@@ -5,16 +5,16 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing, gaussian_evidence, threshold_from_posterior
-from bgmodel.exam.measures import MEASURES, Answer, Asked
+from bgmodel.exam.measures import MEASURES, Estimate, Results
 from bgmodel.exam.numbers import shipped_list
-from bgmodel.exam.tables import Failed, Tables, Unanswered, read_tables
+from bgmodel.exam.tables import Failed, NotApplicable, Tables, read_tables
 from bgmodel.support.seeds import stream
 
 TASKS = shipped_list().tasks
 
 
 def asked(trials=None, rates=None, **more):
-    return Asked(read_tables(trials, rates, TASKS), TASKS, 1, **more)
+    return Results(read_tables(trials, rates, TASKS), TASKS, 1, **more)
 
 
 def decided(task, posterior, d_prime=0.2, seed=3, trials=2000, t_max=600):
@@ -114,9 +114,9 @@ def test_a_change_of_rate_is_paired_or_not_and_may_be_in_percent():
 def test_abstract_rates_have_a_sign_and_no_hz():
     tables = Tables(rates=rates("rest", 20.0, window="rest"), abstract=frozenset({"STN"}))
     place = {"nucleus": "STN", "window": "rest", "task": "rest"}
-    assert MEASURES["rate"](Asked(tables, TASKS, 1), **place).value == pytest.approx(20, abs=1)
-    with pytest.raises(Unanswered):
-        MEASURES["rate"](Asked(tables, TASKS, 1, in_hz=True), **place)
+    assert MEASURES["rate"](Results(tables, TASKS, 1), **place).value == pytest.approx(20, abs=1)
+    with pytest.raises(NotApplicable):
+        MEASURES["rate"](Results(tables, TASKS, 1, in_hz=True), **place)
 
 
 def test_a_race_with_a_fixed_stop_time_has_that_ssrt():
@@ -136,7 +136,7 @@ def test_a_race_with_a_fixed_stop_time_has_that_ssrt():
     more = MEASURES["respond_change"](asked(table), *names)
     assert 0.05 < more.value < 0.3
     assert MEASURES["failed_minus_go"](asked(table), "stop").value < -20
-    with pytest.raises(Unanswered):
+    with pytest.raises(NotApplicable):
         MEASURES["ssrt_change"](asked(table.assign(ssd_ms=np.nan)), *names)
 
 
@@ -155,8 +155,8 @@ def test_times_on_a_line_over_ln_n_have_its_slope():
 def test_too_few_known_resamples_are_no_answer():
     values = np.full(101, np.nan)
     values[:50] = 1.0
-    with pytest.raises(Unanswered):
-        Answer.of(values, 10)
+    with pytest.raises(NotApplicable):
+        Estimate.of(values, 10)
 
 
 def test_times_are_those_of_go_trials_whatever_happened_on_stop_trials():

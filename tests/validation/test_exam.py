@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from bgmodel.exam import sitting as sittings
-from bgmodel.exam.exam import Exam, examinee
-from bgmodel.exam.sitting import Sitting
+from bgmodel.exam import simulation
+from bgmodel.exam.exam import Exam
+from bgmodel.exam.simulation import Simulation
+from bgmodel.experiments.models import model_of
 from circuits.anatomy import macaque
 
 EXAM = Exam.shipped()
@@ -21,16 +23,16 @@ FEW_CELLS = [f"set {row.name}.neurons 30" for row in macaque(2).populations if r
 
 @pytest.fixture(autouse=True)
 def few_trials(monkeypatch):
-    monkeypatch.setattr(sittings, "FEWEST_TRIALS", TRIALS)
+    monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS)
 
 
 def taking(engine):
     edits = FEW_CELLS if engine == "brian2" else ()
-    return examinee("macaque", edits, engine, 0.5)
+    return model_of("macaque", edits, engine, 0.5)
 
 
-def sitting_of(engine):
-    return Sitting(taking(engine), EXAM.questions.tasks, 5, share=0.05)
+def simulation_of(engine):
+    return Simulation(taking(engine), EXAM.questions.tasks, 5, share=0.05)
 
 
 def same_marks(outside, inside):
@@ -44,22 +46,21 @@ def same_marks(outside, inside):
 def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path):
     exam = EXAM.only(["resting rates"])
     inside = exam.take(taking(engine), seed=5, share=0.05).table
-    sitting_of(engine).rates_of("rest").to_csv(tmp_path / "rates.csv", index=False)
+    simulation_of(engine).rates("rest").to_csv(tmp_path / "rates.csv", index=False)
     same_marks(exam.mark(rates=tmp_path / "rates.csv", seed=5).table, inside)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("engine", ["population", "ensemble"])
 def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path, monkeypatch):
-    monkeypatch.setattr(sittings, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
+    monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
     exam = EXAM.only(["conflict"])
     exam = replace(exam, questions=replace(exam.questions, numbers=of_trials(exam)))
     tasks = sorted(
         {task for one in exam.questions.numbers for _, task in exam.questions.tasks_of(one)}
     )
-    tables, undone = sitting_of(engine).tables(trials=tasks, rates=[])
-    assert not undone
-    tables.trials.to_csv(tmp_path / "trials.csv", index=False)
+    trials = pd.concat(map(simulation_of(engine).trials, tasks))
+    trials.to_csv(tmp_path / "trials.csv", index=False)
     inside = exam.take(taking(engine), seed=5, share=0.05).table
     assert np.isfinite(inside["value"]).all()
     same_marks(exam.mark(tmp_path / "trials.csv", seed=5).table, inside)
