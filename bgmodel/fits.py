@@ -110,7 +110,8 @@ class Question:
         asked, model, kind = self.versions[name]
         more = {f"{name}, same {effect}": (asked.constant(effect), model, kind)
                 for effect in asked.effects}  # fmt: skip
-        return replace(self, versions=self.versions | more)
+        self.versions.update(more)  # in place, so that trials are laid out, and warned of, once
+        return self
 
 
 def question(
@@ -164,7 +165,9 @@ def question(
         else:
             versions[str(name)] = (asked, kind.model(first, name, folder), kind)
     lacking = asked.check_parameters({name: model for name, (_, model, _) in versions.items()})
-    return replace(first, versions=versions, lacking=lacking)
+    first.versions.update(versions)
+    first.lacking.extend(lacking)
+    return first
 
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
