@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from inspect import signature
@@ -105,13 +106,11 @@ class Question:
             return ALIKE
         return self.asked.predictors(self.between, self.trials, likelihoods)
 
-    def constant(self, name: str) -> Question:
-        """Return it with a model also without each effect of conditions on its parameters."""
+    def add_constant(self, name: str) -> None:
+        """Add a model without each effect of conditions on its parameters."""
         asked, model, kind = self.versions[name]
-        more = {f"{name}, same {effect}": (asked.constant(effect), model, kind)
-                for effect in asked.effects}  # fmt: skip
-        self.versions.update(more)  # in place, so that trials are laid out, and warned of, once
-        return self
+        for effect in asked.effects:
+            self.versions[f"{name}, same {effect}"] = asked.constant(effect), model, kind
 
 
 def question(
@@ -119,6 +118,8 @@ def question(
     data: str | Path | pd.DataFrame | Trials,
     models: Sequence[ModelName] | None = None,
     folder: Path | None = None,
+    *,
+    alone: bool = False,
 ) -> Question:
     """Read trials, and find the models that are asked for.
 
@@ -132,6 +133,8 @@ def question(
         As for ``fit``; by default those of the kind of trials.
     folder : path, optional
         Folder that keeps simulated trials for other fits.
+    alone : bool
+        Whether a single model is fitted, to one person or to a group.
 
     Raises
     ------
@@ -144,10 +147,15 @@ def question(
     except InputError as error:
         if error.field in ("conditions", *asked.by):
             # The column of an unknown parameter may be missing too.
-            asked.check_parameters({str(name): asked.model(name) for name in models or ()})
+            of_choices: dict[str, AnyModel] = {}
+            with suppress(InputError):  # for a model of another kind of trials
+                of_choices = {str(name): asked.model(name) for name in models or ()}
+            if of_choices:
+                asked.check_parameters(of_choices)
         raise
     kind = KINDS[trials.kind]
     names = models or (MANY if trials.alternatives > 2 and kind is CHOICES else kind.defaults)
+    names = names[-1:] if alone else names
     if all(isinstance(name, TrialModel) for name in names):
         kind = CHOICES
     asked.check_unused(kind.unused, f"on {trials.kind}")
@@ -157,17 +165,22 @@ def question(
     if kind is KNOWN and asked.formula:
         must = "must be of what differs between people if evidence is known: within a person"
         raise InputError(f"formula {must} a parameter has one value", "formula")
-    first = Question(asked, trials, between)
-    versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = {}
+    one = Question(asked, trials, between)
+    if alone and len(one.people) > 1 and not asked.hierarchical:
+        raise InputError(
+            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
+            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
+            "them as if they were one",
+            "participant",
+        )
     for name in names:
         if isinstance(name, TrialModel):
-            versions[getattr(name, "name", type(name).__name__)] = (asked, name, CHOICES)
+            one.versions[getattr(name, "name", type(name).__name__)] = asked, name, CHOICES
         else:
-            versions[str(name)] = (asked, kind.model(first, name, folder), kind)
-    lacking = asked.check_parameters({name: model for name, (_, model, _) in versions.items()})
-    first.versions.update(versions)
-    first.lacking.extend(lacking)
-    return first
+            one.versions[str(name)] = asked, kind.model(one, name, folder), kind
+    models_by_name = {name: model for name, (_, model, _) in one.versions.items()}
+    one.lacking.extend(asked.check_parameters(models_by_name))
+    return one
 
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -397,21 +410,14 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
     )  # fmt: skip
     kept = None if folder is None else path_of(folder, "folder")
-    one = question(asked, data, None if model is None else [model], kept)
-    name = list(one.versions)[-1]
+    one = question(asked, data, None if model is None else [model], kept, alone=True)
+    (name,) = one.versions
     if hierarchical:
         likelihoods = one.likelihoods(name)
         return fit_group(
             likelihoods, predictors=one.predictors(likelihoods), seed=chains_seed,
             workers=workers, most_draws=most_draws,
         )  # fmt: skip
-    if len(one.people) > 1:
-        raise InputError(
-            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
-            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
-            "them as if they were one",
-            "participant",
-        )
     (likelihood,) = one.likelihoods(name).values()
     return fit_likelihood(likelihood, draws=draws)
 

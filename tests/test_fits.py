@@ -15,6 +15,7 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.settings import settings_of
 from bgmodel.learning.values.models import likelihood
 from circuits.errors import FitWarning, InputError
+from tests.helpers import refused
 from tests.known_trials import simulated
 from tests.trials.test_readings import tables
 
@@ -146,3 +147,18 @@ def test_rewarded_choices_are_fitted_by_learners():
         with pytest.raises(InputError) as error:
             bg.fit(trials, **{"model": "q", **options})
         assert error.value.field == next(iter(options))
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "field"),
+    [
+        ("roitman_shadlen_2002", {"participant": "b", "free": ["bound"]}, "free"),
+        ("pedersen_frank_2020", {"participant": "3", "free": ["drift"]}, "free"),
+        ("roitman_shadlen_2002", {}, "participant"),
+        ("pedersen_frank_2020", {"model": "q", "vary": {"bound": "day"}}, "day"),
+    ],
+)
+def test_a_fit_without_a_model_asks_of_its_default_alone(data, options, field):
+    """Parameters of the models that the command compares by default are none of it."""
+    with refused(field):
+        bg.fit(data, **options)

@@ -209,7 +209,7 @@ class FitRun(FitSettings):
         one = question(self, self.data, self.models, folder / "stored")
         if self.compare and len(one.versions) == 1:
             (name,) = one.versions
-            one = one.constant(name)
+            one.add_constant(name)
             must = "needs at least two models, or one with --vary or --formula"
             require(len(one.versions) > 1, "compare", must, name)
         for lacking in one.lacking:

@@ -66,7 +66,7 @@ class Model:
     def circuits(self, channels: Iterable[int]) -> tuple[dict[int, Circuit], dict[int, ValueError]]:
         """Return circuits by number of alternatives, and why others can't be built.
 
-        If there are none, the first error is raised.
+        Raises the first error if none can be built.
         """
         built: dict[int, Circuit] = {}
         errors: dict[int, ValueError] = {}

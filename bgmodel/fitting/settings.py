@@ -144,8 +144,8 @@ class FitSettings:
     def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
         """Return the settings without the formulas of predictors between people, and these.
 
-        A predictor that differs between people alone needs a hierarchy, and a formula of its own
-        kind.
+        A predictor that differs only between people needs a hierarchy, and must not share a formula
+        with columns that differ within people.
         """
         apart = set() if self.pooled else _between(trials)
         between = [each for each in self._parsed if apart & set(each.columns)]

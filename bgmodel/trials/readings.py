@@ -154,7 +154,7 @@ def answered(
 def seen_sums(readings: Readings, rt_s: Array) -> Array:
     """Return the sum of the readings before each response, or of all, (trials, alternatives)."""
     until_s = np.where(np.isnan(rt_s), np.inf, rt_s)
-    before = readings.time_s <= until_s[:, None]
+    before = readings.time_s < until_s[:, None]
     return np.asarray(np.where(before[:, :, None], readings.log_likelihood, 0.0).sum(axis=1))
 
 
