@@ -166,13 +166,6 @@ def question(
         must = "must be of what differs between people if evidence is known: within a person"
         raise InputError(f"formula {must} a parameter has one value", "formula")
     one = Question(asked, trials, between)
-    if alone and len(one.people) > 1 and not asked.hierarchical:
-        raise InputError(
-            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
-            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
-            "them as if they were one",
-            "participant",
-        )
     for name in names:
         if isinstance(name, TrialModel):
             one.versions[getattr(name, "name", type(name).__name__)] = asked, name, CHOICES
@@ -180,6 +173,13 @@ def question(
             one.versions[str(name)] = asked, kind.model(one, name, folder), kind
     models_by_name = {name: model for name, (_, model, _) in one.versions.items()}
     one.lacking.extend(asked.check_parameters(models_by_name))
+    if alone and len(one.people) > 1 and not asked.hierarchical:
+        raise InputError(
+            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
+            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
+            "them as if they were one",
+            "participant",
+        )
     return one
 
 
