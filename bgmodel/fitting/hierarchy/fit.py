@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +33,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
-from circuits.errors import FitWarning, InputError
+from circuits.errors import FitWarning, InputError, require
 
 if TYPE_CHECKING:
     import xarray
@@ -344,10 +344,11 @@ def fit_group(
     workers: int = 1,
     most_draws: int = MOST,
     scale: Scale | None = None,
+    shared: Sequence[str] | None = None,
     path: Path | None = None,
     tell: Tell = lambda _: None,
 ) -> GroupFit:
-    """Fit a model to a group of people, with partial pooling of every parameter.
+    """Fit a model to a group of people, with partial pooling of their parameters.
 
     Parameters of people are Gaussian on the scale of ``scale.Scale``, with a mean and a standard
     deviation for each parameter; see ``group.Group`` for the priors. The unit of the scale is set
@@ -371,6 +372,9 @@ def fit_group(
     scale : Scale, optional
         The scale on which people are Gaussian, with the unit of the priors. By default its unit is
         set by the median of separate estimates.
+    shared : sequence of str, optional
+        Parameters that are the same for everyone, by default those that say so
+        (``Parameter.shared``).
     path : path, optional
         File (.npz) that keeps the chains; a run that was interrupted continues from it.
     tell : function
@@ -394,8 +398,13 @@ def fit_group(
     first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
+    moved = [each.parameter for each in every[0].freedom.moved]
+    known = {each.name for each in every[0].freedom.parameters}
+    for name in shared or ():
+        require(name in known, "shared", f"must be of {', '.join(sorted(known))}", name)
+    same = np.array([p.shared if shared is None else p.name in shared for p in moved])
     with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
-        group, expansion = started(over_people, scale.to(first))
+        group, expansion = started(over_people, scale.to(first), same)
         highest = scale.to(scale.high)
         group = replace(
             group, mean=np.minimum(group.mean, highest), highest=highest,

@@ -72,6 +72,7 @@ class ValueModel:
     name: str
     special: tuple[Parameter, ...]
     learner: Callable[..., Learner] | None
+    stacks = True
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -149,13 +150,6 @@ class ValueLikelihood(TrialLikelihood):
     """The likelihood of the trials of a person who learns; see ``likelihood``."""
 
     model: ValueModel
-
-    def many(self, vectors: Array) -> Array:
-        """Return the log likelihood of each trial, (vectors, trials), of all vectors at once."""
-        every = [self.values(vector) for vector in vectors]
-        values = {name: np.stack([one[name] for one in every]) for name in every[0]}
-        found = self.model.log_density(self.trials, values)
-        return found if self.kept is None else found[:, self.kept]
 
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s: the mean over trials of a cell."""
