@@ -35,7 +35,7 @@ from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stops.data import FEWEST_GO, go_process, laid
 from bgmodel.fitting.stops.model import TEST, circuit_stop
 from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
-from bgmodel.stopping.estimates import estimate_ssrt, fit_race
+from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import estimates_of, read_people
 from bgmodel.stopping.trials import StopTrials
@@ -187,12 +187,14 @@ def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
     ]  # fmt: skip
     if kind == "restored" and name in ("test", "circuit"):
         rows.append(strength(name, people))
+    most = np.array([MOST_NATS])
+    every = likelihoods_of(name, kind, people).values()
+    latency = float(np.median([each.model.latency_ms(most)[0] for each in every]))
     stops = sum(each.stop.sum() for each in people_of(kind, people).values())
     log = float(fit.log_likelihood.sum(axis=2).mean())
-    effective, rhat = fit.agreement.effective.min(), fit.agreement.rhat.max()
     return pd.DataFrame(rows).assign(
         model=name, delays=kind, log_likelihood=log, people=len(fit.people), stop_trials=stops,
-        effective=effective, rhat=rhat,
+        latency_ms=latency,
     )  # fmt: skip
 
 
@@ -211,10 +213,9 @@ def strength(name: str, people: int) -> dict[str, float | str]:
     ])  # fmt: skip
     inside = tried[log > log.max() - FALL_NATS]
     best = tried[np.argmax(log > log.max() - ALIKE_NATS)]
-    latency = np.median([race.latency_ms(np.array([best]))[0] for race in races])
     return {
         "parameter": STRENGTH, "value": best, "low": inside.min(), "high": inside.max(),
-        "latency_ms": latency, "threshold_median": np.median(known), "threshold_most": known.max(),
+        "threshold_median": np.median(known), "threshold_most": known.max(),
     }  # fmt: skip
 
 
@@ -272,7 +273,8 @@ def recovered(failures: float, people: int) -> pd.DataFrame:
             estimate = estimate_ssrt(trials, checked=False)
             found["integration"].append(estimate.ssrt_ms)
             found["mean"].append(estimate.ssrt_mean_ms)
-            found["likelihood"].append(fit_race(trials)["ssrt_ms"])
+            fit = optimum(likelihood(StopRace(slowing_ms=(0.0, 0.0)), trials.to_trials()))
+            found["likelihood"].append(fit.values["ssrt_ms"])
     rows = []
     for method, each in found.items():
         mean, error, count = mean_and_error(np.array(each))
