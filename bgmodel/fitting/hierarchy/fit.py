@@ -29,7 +29,7 @@ from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
@@ -336,6 +336,15 @@ def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
             )
 
 
+def _shared(likelihood: Likelihood, shared: Sequence[str] | None) -> Truths:
+    """Return which numbers of a fit people share; ValueError for a name that is not free."""
+    moved = [each.parameter for each in likelihood.freedom.moved]
+    names = list(dict.fromkeys(each.name for each in moved))
+    for name in shared or ():
+        require(name in names, "shared", f"must be of {', '.join(names)}", name)
+    return np.array([p.shared if shared is None else p.name in shared for p in moved])
+
+
 def fit_group(
     likelihoods: Mapping[str, Likelihood],
     *,
@@ -384,7 +393,7 @@ def fit_group(
     ------
     ValueError
         For fewer than 3 people, people with fewer than 20 responses (named), or with other levels
-        of a condition.
+        of a condition, and for shared parameters that are not free.
 
     Warns
     -----
@@ -394,15 +403,11 @@ def fit_group(
     """
     check_people(likelihoods)
     every = list(likelihoods.values())
+    same = _shared(every[0], shared)
     tell(f"start of {len(every)} people")
     first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
-    moved = [each.parameter for each in every[0].freedom.moved]
-    known = {each.name for each in every[0].freedom.parameters}
-    for name in shared or ():
-        require(name in known, "shared", f"must be of {', '.join(sorted(known))}", name)
-    same = np.array([p.shared if shared is None else p.name in shared for p in moved])
     with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
         group, expansion = started(over_people, scale.to(first), same)
         highest = scale.to(scale.high)
