@@ -3,23 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import special
+from scipy import special, stats
 
 from bgmodel import stream
-from bgmodel.fitting.stops.data import StopData
-from bgmodel.fitting.stops.likelihood import StopValues
-from bgmodel.stopping.restored import LATE_MS, restored_delays
+from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.stops.data import StopData, laid
+from bgmodel.fitting.stops.race import StopLikelihood
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.trials.restored import LATE_MS, restored_delays
 
 DELAYS = np.arange(0.0, 1201.0, 50.0)
 """Delays of staircases, ms."""
 STARTS = (250.0, 350.0)
 """First delay of the two staircases, ms."""
+BINS, QUANTILES = 10, (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Number of bins of delays; quantiles of the times of failed stops."""
+DRAWS, PREDICTION_SEED = 100, 24_701
+"""Draws of the posterior from which trials are predicted, and their seed."""
+
+
+@dataclass(frozen=True)
+class StopValues:
+    """The stop processes of simulated participants.
+
+    Parameters
+    ----------
+    ssrt_ms, ssrt_people_sd_ms, ssrt_trial_sd_ms : float
+        Mean SSRT, and its standard deviations between participants and between trials.
+    failures, failures_people_sd : float
+        Probability of a trigger failure of the median participant, and the standard deviation of
+        its logit between participants.
+    """
+
+    ssrt_ms: float
+    ssrt_people_sd_ms: float
+    ssrt_trial_sd_ms: float
+    failures: float
+    failures_people_sd: float
 
 
 def raced(
@@ -71,20 +97,21 @@ def known_people(
 
 
 def like(
-    people: Mapping[str, StopTrials], data: StopData, values: StopValues, seed: int
+    people: Mapping[str, StopTrials], data: Mapping[str, StopData], values: StopValues, seed: int
 ) -> dict[str, StopTrials]:
     """Return simulated participants who differ from real ones only in that the model is right.
 
     Each has the go times of a participant, drawn with replacement, the same stop trials, and the
     mean slowing after a stop trial.
     """
-    slower = data.slower_ms[data.slower_ms > 0].mean() if (data.slower_ms > 0).any() else 0.0
+    slowed = np.concatenate([each.slower_ms for each in data.values()])
+    slower = slowed[slowed > 0].mean() if (slowed > 0).any() else 0.0
     found = {}
-    for number, who in enumerate(data.names):
+    for who, each in data.items():
         rng, stop = stream(seed, "like", who), people[who].stop
-        times = np.maximum(rng.choice(data.go_ms[number], len(stop)), 0)
+        times = np.maximum(rng.choice(each.times_ms, len(stop)), 0)
         times += slower * np.append(False, stop[:-1])
-        times[rng.random(len(stop)) > data.responded[number]] = np.inf
+        times[rng.random(len(stop)) > each.responded] = np.inf
         ssrt, failure = _stop_processes(values, int(stop.sum()), rng)
         found[who] = raced(times, stop, ssrt, failure, rng)
     return found
@@ -138,8 +165,8 @@ def late_delays(people: Mapping[str, StopTrials]) -> Array:
     found = []
     for trials in people.values():
         missing = (trials.ssd_ms == 0) & trials.responded
-        restored = restored_delays(trials, use_times=False).ssd_ms[missing]
-        late = restored + LATE_MS >= trials.rt_ms[missing]
+        restored = StopTrials.of(restored_delays(trials.to_trials(), use_times=False))
+        late = restored.ssd_ms[missing] + LATE_MS >= trials.rt_ms[missing]
         found.append(late.mean() if len(late) else np.nan)
     return np.array(found)
 
@@ -176,3 +203,69 @@ def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
     known = np.asarray(values, float)
     known = known[np.isfinite(known)]
     return float(known.mean()), float(known.std(ddof=1) / np.sqrt(len(known))), len(known)
+
+
+def predictions(
+    fit: GroupFit, likelihoods: Mapping[str, StopLikelihood], left: Mapping[str, Integers]
+) -> dict[str, pd.DataFrame]:
+    """Return what a fit predicts of stop trials of the same people that were not fitted.
+
+    Parameters
+    ----------
+    fit : GroupFit
+        Fit to the other trials.
+    likelihoods : mapping of str to StopLikelihood
+        Likelihood of all trials of each person.
+    left : mapping of str to int array
+        Places of the stop trials to predict.
+
+    Returns
+    -------
+    dict of str to DataFrame
+        By decile of the delay, predicted and observed p(respond) with the standard error of their
+        difference (``deciles``); quantiles of the times of failed stops (``times``); and their
+        differences (``halves``).
+    """
+    parts, times = [], []
+    for k, (who, each) in enumerate(likelihoods.items()):
+        vectors = fit.individual[:, :, k].reshape(-1, fit.individual.shape[-1])
+        vectors = vectors[np.linspace(0, len(vectors) - 1, DRAWS).astype(int)]
+        rng, trials = stream(PREDICTION_SEED, who), each.trials
+        data = laid(trials, each.model.slowing_ms)
+        here = np.isin(data.stop, left[who])
+        every = [each.values(vector) for vector in vectors]
+        p = [each.model.p_respond(trials, values)[here] for values in every]
+        made = [each.model.simulate(trials, values, rng).rt_s[left[who]] for values in every]
+        seen = {"ssd_ms": data.ssd_ms[here], "rt_ms": data.rt_ms[here]}
+        parts.append(pd.DataFrame({**seen, "predicted": np.mean(p, axis=0)}))
+        times.append(1000 * np.concatenate(made))
+    table = pd.concat(parts, ignore_index=True)
+    observed, predicted = (
+        np.nanquantile(some, QUANTILES) for some in (table["rt_ms"], np.concatenate(times))
+    )
+    quantiles = {"quantile": QUANTILES, "observed_ms": observed, "predicted_ms": predicted}
+    deciles, late = _deciles(table), predicted - observed
+    apart = deciles["predicted"] - deciles["observed"]
+    chi2 = float(((apart / deciles["error"]) ** 2).sum())
+    summary = {
+        "bias": (apart * deciles["trials"]).sum() / deciles["trials"].sum(), "chi2": chi2,
+        "p": stats.chi2.sf(chi2, len(deciles)), "largest": apart.abs().max(),
+        "late_ms": late[np.abs(late).argmax()],
+    }  # fmt: skip
+    return {
+        "deciles": deciles, "times": pd.DataFrame(quantiles), "halves": pd.DataFrame([summary])
+    }  # fmt: skip
+
+
+def _deciles(table: pd.DataFrame) -> pd.DataFrame:
+    """Return predicted and observed probabilities by decile of the delay."""
+    edges = np.quantile(table["ssd_ms"], np.linspace(0, 1, BINS + 1)[1:-1])
+    p = table["predicted"]
+    table = table.assign(
+        decile=np.searchsorted(edges, table["ssd_ms"], side="right") + 1,
+        observed=table["rt_ms"].notna().astype(float), variance=p * (1 - p),
+    )  # fmt: skip
+    by = table.groupby("decile")
+    found = by[["ssd_ms", "observed", "predicted"]].mean()
+    found["error"] = np.sqrt(by["variance"].sum()) / by.size()
+    return found.assign(trials=by.size()).reset_index()

@@ -18,26 +18,30 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.methods.stopped import (
+    StopValues,
     counted_ssrt,
     known_people,
     late_delays,
     like,
     mean_and_error,
+    predictions,
     sequence,
     slopes,
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.stops.data import go_processes
-from bgmodel.fitting.stops.fit import StopFit, fit_stops
-from bgmodel.fitting.stops.likelihood import StopValues
-from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop
-from bgmodel.fitting.stops.prediction import Prediction, halves
-from bgmodel.stopping.estimates import estimate_ssrt, fit_race
+from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.stops.data import FEWEST_GO, go_process, laid
+from bgmodel.fitting.stops.model import TEST, circuit_stop
+from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
+from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import estimates_of, read_people
-from bgmodel.stopping.restored import restored_delays
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import slowing_of, violations_of
+from bgmodel.stopping.violations import AFTER, slowing_of, violations_of
+from bgmodel.support.arrays import Array
+from bgmodel.trials.reading import Columns
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 91_001
@@ -46,17 +50,19 @@ COARSE = 20
 """Number of participants in the coarse form."""
 KINDS = ("recorded", "restored", "simulated")
 """Delays as in the set, restored, and those of simulated participants."""
-FITS = {
-    "test": (TEST, {}),
-    "test, same in all": (TEST, {"spread": False}),
-    "test, same after stops": (TEST, {"slowed": False}),
-    "test, with times": (TEST, {"times": True}),
-    "circuit": (None, {}),
-}
-"""Models and the options of their fits; None is the default circuit."""
+NUMBERS = ("ssrt_ms", "ssrt_sd_ms", "failures")
+"""Parameters of a fit."""
+FITS = {"test": (), "test, same in all": NUMBERS, "test, same after stops": (), "circuit": ()}
+"""Models, and the parameters that people share in addition to the standard deviation of SSRT."""
+STRENGTHS, MULTIPLES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0), (1.1, 1.25, 1.5, 2.0, 2.5, 3.0)
+"""Strengths of the stop signal that are tried: quantiles of people's thresholds and, since the
+latency of a circuit depends on it, multiples of the largest."""
+FALL_NATS, ALIKE_NATS = 1.92, 0.01
+"""Fall of the log likelihood at the end of a 95 % interval (half of chi-squared, 1 d.f.), and how
+close those of strengths are that count as alike: the strongest of them is reported."""
 KNOWN = StopValues(220.0, 0.0, 20.0, 0.0, 0.0)
 """The stop process of simulated participants whose stop-signal reaction time is known."""
-SETS = 12
+SETS = 4
 """Number of simulated sets of participants to which the fit is repeated."""
 SIMULATED, GO, STOPS = 40, 300, 100
 """Their number, and the numbers of go and stop trials."""
@@ -65,40 +71,34 @@ SIMULATED, GO, STOPS = 40, 300, 100
 @cache
 def people_of(kind: str, people: int) -> dict[str, StopTrials]:
     """Return the first participants, with delays of a kind."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        every = dict(list(read_people().items())[:people])
-    if kind == "recorded":
-        return every
     if kind == "simulated":
         return simulated(people, SCORING_SEED)
-    return {who: restored_delays(trials) for who, trials in every.items()}
+    columns = Columns(restore_delays=kind == "restored")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return dict(list(read_people(columns=columns).items())[:people])
 
 
 def simulated(people: int, seed: int) -> dict[str, StopTrials]:
     """Return simulated participants with the parameters of the fit to the restored delays."""
-    fit = right(people)
-    return like(people_of("restored", people), fit.likelihood.data, fit.values, seed)
+    every = likelihoods_of("test", "restored", people)
+    data = {who: laid(each.trials, each.model.slowing_ms) for who, each in every.items()}
+    return like(people_of("restored", people), data, true_values(people), seed)
 
 
 @cache
-def right(people: int) -> StopFit:
-    """Return the fit whose parameters simulated participants have."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return fit_stops(people_of("restored", people), go=unknown(people))
+def true_values(people: int) -> StopValues:
+    """Return the stop processes of simulated participants: medians of a posterior."""
+    drawn = draws_of(_fit("test", "restored", people))
+    return StopValues(*(float(np.median(each)) for each in drawn.values()))
 
 
 @cache
-def go_of(people: int) -> pd.DataFrame:
+def go_of(people: int) -> dict[str, dict[str, float]]:
     """Return the go process of each participant."""
-    return go_processes(people_of("restored", people))
-
-
-def unknown(people: int) -> pd.DataFrame:
-    """Return unknown go processes: only stop signals that block are then fitted."""
-    names = list(people_of("recorded", people))
-    return pd.DataFrame({"participant_id": names, "sensitivity": np.nan, "bound": np.nan})
+    return {
+        who: go_process(each.to_trials()) for who, each in people_of("restored", people).items()
+    }
 
 
 def estimates(kind: str, people: int) -> pd.DataFrame:
@@ -136,65 +136,131 @@ def violated(kind: str, people: int) -> pd.DataFrame:
     return violations_of(people_of(kind, people)).assign(delays=kind)
 
 
+def likelihoods_of(name: str, kind: str, people: int) -> dict[str, StopLikelihood]:
+    """Return the likelihood of each participant's trials under one of ``FITS``."""
+    return likelihoods(name, people_of(kind, people), people)
+
+
+def likelihoods(
+    name: str, chosen: dict[str, StopTrials], people: int, strength: float = MOST_NATS
+) -> dict[str, StopLikelihood]:
+    """Return likelihoods with the mean slowing after stop trials, for people with go responses."""
+    chosen = {
+        who: one for who, one in chosen.items() if (one.responded & ~one.stop).sum() >= FEWEST_GO
+    }
+    process = circuit_stop(DEFAULT) if name == "circuit" else TEST
+    table = slowing_of(chosen).set_index("measure")["value"]
+    slowing = tuple(float(table[f"after_{each.replace(' ', '_')}_ms"]) for each in AFTER)
+    if name == "test, same after stops":
+        slowing = (0.0, 0.0)
+    go = go_of(people) if name == "circuit" or strength < MOST_NATS else {}
+    return {
+        who: likelihood(
+            StopRace(process, go.get(who, {}), slowing), one.to_trials(who),
+            fixed={STRENGTH: strength},
+        )
+        for who, one in chosen.items()
+    }  # fmt: skip
+
+
+def draws_of(fit: GroupFit) -> dict[str, Array]:
+    """Return draws of the group by name; people differ in the logit of failures."""
+    mean, between = (
+        dict(zip(NUMBERS, np.moveaxis(each, 2, 0), strict=True))
+        for each in (fit.group, fit.between)
+    )
+    f = mean["failures"]
+    return {
+        "ssrt_ms": mean["ssrt_ms"], "ssrt_people_sd_ms": between["ssrt_ms"],
+        "ssrt_trial_sd_ms": mean["ssrt_sd_ms"], "failures": f,
+        "failures_people_sd": between["failures"] / (f * (1 - f)),
+    }  # fmt: skip
+
+
 def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
-    """Return the parameters of a fit to all stop trials."""
+    """Return the group of a fit to all stop trials, and the strength of the stop signal."""
     fit = _fit(name, kind, people)
-    found = fit.parameters().assign(model=name, delays=kind, log_likelihood=fit.log_likelihood)
-    latency = np.median(fit.likelihood.latency_ms(fit.values.strength_nats))
-    thresholds = fit.likelihood.thresholds
-    return found.assign(
-        latency_ms=latency, threshold_median=np.median(thresholds), threshold_most=thresholds.max(),
-        people=len(fit.likelihood.data.names), stop_trials=len(fit.likelihood.data.ssd_ms),
+    rows = [
+        {"parameter": each, "value": np.median(drawn), "error": drawn.std(),
+         "low": np.quantile(drawn, 0.025), "high": np.quantile(drawn, 0.975)}
+        for each, drawn in draws_of(fit).items()
+    ]  # fmt: skip
+    if kind == "restored" and name in ("test", "circuit"):
+        rows.append(strength(name, people))
+    most = np.array([MOST_NATS])
+    every = likelihoods_of(name, kind, people).values()
+    latency = float(np.median([each.model.latency_ms(most)[0] for each in every]))
+    stops = sum(each.stop.sum() for each in people_of(kind, people).values())
+    log = float(fit.log_likelihood.sum(axis=2).mean())
+    return pd.DataFrame(rows).assign(
+        model=name, delays=kind, log_likelihood=log, people=len(fit.people), stop_trials=stops,
+        latency_ms=latency,
     )  # fmt: skip
 
 
-def _fit(name: str, kind: str, people: int) -> StopFit:
-    model, options = FITS[name]
+def strength(name: str, people: int) -> dict[str, float | str]:
+    """Return the strength of the stop signal from its profile: the best of each person's trials."""
+    chosen = people_of("restored", people)
+    races = [each.model for each in likelihoods(name, chosen, people, 0.0).values()]
+    known = np.array([race.threshold for race in races])
+    tried = np.quantile(known, STRENGTHS)
+    if name == "circuit":
+        tried = np.append(tried, np.array(MULTIPLES) * tried[-1])
+    tried = np.unique([0.0, *tried[tried < MOST_NATS], MOST_NATS])[::-1]
+    log = np.array([
+        sum(optimum(each).log_likelihood for each in likelihoods(name, chosen, people, at).values())
+        for at in tried.tolist()
+    ])  # fmt: skip
+    inside = tried[log > log.max() - FALL_NATS]
+    best = tried[np.argmax(log > log.max() - ALIKE_NATS)]
+    return {
+        "parameter": STRENGTH, "value": best, "low": inside.min(), "high": inside.max(),
+        "threshold_median": np.median(known), "threshold_most": known.max(),
+    }  # fmt: skip
+
+
+@cache
+def _fit(name: str, kind: str, people: int) -> GroupFit:
+    return _grouped(name, likelihoods_of(name, kind, people))
+
+
+def _grouped(name: str, each: dict[str, StopLikelihood]) -> GroupFit:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return fit_stops(people_of(kind, people), _model(model), go=go_of(people), **options)
-
-
-def _model(model: StopModel | None) -> StopModel:
-    return circuit_stop(DEFAULT) if model is None else model
+        return fit_group(each, shared=FITS[name] or None)
 
 
 def predicted(name: str, kind: str, people: int) -> pd.DataFrame:
     """Return the predictions of each half of the stop trials from the other, in three parts."""
-    model, options = FITS[name]
-    go = go_of(people) if model is None else unknown(people)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = halves(people_of(kind, people), _model(model), go=go, **options)
-    rows = [_parts(half, prediction) for half, (_, prediction) in found.items()]
+    every, rows = likelihoods_of(name, kind, people), []
+    for first, half in enumerate(("odd", "even")):
+        stops = {who: np.flatnonzero(np.isfinite(one.trials.ssd_s)) for who, one in every.items()}
+        left = {who: each[1 - first :: 2] for who, each in stops.items()}
+        some = {
+            who: one.part(np.setdiff1d(np.arange(one.trials.trials), left[who]))
+            for who, one in every.items()
+        }
+        parts = predictions(_grouped(name, some), every, left)
+        rows += [table.assign(part=part, half=half) for part, table in parts.items()]
     return pd.concat(rows, ignore_index=True).assign(model=name, delays=kind)
-
-
-def _parts(half: str, found: Prediction) -> pd.DataFrame:
-    """Return summary, deciles and times of a prediction, told apart by the column part."""
-    names = ("bias", "chi2", "p", "largest", "late_ms")
-    summary = pd.DataFrame([{name: getattr(found, name) for name in names}])
-    parts = {"halves": summary, "deciles": found.deciles, "times": found.times}
-    every = [table.assign(part=part, half=half) for part, table in parts.items()]
-    return pd.concat(every, ignore_index=True)
 
 
 def refitted(people: int, sets: int) -> pd.DataFrame:
     """Return the parameters found in simulated sets of participants, next to the true ones."""
-    values, errors = [], []
+    every = []
     for number in range(sets):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            fit = fit_stops(simulated(people, SCORING_SEED + number), go=unknown(people))
-        values.append([getattr(fit.values, name) for name in fit.errors])
-        errors.append(list(fit.errors.values()))
-    found = np.array(values)
-    true = right(people)
-    return pd.DataFrame(
-        {"parameter": list(true.errors), "true": [getattr(true.values, n) for n in true.errors],
-         "mean": found.mean(axis=0), "error": found.std(axis=0, ddof=1) / np.sqrt(sets),
-         "sd": found.std(axis=0, ddof=1), "stated": np.mean(errors, axis=0), "sets": sets}
-    )  # fmt: skip
+        chosen = simulated(people, SCORING_SEED + number)
+        every.append(draws_of(_grouped("test", likelihoods("test", chosen, people))))
+    rows = []
+    for name, true in vars(true_values(people)).items():
+        found = np.array([np.median(drawn[name]) for drawn in every])
+        stated = np.mean([drawn[name].std() for drawn in every])
+        sd = found.std(ddof=1)
+        rows.append(
+            {"parameter": name, "true": true, "mean": found.mean(), "error": sd / np.sqrt(sets),
+             "sd": sd, "stated": stated, "sets": sets}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def recovered(failures: float, people: int) -> pd.DataFrame:
@@ -207,7 +273,8 @@ def recovered(failures: float, people: int) -> pd.DataFrame:
             estimate = estimate_ssrt(trials, checked=False)
             found["integration"].append(estimate.ssrt_ms)
             found["mean"].append(estimate.ssrt_mean_ms)
-            found["likelihood"].append(fit_race(trials)["ssrt_ms"])
+            fit = optimum(likelihood(StopRace(slowing_ms=(0.0, 0.0)), trials.to_trials()))
+            found["likelihood"].append(fit.values["ssrt_ms"])
     rows = []
     for method, each in found.items():
         mean, error, count = mean_and_error(np.array(each))
@@ -225,12 +292,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("delays", kind, trials, 2, partial(violated, kind, people))
     for name, kind in (*((name, "restored") for name in FITS), ("test", "recorded")):
         make = partial(fitted, name, kind, people)
-        yield Piece("fits", f"{name} {kind}", trials, 40, make)
+        yield Piece("fits", f"{name} {kind}", trials, 360, make)
     for name, kind in (*((name, "restored") for name in FITS), ("test", "simulated")):
         make = partial(predicted, name, kind, people)
-        yield Piece("predicted", f"{name} {kind}", trials, 40, make)
+        yield Piece("predicted", f"{name} {kind}", trials, 600, make)
     make = partial(refitted, people, 2 if fast else SETS)
-    yield Piece("refitted", "test", trials, 60, make)
+    yield Piece("refitted", "test", trials, 1500, make)
     some = COARSE if fast else SIMULATED
     for failures in (0.0, 0.1):
         make = partial(recovered, failures, some)

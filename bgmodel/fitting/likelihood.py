@@ -46,7 +46,8 @@ class TrialModel(Protocol):
     """A model that gives the density of each trial, and simulates trials.
 
     Every name that ``values`` holds is a parameter; a value is given for each trial, so that
-    conditions may change it.
+    conditions may change it. A model with an attribute ``stacks`` that is true takes values
+    (..., trials) too, of several vectors side by side.
     """
 
     @property
@@ -311,14 +312,25 @@ class TrialLikelihood(Likelihood):
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats."""
-        made = self.model.log_density(self.trials, self.values(vector))
-        found = np.asarray(made, dtype=np.float64)
-        if found.shape != (len(self.cell),) or np.isnan(found).any():
+        return self._checked(self.values(vector), (len(self.cell),))
+
+    def many(self, vectors: Array) -> Array:
+        """Return ``each`` at several vectors, of all at once if the model can."""
+        if not getattr(self.model, "stacks", False):
+            return super().many(vectors)
+        every = [self.values(vector) for vector in vectors]
+        stacked = {name: np.stack([one[name] for one in every]) for name in every[0]}
+        return self._checked(stacked, (len(vectors), len(self.cell)))
+
+    def _checked(self, values: Mapping[str, Array], shape: tuple[int, ...]) -> Array:
+        """Return the model's log densities of the trials that count, (..., trials)."""
+        found = np.asarray(self.model.log_density(self.trials, values), dtype=np.float64)
+        if found.shape != shape or np.isnan(found).any():
             must = f"must return {len(self.cell)} numbers, one per trial"
-            raise InputError.of("log_density", must, found[:3])
+            raise InputError.of("log_density", must, found[..., :3])
         # A trial that the model rules out counts as one of the least probability.
         floored: Array = np.maximum(found, np.log(TINY))
-        return floored if self.kept is None else floored[self.kept]
+        return floored if self.kept is None else floored[..., self.kept]
 
     def drawn(self, vector: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
         """Return times, s, and responses of new trials in place of the observed ones."""

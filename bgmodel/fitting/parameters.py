@@ -61,6 +61,9 @@ class Parameter:
     prior : (float, float), optional
         Median and, on that scale, standard deviation of a Gaussian prior. A hierarchical fit puts
         the distribution of the group in its place.
+    shared : bool
+        Whether people in a hierarchy share one value by default, as where the trials of one person
+        hardly determine it.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Parameter:
     free: bool = True
     scale: str = "identity"
     prior: tuple[float, float] | None = None
+    shared: bool = False
 
     def __post_init__(self) -> None:
         require(self.scale in SCALES, "scale", f"must be one of {', '.join(SCALES)}", self.scale)

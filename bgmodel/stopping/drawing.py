@@ -9,7 +9,6 @@ import numpy as np
 from bgmodel.stopping.estimates import (
     estimate_ssrt,
     inhibition_function,
-    p_respond,
     ssrt_by_delay,
 )
 from bgmodel.stopping.trials import StopTrials
@@ -36,7 +35,7 @@ def draw(trials: StopTrials) -> Figure:
     left.errorbar(table["ssd_ms"], table["p_respond"], ends, fmt="o", capsize=2, **style)
     delays = np.linspace(0, float(np.nanmax(trials.ssd_ms)), 200)
     ssrt_ms = ssrt_by_delay(table)
-    race = p_respond(delays, np.where(np.isnan(go), np.inf, go), ssrt_ms)
+    race = np.searchsorted(np.sort(go), delays + ssrt_ms, side="right") / len(go)  # NaN is last
     left.plot(delays, race, color=GREY, label=f"Race, SSRT {ssrt_ms:.0f} ms")
     left.set(xlabel="Stop-signal delay (ms)", ylabel="Share with a response", ylim=(-0.03, 1.03))
     left.legend(loc="upper left")

@@ -1,8 +1,7 @@
 """Estimates of the stop-signal reaction time, after the consensus guide (Verbruggen et al. 2019).
 
 The guide's recommendation is the integration method with omissions replaced: go trials without a
-response count as the slowest. The mean method and a likelihood with trigger failures are included
-for comparison.
+response count as the slowest. The mean method is included for comparison.
 """
 
 from __future__ import annotations
@@ -11,9 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
-from scipy import optimize, special
 
 from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
@@ -28,8 +25,6 @@ if TYPE_CHECKING:
 
 FEWEST_STOPS = 50
 """Number of stop trials below which the guide calls estimates unreliable."""
-NODES = 40
-"""Number of Gauss-Hermite nodes for the distribution of the stop-signal reaction time."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,52 +144,6 @@ def ssrt_by_delay(table: pd.DataFrame) -> float:
 def nth_time(times_ms: Array, p: float) -> float:
     """Return the n-th shortest time, where n is p times the number of times, rounded up."""
     return float(np.quantile(times_ms, p, method="inverted_cdf"))
-
-
-def p_respond(
-    ssd_ms: npt.ArrayLike, go_ms: Array, ssrt_ms: float, sd_ms: float = 0.0, failures: float = 0.0
-) -> Array:
-    """Return p(respond) of an independent race (Logan & Cowan 1984) with trigger failures, (K,).
-
-    ``p = f + (1 - f) E[F_go(SSD + SSRT)]``, where f is the probability of a trigger failure, and
-    the expectation is over a normal distribution of the stop-signal reaction time (SSRT). Go times
-    are infinite for omissions.
-    """
-    nodes, weights = special.roots_hermitenorm(NODES)
-    reached = np.asarray(ssd_ms, float)[:, None] + ssrt_ms + sd_ms * nodes
-    below = np.searchsorted(np.sort(go_ms), reached, side="right") / len(go_ms)
-    return np.asarray(failures + (1 - failures) * below @ weights / weights.sum())
-
-
-def fit_race(trials: StopTrials) -> dict[str, float]:
-    """Fit a race with trigger failures to the responses on stop trials, by maximum likelihood.
-
-    Returns ssrt_ms, sd_ms, failures and log_likelihood. The distribution of go times is that of the
-    go trials; omissions count as infinite.
-    """
-    go = np.where(np.isnan(trials.rt_ms), np.inf, trials.rt_ms)[~trials.stop]
-    delays, place = np.unique(trials.ssd_ms[trials.stop], return_inverse=True)
-    counts = np.bincount(place)
-    failed = np.bincount(place, trials.responded[trials.stop])
-
-    def minus_log(values: Array) -> float:
-        ssrt, log_sd, logit = values
-        p = p_respond(delays, go, ssrt, float(np.exp(log_sd)), float(special.expit(logit)))
-        p = np.clip(p, 1e-9, 1 - 1e-9)
-        return float(-(failed * np.log(p) + (counts - failed) * np.log1p(-p)).sum())
-
-    middle = estimate_ssrt(trials, checked=False).ssrt_ms
-    starts = [(middle, np.log(sd), odds) for sd in (15.0, 50.0) for odds in (-4.0, -1.5)]
-    best = min((optimize.minimize(minus_log, x, method="Nelder-Mead",
-                                  options={"xatol": 1e-2, "fatol": 1e-4, "maxiter": 2000})
-                for x in starts), key=lambda each: each.fun)  # fmt: skip
-    ssrt, log_sd, logit = best.x
-    return {
-        "ssrt_ms": float(ssrt),
-        "sd_ms": float(np.exp(log_sd)),
-        "failures": float(special.expit(logit)),
-        "log_likelihood": -float(best.fun),
-    }
 
 
 def told(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
-from bgmodel.stopping.restored import restored_delays
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.tables.shipped import STOP_SET
 from bgmodel.trials.reading import OURS, Columns, read_trials
@@ -22,8 +21,6 @@ def read_people(
 ) -> dict[str, StopTrials]:
     """Return the stop-signal trials of each participant, read by ``read_trials``.
 
-    Delays of 0 are restored if the columns say so; see ``restored``.
-
     Raises
     ------
     ValueError
@@ -35,8 +32,6 @@ def read_people(
             people[who] = StopTrials.of(trials)
         except InputError as error:
             raise within(f"participant {who}", error, "source") from None
-    if columns.restore_delays:
-        people = {who: restored_delays(one) for who, one in people.items()}
     return people
 
 

@@ -13,6 +13,7 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import reals, whole
 from bgmodel.support.reprs import Facts, span
 from bgmodel.support.seeds import generator
+from bgmodel.tables.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 
@@ -120,6 +121,19 @@ class StopTrials(Facts):
         correct = trials.correct == 1 if known else None
         end_ms = None if trials.deadline_s is None else 1000 * trials.deadline_s
         return cls(1000 * trials.rt_s, 1000 * trials.ssd_s, correct, end_ms)
+
+    def to_trials(self, who: str = EVERYONE) -> Trials:
+        """Return them as the record of one person, in which response 1 is correct."""
+        import pandas as pd
+
+        count = len(self.rt_ms)
+        right = np.ones(count, bool) if self.correct is None else self.correct
+        coded = np.where(self.responded, right, NO_RESPONSE).astype(np.int8)
+        side = None if self.correct is None else np.ones(count)
+        end_s = None if self.deadline_ms is None else self.deadline_ms / 1000
+        blank = pd.DataFrame(index=range(count))
+        return Trials(np.full(count, who), self.rt_ms / 1000, coded, side, blank, end_s,
+                      ssd_s=self.ssd_ms / 1000)  # fmt: skip
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per trial, as ``people.read_people`` reads it.

@@ -54,6 +54,7 @@ from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
+from bgmodel.trials.restored import restored_delays
 from circuits.errors import DataWarning, InputError, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
@@ -90,8 +91,8 @@ class Columns:
     deadline_s : float, optional
         Time at which a trial without a response ended, s.
     restore_delays : bool
-        Whether stop-signal delays of exactly 0 are missing: fits infer them from the staircases
-        (``stopping.restored``). Otherwise they are kept, with a warning if they look missing.
+        Whether stop-signal delays of exactly 0 are missing, and are inferred from the staircases
+        (``trials.restored``). Otherwise they are kept, with a warning if they look missing.
     """
 
     rt: str | None = None
@@ -320,7 +321,8 @@ def _stop_signals(
     if not columns.restore_delays:
         _warn_of_zeros(rt_s, ssd_s)
     side = None if correct is None else np.ones(len(rt_s))
-    return Trials(who, rt_s, chosen, side, held, columns.deadline_s, ssd_s=ssd_s)
+    found = Trials(who, rt_s, chosen, side, held, columns.deadline_s, ssd_s=ssd_s)
+    return restored_delays(found) if columns.restore_delays else found
 
 
 def _rewarded(

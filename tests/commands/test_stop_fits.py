@@ -45,16 +45,16 @@ def fails(capsys, *arguments):
 def test_stop_trials_are_fitted_by_the_test_and_a_circuit(tmp_path, capsys):
     assert run("fit", "mine.csv", "out", "--task", "stop") == 0
     said = capsys.readouterr().out
-    assert "test: 4 participants" in said
+    assert "constant_gap: 4 participants" in said
     assert "macaque: 4 participants" in said
     assert "ssrt_ms includes afferent and motor delays" in said
     parameters = read_table(tmp_path / "out" / PARAMETERS)
     assert set(parameters["model"]) == {"constant_gap", "macaque"}
-    assert {"ssrt_ms", "failures", "strength_nats"} <= set(parameters["parameter"])
+    assert set(parameters["parameter"]) == {"ssrt_ms", "ssrt_sd_ms", "failures"}
     people = read_table(tmp_path / "out" / PEOPLE)
     assert people["participant_id"].tolist() == ["p0", "p1", "p2", "p3"]
     assert people["ssrt_ms"].between(150, 250).all()
-    assert people["bound"].notna().all()
+    assert people["ssrt_ms_constant_gap"].between(120, 280).all()
     asked = read_provenance(tmp_path / "out" / PARAMETERS)["parameters"]
     assert asked["task"] == "stop"
     assert run("fit", "mine.csv", "out", "--task", "stop", "--models", "constant_gap") == 2

@@ -17,9 +17,9 @@ from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
-from bgmodel.stopping.restored import restored_delays
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
+from bgmodel.trials.reading import Columns
 from circuits.errors import DataWarning
 
 BINS = 10
@@ -31,7 +31,8 @@ def people() -> pd.DataFrame:
     Recorded delays of 0 (the response came before the signal) are restored. Left
     out are people for whom the consensus guide accepts no estimate (Verbruggen et al. 2019).
     """
-    parts = [_relative(who, restored_delays(one)) for who, one in read_people().items()]
+    restored = read_people(columns=Columns(restore_delays=True))
+    parts = [_relative(who, one) for who, one in restored.items()]
     trials = pd.concat([part for part in parts if len(part)], ignore_index=True)
     rng = stream(SCORING_SEED, "people")
     weights = resampled(len(trials), RESAMPLES, rng, trials["who"])

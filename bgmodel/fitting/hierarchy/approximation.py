@@ -10,7 +10,7 @@ import numpy as np
 from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.likelihood import Likelihood
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.processes import SharedMap, shared_map
 
 ROUNDS = 2
@@ -146,14 +146,16 @@ def estimates(likelihoods: Sequence[Likelihood], workers: int = 1) -> Array:
         return scale.back(np.array(over_people(_peak, [(k, wide, x) for k, x in enumerate(start)])))
 
 
-def started(over_people: SharedMap, start: Array) -> tuple[Group, Expansion]:
+def started(
+    over_people: SharedMap, start: Array, shared: Truths | bool = False
+) -> tuple[Group, Expansion]:
     """Return the distribution of the group and the expansion around everyone's peak, by EM."""
     points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
         found = over_people(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
         points, slopes, precisions = (np.array(part) for part in zip(*found, strict=True))
         expansion = Expansion(points, slopes, precisions)
-        group = group_of(points, expansion.times(group).variances)
+        group = group_of(points, expansion.times(group).variances, shared)
     return group, expansion
 
 

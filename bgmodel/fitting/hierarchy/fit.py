@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,11 +29,11 @@ from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
-from circuits.errors import FitWarning, InputError
+from circuits.errors import FitWarning, InputError, require
 
 if TYPE_CHECKING:
     import xarray
@@ -301,6 +301,15 @@ def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
             )
 
 
+def _shared(likelihood: Likelihood, shared: Sequence[str] | None) -> Truths:
+    """Return which numbers of a fit people share; ValueError for a name that is not free."""
+    moved = [each.parameter for each in likelihood.freedom.moved]
+    names = list(dict.fromkeys(each.name for each in moved))
+    for name in shared or ():
+        require(name in names, "shared", f"must be of {', '.join(names)}", name)
+    return np.array([p.shared if shared is None else p.name in shared for p in moved])
+
+
 def fit_group(
     likelihoods: Mapping[str, Likelihood],
     *,
@@ -309,24 +318,27 @@ def fit_group(
     workers: int = 1,
     most_draws: int = MOST,
     scale: Scale | None = None,
+    shared: Sequence[str] | None = None,
     path: Path | None = None,
     tell: Tell = lambda _: None,
 ) -> GroupFit:
-    """Fit a model to a group of people, with partial pooling of every parameter.
+    """Fit a model to a group of people, with partial pooling of their parameters.
 
-    People are Gaussian on ``scale``, its unit by default set by the median of separate estimates;
-    see ``group.Group`` for the priors. Chains run until they agree or have ``most_draws``, whatever
-    the number of workers; an interrupted run continues from ``path`` (.npz). At least 3 people with
+    Parameters named ``shared`` (by default those of which ``Parameter.shared`` holds) are the same
+    for everyone. People are Gaussian on ``scale``, its unit by default set by the median of
+    separate estimates; see ``group.Group`` for the priors. Chains run until they agree or have
+    ``most_draws``, whatever the number of workers; an interrupted run continues from ``path`` (.npz). At least 3 people with
     20 responses each are required. Warns of misfit, and of chains that do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())
+    same = _shared(every[0], shared)
     tell(f"start of {len(every)} people")
     first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
     with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
-        group, expansion = started(over_people, scale.to(first))
+        group, expansion = started(over_people, scale.to(first), same)
         highest = scale.to(scale.high)
         group = replace(
             group, mean=np.minimum(group.mean, highest), highest=highest,

@@ -7,11 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bgmodel.fitting.hierarchy.scale import log_uniform
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 
 SPREAD, FREEDOM = 2.0, 3.0
 """Scale and degrees of freedom of the half-t prior of standard deviations between people: on the
 scale, where the default value of a parameter is 4 above its lower bound."""
+ALMOST = 0.01
+"""Standard deviation between people, on the scale, of a parameter that they share: so small that
+nobody differs visibly, and not 0, so that the same moves reach all parameters."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class Group:
     # Change of a person's mean, on the scale, per unit of each predictor.
     slopes: Array = field(default_factory=lambda: np.zeros(0))
     predictors: Predictors = ALIKE
+    # Which parameters people share: their variance is ``ALMOST**2`` and is not drawn.
+    shared: Truths | bool = False
 
     @property
     def offsets(self) -> Array | float:
@@ -81,6 +86,7 @@ class Group:
         squares = ((scaled - mean) ** 2).sum(axis=0)
         shape = (FREEDOM + people) / 2
         variance = (FREEDOM / mixing + squares / 2) / rng.gamma(shape, size=size)
+        variance = np.where(self.shared, self.variance, variance)
         found = replace(self, mean=mean, variance=variance)
         for n in range(len(self.slopes)):
             found = found._slope_drawn(n, every, rng)
@@ -104,7 +110,7 @@ class Group:
         return float((log_uniform(self.mean) - tails).sum())
 
 
-def group_of(means: Array, variances: Array | None = None) -> Group:
+def group_of(means: Array, variances: Array | None = None, shared: Truths | bool = False) -> Group:
     """Return the mean and variance of people's estimates (people, parameters), as a start.
 
     Their error variances are added, as in the EM algorithm.
@@ -114,4 +120,5 @@ def group_of(means: Array, variances: Array | None = None) -> Group:
         spread = spread + variances.mean(axis=0)
     people = len(means)
     pulled = (people * spread + FREEDOM * SPREAD**2 / 20) / (people + FREEDOM)
-    return Group(means.mean(axis=0), np.asarray(pulled))
+    variance = np.where(shared, ALMOST**2, pulled)
+    return Group(means.mean(axis=0), variance, shared=shared)

@@ -36,7 +36,7 @@ class Guide:
     """Moves through the posterior under a surrogate."""
 
     surrogate: Surrogate
-    step: Array  # (2, parameters), standard deviations of draws of the group's means and of its sds
+    step: Array  # (2, parameters), sds of draws of the group's means and sds, 0 if shared
 
     def people_moved(
         self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
@@ -86,9 +86,9 @@ def _wander(
     for _ in range(moves):
         kind = rng.random()
         if kind < share:
-            _move_people(mean, sd, scaled, offsets, logs, cumulative, surrogate, rng)
+            _move_people(mean, sd, scaled, offsets, logs, step, cumulative, surrogate, rng)
         elif kind < share + GROUP:
-            _move_group(mean, sd, scaled, offsets, highest, rng)
+            _move_group(mean, sd, scaled, offsets, step, highest, rng)
         elif len(slopes) and share < 1 and rng.random() < 0.5:
             _move_slope(scaled, offsets, logs, between, step, surrogate, rng)
         else:
@@ -123,12 +123,13 @@ def _move_slope(
 
 @compiled
 def _move_people(
-    mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, cumulative: Array,
-    surrogate: tuple[Array, ...], rng: np.random.Generator,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, step: Array,
+    cumulative: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move each person given the group: one parameter to a draw from it, or all by a step.
 
-    The group's density of a parameter drawn from it cancels that of the prior.
+    The group's density of a parameter drawn from it cancels that of the prior. Parameters that
+    people share stay where they are in steps.
     """
     size, root = len(mean), surrogate[0]
     for person in range(len(scaled)):
@@ -143,6 +144,8 @@ def _move_people(
             for i in range(size):
                 asked += reach * rng.normal() * root[person, :, i]
             for k in range(size):
+                if step[1, k] == 0:
+                    asked[k] = now[k]
                 gain += ((now[k] - middle[k]) ** 2 - (asked[k] - middle[k]) ** 2) / (2 * sd[k] ** 2)
         log = value(asked, person, surrogate)
         if np.log(rng.random()) < gain + log - logs[person]:
@@ -152,7 +155,7 @@ def _move_people(
 
 @compiled
 def _move_group(
-    mean: Array, sd: Array, scaled: Array, offsets: Array, highest: Array,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, step: Array, highest: Array,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible."""
@@ -164,7 +167,7 @@ def _move_group(
             gain = np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked)
             if asked <= highest[k] and np.log(rng.random()) < gain:
                 mean[k] = asked
-        else:
+        elif step[1, k] > 0:
             rate = FREEDOM / sd[k] ** 2 + 1 / SPREAD**2
             mixing = rate / rng.standard_gamma((FREEDOM + 1) / 2)
             squares = ((own - mean[k]) ** 2).sum()
@@ -200,4 +203,5 @@ def _move_together(
 
 def guide_of(surrogate: Surrogate, means: Array, sds: Array) -> Guide:
     """Return the guide from draws of the group's means and standard deviations (draws, ...)."""
-    return Guide(surrogate, np.stack([means.std(axis=0), sds.std(axis=0)]))
+    moved = np.where(np.ptp(sds, axis=0) > 0, sds.std(axis=0), 0.0)
+    return Guide(surrogate, np.stack([means.std(axis=0), moved]))

@@ -146,9 +146,11 @@ class Sampler:
         """Draw the group given everyone's standard scores."""
         mean, sd, rng = state.group.mean, np.sqrt(state.group.variance), state.rng
         scores, now, size = (state.scaled - state.group.means) / sd, np.append(mean, sd), len(mean)
-        which = np.arange(2 * size)
+        drawn = np.logical_not(state.group.shared) & np.ones(size, bool)
+        which = np.flatnonzero(np.append(np.ones(size, bool), drawn))
         if rng.random() < ALONE:
-            which = rng.choice(size, p=self.vague) + np.array([0, size])
+            k = rng.choice(size, p=self.vague)
+            which = np.intersect1d(which, (k, k + size))
         proposal = self.expansion.shared(scores, now, which, state.group.offsets)
         asked = now.copy()
         asked[which] = proposal.draw(rng)

@@ -1,1 +1,1 @@
-"""Fits of stop-signal data: one stop process that participants share."""
+"""Stop signals as a model of trials, which the common engine fits."""

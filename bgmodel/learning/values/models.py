@@ -63,6 +63,7 @@ class ValueModel:
     # Takes its special parameters by name, except scale; each must have one value over all
     # trials. None is the baseline model, whose special parameter is the drift.
     learner: Callable[..., Learner] | None
+    stacks = True
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -127,13 +128,6 @@ class ValueLikelihood(TrialLikelihood):
     """The likelihood of the trials of a person who learns; see ``likelihood``."""
 
     model: ValueModel
-
-    def many(self, vectors: Array) -> Array:
-        """Return the log likelihood of each trial, (vectors, trials), of all vectors at once."""
-        every = [self.values(vector) for vector in vectors]
-        values = {name: np.stack([one[name] for one in every]) for name in every[0]}
-        found = self.model.log_density(self.trials, values)
-        return found if self.kept is None else found[:, self.kept]
 
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s: the mean over trials of a cell."""

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.methods.stopped import (
     DELAYS,
+    StopValues,
     counted_ssrt,
     known_people,
     like,
@@ -14,8 +15,7 @@ from benchmarks.methods.stopped import (
     sequence,
     slopes,
 )
-from bgmodel.fitting.stops.data import stop_data
-from bgmodel.fitting.stops.likelihood import StopValues
+from bgmodel.fitting.stops.data import laid
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.stopping.violations import slowing_of
@@ -68,7 +68,7 @@ def test_people_like_others_have_their_go_times_and_slowing(people):
         who: replace(each, rt_ms=each.rt_ms + 40 * np.append(False, each.stop[:-1]))
         for who, each in people.items()
     }
-    data = stop_data(slow)
+    data = {who: laid(each.to_trials(), (40.0, 40.0)) for who, each in slow.items()}
     again = like(slow, data, VALUES, 5)
     assert list(again) == list(slow)
     for who in slow:

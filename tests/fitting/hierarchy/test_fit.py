@@ -12,6 +12,7 @@ from bgmodel.fitting.hierarchy.fit import fit_group
 from circuits.errors import FitWarning, InputError
 from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
+from tests.helpers import refused
 
 GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
 
@@ -117,6 +118,12 @@ def test_people_with_too_few_trials_are_named():
     few = some["participant_id"].map({"ben": 12, "cleo": 16}).fillna(60)
     with pytest.raises(InputError, match=r"ben \(12\), cleo \(16\)"):
         fit(some[number < few], **GAP, hierarchical=True)
+
+
+def test_what_people_cannot_share_is_refused(group):
+    for name in ("t0_sd_s", "gap"):  # one is fixed, the other is no parameter
+        with refused("shared"):
+            fit_group(group.likelihoods, shared=[name])
 
 
 def test_people_who_lack_a_level_are_named():

@@ -7,7 +7,7 @@ import pytest
 from arviz_stats.base import array_stats
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group, Predictors
+from bgmodel.fitting.hierarchy.group import ALMOST, FREEDOM, SPREAD, Group, Predictors
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
 from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
@@ -224,6 +224,30 @@ def test_a_predictor_between_people_has_its_posterior(guided):
     for draws, effective, middle, spread in zip(
         numbers, size, expected[::2], expected[1::2], strict=True
     ):
+        assert effective > 300
+        assert draws.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(effective))
+        assert draws.std() == pytest.approx(spread, rel=0.15)
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_a_shared_parameter_has_the_posterior_of_all_trials_together(guided):
+    """Next to one in which people differ, whose posterior is that of a quadrature."""
+    middles, errors = np.stack([ESTIMATES, SECOND], axis=1), np.stack([ERRORS, ERRORS], axis=1)
+    some = [Gaussian(middle, error) for middle, error in zip(middles, errors, strict=True)]
+    group = Group(MIDDLE, np.array([ALMOST**2, 1.0]), shared=np.array([True, False]))
+    sampler = Sampler(some, expansion(some))
+    state, warm = sampler.run(sampler.first(group, stream(SEED, "shared")), 400)
+    if guided:
+        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
+    kept = sampler.run(state, 3_000)[1]
+    np.testing.assert_allclose(kept.sd[:, 0], ALMOST)
+    weight = 1 / ERRORS**2
+    together = (weight @ ESTIMATES) / weight.sum(), 1 / np.sqrt(weight.sum())
+    apart = quadrature(SECOND, ERRORS)
+    expected = [together, apart[:2], apart[2:]]
+    numbers = np.stack([kept.mean[:, 0], kept.mean[:, 1], kept.sd[:, 1]])
+    size = array_stats.ess(numbers[:, None], chain_axis=1, draw_axis=2)
+    for draws, effective, (middle, spread) in zip(numbers, size, expected, strict=True):
         assert effective > 300
         assert draws.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(effective))
         assert draws.std() == pytest.approx(spread, rel=0.15)

@@ -1,215 +1,226 @@
-"""Fits of stop trials: known parameters are found, what cannot be told apart is stated."""
+"""Fits of stop trials: closed forms, known stop processes, and what cannot be told apart."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
-from scipy.special import expit, logit, logsumexp
+from scipy.stats import norm
 
-from bgmodel.fitting.stops.data import GO, go_processes, stop_data
-from bgmodel.fitting.stops.fit import StopFit, fit_stops
-from bgmodel.fitting.stops.likelihood import COORDINATES, StopLikelihood, StopValues
-from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop
-from bgmodel.fitting.stops.prediction import halves
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.formulas import formula_of
+from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.hierarchy.group import ALMOST
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.stops.data import GO, go_process, laid
+from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop, stop_model
+from bgmodel.fitting.stops.race import StopRace, likelihood
+from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, drawn_delays
-from circuits.errors import DataWarning
 from tests.helpers import refused
 
-TRUE = StopValues(200.0, 30.0, 40.0, 0.1, 0.5)
 DELAYS = np.arange(50.0, 451.0, 50.0)
+TRUE = {"ssrt_ms": 200.0, "ssrt_sd_ms": 40.0, "failures": 0.1}
+ALIKE = StopRace(slowing_ms=(0.0, 0.0))
 
 
-def raced(seed, people=40, trials=200, true=TRUE):
-    """Return participants of an independent race with trigger failures, half stop trials."""
-    rng = np.random.default_rng(seed)
-    found = {}
-    for who in range(people):
-        go = 300 + 30 * rng.standard_normal() + rng.gamma(3.0, 50.0, trials)
-        ssd = drawn_delays(trials, DELAYS, 0.5, rng)
-        mean = true.ssrt_ms + true.ssrt_people_sd_ms * rng.standard_normal()
-        odds = np.log(true.failures / (1 - true.failures))
-        f = 1 / (1 + np.exp(-odds - true.failures_people_sd * rng.standard_normal()))
-        stop = ssd + mean + true.ssrt_trial_sd_ms * rng.standard_normal(trials)
-        stopped = (go > np.nan_to_num(stop, nan=np.inf)) & (rng.random(trials) > f)
-        found[f"p{who}"] = StopTrials(np.where(stopped, np.nan, go), ssd)
-    return found
+def raced(seed, trials=200, people_sd_ms=0.0, **true):
+    """Return the record of a person in an independent race, half stop trials."""
+    rng, true = np.random.default_rng(seed), TRUE | true
+    go = 300 + 30 * rng.standard_normal() + rng.gamma(3.0, 50.0, trials)
+    ssd = drawn_delays(trials, DELAYS, 0.5, rng)
+    stop = ssd + true["ssrt_ms"] + people_sd_ms * rng.standard_normal()
+    stop = stop + true["ssrt_sd_ms"] * rng.standard_normal(trials)
+    stopped = (go > np.nan_to_num(stop, nan=np.inf)) & (rng.random(trials) > true["failures"])
+    return StopTrials(np.where(stopped, np.nan, go), ssd).to_trials(f"p{seed}")
 
 
-@pytest.fixture(scope="module")
-def people():
-    return raced(1)
+def values(trials, **given):
+    """Return values of each parameter in every trial."""
+    every = TRUE | {"strength_nats": MOST_NATS} | given
+    return {name: np.full(trials.trials, float(value)) for name, value in every.items()}
 
 
-@pytest.fixture(scope="module")
-def unknown(people):
-    return go_processes(people)
+def test_responses_are_the_share_of_faster_go_times_without_spread_and_failures():
+    trials = raced(1)
+    one = StopTrials.of(trials)
+    found = ALIKE.p_respond(trials, values(trials, ssrt_sd_ms=1e-9, failures=0))
+    ends, go = one.ssd_ms[one.stop] + 200, one.rt_ms[~one.stop]
+    assert found == pytest.approx([np.mean(go <= end) for end in ends], abs=1e-12)
+
+
+def test_failures_and_spread_have_their_closed_form():
+    trials = raced(1)
+    one, rng = StopTrials.of(trials), np.random.default_rng(1)
+    go = one.rt_ms[~one.stop]
+    ends = one.ssd_ms[one.stop] + 200 + 40 * rng.standard_normal((4000, one.stop.sum()))
+    drawn = 0.1 + 0.9 * (np.searchsorted(np.sort(go), ends, side="right") / len(go)).mean(axis=0)
+    found = ALIKE.p_respond(trials, values(trials))
+    assert found == pytest.approx(drawn, abs=0.02)
+    log, failed = ALIKE.log_density(trials, values(trials)), one.responded[one.stop]
+    assert log[one.stop] == pytest.approx(np.log(np.where(failed, found, 1 - found)))
+    assert not log[~one.stop].any()
+    left = (one.ssd_ms + 200 - one.rt_ms)[one.stop][failed]
+    timed = replace(ALIKE, times=True).log_density(trials, values(trials))[one.stop]
+    assert timed[failed] == pytest.approx(np.log(0.1 + 0.9 * norm.cdf(left / 40)))
+    assert timed[~failed] == pytest.approx(log[one.stop][~failed])
+
+
+def test_values_may_differ_between_trials_and_several_sets_stand_side_by_side():
+    trials = raced(1)
+    one, other = values(trials), values(trials, ssrt_ms=260.0, failures=0.3)
+    first = np.arange(trials.trials) < 80
+    both = {name: np.where(first, one[name], other[name]) for name in one}
+    alone = [ALIKE.log_density(trials, each) for each in (one, other)]
+    assert ALIKE.log_density(trials, both) == pytest.approx(np.where(first, *alone))
+    stacked = {name: np.stack([one[name], other[name]]) for name in one}
+    assert ALIKE.log_density(trials, stacked) == pytest.approx(np.stack(alone))
+
+
+def test_simulated_trials_have_the_probabilities_and_the_go_times():
+    trials = raced(1, 3000)
+    one = StopTrials.of(trials)
+    made = StopTrials.of(ALIKE.simulate(trials, values(trials), np.random.default_rng(2)))
+    p = ALIKE.p_respond(trials, values(trials))
+    apart = made.responded[one.stop].mean() - p.mean()
+    assert abs(apart) < 4 * np.sqrt((p * (1 - p)).mean() / len(p))
+    assert np.nanmean(made.rt_ms[~one.stop]) == pytest.approx(one.rt_ms[~one.stop].mean(), abs=10)
+    assert (made.stop == one.stop).all()
 
 
 @pytest.mark.parametrize("times", [False, True])
-def test_known_parameters_are_found_within_their_errors(people, unknown, times):
-    fit = fit_stops(people, slowed=False, times=times, go=unknown)
-    table = fit.parameters().set_index("parameter")
-    for name in ("ssrt_ms", "ssrt_people_sd_ms", "ssrt_trial_sd_ms", "failures"):
-        row = table.loc[name]
-        assert abs(row["value"] - getattr(TRUE, name)) < 3.5 * row["error"]
-    # Errors are as small as 4 000 trials allow: 40 people whose SSRT varies by 30 ms.
-    assert 30 / np.sqrt(40) < table.loc["ssrt_ms", "error"] < 4 * 30 / np.sqrt(40)
-    assert table.loc["failures", "error"] < 0.04
-    assert "strength_nats is not fitted" in fit.summary()
+def test_known_parameters_are_found_and_the_model_fits(times):
+    found = fit_likelihood(likelihood(replace(ALIKE, times=times), raced(3, 3000)))
+    table = found.parameters().set_index("parameter")
+    for name, value in TRUE.items():
+        assert abs(table.loc[name, "value"] - value) < 3.5 * table.loc[name, "standard_error"]
+    assert table.loc["ssrt_ms", "standard_error"] < 12
+    assert min(found.misfit.p.values()) > 0.001
 
 
-@pytest.mark.parametrize("spread", [True, False])
-def test_intervals_stay_within_the_range_of_a_parameter(spread):
-    names = [n for n in COORDINATES if spread or "people" not in n]
-    errors = {"ssrt_ms": 300.0, "failures": 0.1} | {n: 60.0 for n in names if "sd" in n}
-    errors = {name: errors[name] for name in names}
-    unseen = SimpleNamespace(thresholds=np.array([np.nan]))
-    fit = StopFit(unseen, spread, TRUE, errors, 0.0, pd.DataFrame())
-    table = fit.parameters().set_index("parameter")
-    for name, error in errors.items():
-        value, far = getattr(TRUE, name), 1.96 * error
-        low, high = table.loc[name, ["low", "high"]]
-        if name == "ssrt_ms":
-            expected = value - far, value + far
-        elif name == "failures":
-            far /= value * (1 - value)
-            expected = expit(logit(value) - far), expit(logit(value) + far)
-        else:
-            expected = value * np.exp(-far / value), value * np.exp(far / value)
-        assert (low, high) == pytest.approx(expected, rel=1e-4)
+def test_trigger_failures_which_bias_other_estimates_are_found():
+    rng = np.random.default_rng(3)
+    times = 380 + rng.gamma(2.0, 50.0, 20_000)
+    ssd = drawn_delays(20_000, np.arange(50.0, 550.0, 50.0), 0.5, rng)
+    stopped = (times > ssd + rng.normal(220.0, 20.0, 20_000)) & (rng.random(20_000) > 0.1)
+    trials = StopTrials(np.where(stopped, np.nan, times), ssd).to_trials()
+    found = optimum(likelihood(ALIKE, trials)).values
+    assert found["ssrt_ms"] == pytest.approx(220.0, abs=5)
+    assert found["failures"] == pytest.approx(0.1, abs=0.015)
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
-def test_one_participant_has_one_ssrt_and_no_spread(seed):
-    """Nodes of a spread that nobody has would put the mean anywhere around the SSRT."""
-    alone = StopValues(180.0, 0.0, 25.0, 0.05, 0.0)
-    fit = fit_stops(raced(seed, people=1, trials=3000, true=alone), slowed=False)
-    table = fit.parameters().set_index("parameter")
-    assert not fit.spread
-    assert set(fit.errors) == {"ssrt_ms", "ssrt_trial_sd_ms", "failures"}
-    assert 2 < table.loc["ssrt_ms", "error"] < 12
-    for name in ("ssrt_ms", "failures"):
-        assert abs(table.loc[name, "value"] - getattr(alone, name)) < 3.5 * table.loc[name, "error"]
-
-
-def test_fine_nodes_integrate_over_participants_of_many_trials():
-    """Against a sum over SSRTs 2 ms apart; the usual nodes are too far apart by far."""
-    people = raced(7, people=3, trials=900, true=TRUE)
-    data, values = stop_data(people, slowed=False), replace(TRUE, ssrt_people_sd_ms=60.0)
-    usual = StopLikelihood(data, TEST, go_processes(people))
-    fine = replace(usual, fine=True)
-    places = np.arange(-300.0, 300.1, 2.0)
-    weights = np.exp(-((places / 60.0) ** 2) / 2)
-    alone = replace(values, ssrt_people_sd_ms=0.0)
-    each = [fine.each(replace(alone, ssrt_ms=values.ssrt_ms + place)) for place in places]
-    exact = logsumexp(each, axis=0, b=(weights / weights.sum())[:, None])
-    np.testing.assert_allclose(fine.each(values), exact, atol=0.02)
-    assert np.abs(usual.each(values) - exact).max() > 0.2
-
-
-def test_few_participants_of_many_trials_are_fitted_with_fine_nodes():
-    fit = fit_stops(raced(7, people=2, trials=600), slowed=False)
-    assert fit.likelihood.fine
-    assert np.isnan(fit.errors["ssrt_ms"])  # five numbers of two people
-
-
-def test_differences_between_people_are_seen_in_the_likelihood(people, unknown):
-    apart, shared = (
-        fit_stops(people, spread=spread, slowed=False, go=unknown) for spread in (True, False)
-    )
-    assert apart.log_likelihood > shared.log_likelihood + 5
-    assert set(shared.errors) == {"ssrt_ms", "ssrt_trial_sd_ms", "failures"}
-
-
-@pytest.fixture(scope="module")
-def both_halves(people, unknown):
-    """Return fits of either half of the trials, and what they predict of the other."""
-    return halves(people, slowed=False, go=unknown)
-
-
-def test_one_half_predicts_the_other_if_the_race_is_right(people, both_halves):
-    for fit, found in both_halves.values():
-        assert abs(found.bias) < 0.03
-        assert found.p > 0.01
-        assert found.largest < 0.11
-        assert abs(found.late_ms) < 20
-        assert found.deciles["trials"].sum() + len(fit.likelihood.data.ssd_ms) == sum(
-            each.stop.sum() for each in people.values()
-        )
-
-
-def test_shuffled_delays_are_not_predicted(people, unknown, both_halves):
+def test_shuffled_delays_are_far_less_likely():
     """Negative control: outcomes that do not depend on the delay contradict the closed form."""
-    rng = np.random.default_rng(5)
-    shuffled = {}
-    for who, trials in people.items():
-        ssd = trials.ssd_ms.copy()
-        ssd[trials.stop] = rng.permutation(ssd[trials.stop])
-        shuffled[who] = replace(trials, ssd_ms=ssd)
-    fit, _ = both_halves["odd"]
-    worse, prediction = halves(shuffled, slowed=False, go=unknown)["odd"]
-    assert worse.log_likelihood < fit.log_likelihood - 100
-    assert prediction.deciles["predicted"].std() < 0.1
+    trials, rng = raced(3, 800), np.random.default_rng(5)
+    ssd_s = trials.ssd_s.copy()
+    ssd_s[~np.isnan(ssd_s)] = rng.permutation(ssd_s[~np.isnan(ssd_s)])
+    true, shuffled = (
+        optimum(likelihood(ALIKE, each)) for each in (trials, replace(trials, ssd_s=ssd_s))
+    )
+    assert shuffled.log_likelihood < true.log_likelihood - 50
 
 
-def diffusion(noise_nats=2.0):
-    """Return data of two people whose thresholds are 0.3 and 0.2 nats, and their likelihood."""
+def test_a_block_changes_the_ssrt():
+    parts = (StopTrials.of(raced(3, 400)), StopTrials.of(raced(3, 400, ssrt_ms=280.0)))
+    one = StopTrials(*(np.concatenate([getattr(part, name) for part in parts])
+                       for name in ("rt_ms", "ssd_ms")))  # fmt: skip
+    trials = one.to_trials()
+    trials = replace(trials, conditions=trials.conditions.assign(block=["a"] * 400 + ["b"] * 400))
+    by = optimum(likelihood(ALIKE, trials, vary={"ssrt_ms": "block"})).values
+    linear = optimum(likelihood(ALIKE, trials, formulas=[formula_of("ssrt_ms ~ block")])).values
+    # The same go times, so that the difference is little blurred by them.
+    assert 40 < linear["ssrt_ms[block[T.b]]"] < 130
+    assert by["ssrt_ms[block=b]"] - by["ssrt_ms[block=a]"] == pytest.approx(
+        linear["ssrt_ms[block[T.b]]"], abs=1
+    )
+
+
+def test_a_hierarchy_finds_the_group_and_one_standard_deviation_between_trials():
+    every = [raced(100 + who, 160, 30.0) for who in range(12)]
+    found = fit_group({each.people()[0]: likelihood(ALIKE, each) for each in every})
+    table, between = found.summary(), found.between[..., 1]
+    assert found.agreement.reached
+    for name, value in TRUE.items():
+        low, high = table.loc[name, ["low", "high"]]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2
+    low, high = table.loc["ssrt_ms", ["between_low", "between_high"]]
+    assert low < 30 < high
+    assert between.max() <= ALMOST * found.scale.unit[1]
+
+
+def test_the_bias_and_the_coverage_of_estimates_over_100_people():
+    """Intervals of 90 %, for people of 100 stop trials with a known stop process."""
+    inside, apart = [], []
+    for seed in range(1000, 1100):
+        found = fit_likelihood(likelihood(ALIKE, raced(seed)), draws=True)
+        row = found.parameters().set_index("parameter").loc["ssrt_ms"]
+        inside.append(row["low"] < TRUE["ssrt_ms"] < row["high"])
+        apart.append(np.median(found.posterior.draws[:, 0]) - TRUE["ssrt_ms"])
+    assert abs(np.mean(apart)) < 3.5 * np.std(apart) / 10
+    error = np.sqrt(0.9 * 0.1 / 100)
+    assert 0.86 - error < np.mean(inside) < 0.94 + error
+
+
+def weak():
+    """Return trials, and races of two people whose thresholds are 0.3 and 0.2 nats."""
     rng = np.random.default_rng(2)
     go = 350 + rng.gamma(2.0, 60.0, 400)
     ssd = np.append(np.full(400, np.nan), [150.0, 250.0, 350.0, 450.0])
-    trials = StopTrials(np.append(go, np.full(4, np.nan)), ssd)
-    people = {"a": trials, "b": trials}
-    bounds = [-np.log(np.expm1(theta)) / noise_nats for theta in (0.3, 0.2)]
-    table = pd.DataFrame({"participant_id": list("ab"), "sensitivity": 3.0, "bound": bounds,
-                       "t0_s": 0.3, "t0_sd_s": 0.03})  # fmt: skip
-    model = StopModel("circuit", noise_nats, np.arange(1.0, 201.0), np.linspace(0.005, 1, 200))
-    return StopLikelihood(stop_data(people, slowed=False), model, table)
+    trials = StopTrials(np.append(go, np.full(4, np.nan)), ssd).to_trials()
+    model = StopModel("circuit", 2.0, np.arange(1.0, 201.0), np.linspace(0.005, 1, 200))
+    bounds = [-np.log(np.expm1(theta)) / 2.0 for theta in (0.3, 0.2)]
+    process = {"sensitivity": 3.0, "t0_s": 0.3, "t0_sd_s": 0.03}
+    return trials, [StopRace(model, process | {"bound": bound}) for bound in bounds]
 
 
 def test_a_weak_stop_blocks_those_below_its_strength_and_delays_the_others():
-    likelihood = diffusion()
-    assert likelihood.thresholds == pytest.approx([0.3, 0.2])
-    blocked, weak, none = (likelihood.responses(a)[:, -200] for a in (0.4, 0.25, 0.0))
-    at = likelihood.data.go_below[:, -200]
-    assert blocked == pytest.approx(at)
-    assert weak[1] == at[1]
-    assert at[0] <= weak[0]
-    early = likelihood.data.grid_ms.searchsorted(400)
-    below, raised = likelihood.data.go_below[0, early], likelihood.responses(0.25)[0, early]
-    assert below < raised < likelihood.responses(0.1)[0, early] <= none[0] + 1e-9
+    trials, races = weak()
+    assert [race.threshold for race in races] == pytest.approx([0.3, 0.2])
+    # A step has no latency.
+    first, second = (replace(race, process=replace(race.process, time_ms=None)) for race in races)
+
+    def p(race, strength):
+        own = {"ssrt_ms": 1.0, "ssrt_sd_ms": 5.0, "failures": 0.0, "strength_nats": strength}
+        return race.p_respond(trials, values(trials, **own))
+
+    assert p(second, 0.25) == pytest.approx(p(second, MOST_NATS), abs=1e-12)
+    strong, some, more, none = (p(first, strength)[-1] for strength in (0.4, 0.25, 0.1, 0.0))
+    assert strong < some < more <= none + 1e-9
+    many = StopTrials(np.tile(1000 * trials.rt_s, 5), np.tile(1000 * trials.ssd_s, 5)).to_trials()
+    own = values(many, ssrt_ms=1.0, ssrt_sd_ms=5.0, failures=0.0, strength_nats=0.1)
+    rng, stop = np.random.default_rng(4), np.isfinite(many.ssd_s)
+    made = [(first.simulate(many, own, rng).response >= 0)[stop] for _ in range(40)]
+    assert np.mean(made) == pytest.approx(first.p_respond(many, own).mean(), abs=4 * 0.5 / 800**0.5)
 
 
 def test_the_latency_of_a_stop_is_that_at_the_threshold():
-    likelihood = diffusion()
+    _, races = weak()
     # c rises by 0.5 % of the strength per ms.
-    assert likelihood.latency_ms(0.6) == pytest.approx([100.0, 0.2 / 0.6 * 200], abs=1.5)
-    assert likelihood.latency_ms(0.25) == pytest.approx([100.0, 160.0], abs=1.5)
-    assert likelihood.latency_ms(np.inf).tolist() == [0, 0]
-    assert replace(likelihood, model=TEST).latency_ms(1.0).tolist() == [0, 0]
+    found = [race.latency_ms(np.array([0.6, 0.25])) for race in races]
+    assert found[0] == pytest.approx([100.0, 100.0], abs=1.5)
+    assert found[1] == pytest.approx([0.2 / 0.6 * 200, 160.0], abs=1.5)
+    assert not replace(races[0], process=TEST).latency_ms(np.array([1.0])).any()
 
 
 def test_the_circuits_stop_is_its_step_response():
     model = circuit_stop()
     assert model.name == "macaque"
     assert model.added[-1] == pytest.approx(1.0, abs=0.01)
-    theta = np.array([0.2])
-    assert model.latency_ms(theta, 1.0) < model.latency_ms(theta, 0.3)
+    assert model.latency_ms(0.2, 1.0) < model.latency_ms(0.2, 0.3)
+    assert stop_model("constant_gap") is TEST
+    with refused("models"):
+        stop_model("falling_gap")
 
 
 def test_slowing_after_stops_is_taken_out_of_go_times_and_put_into_stop_trials():
     #      go   stop   go   stop  stop
     rt = [400.0, 350, 460] + [400.0] * 12 + [np.nan, 380.0]
     ssd = [np.nan, 200.0, np.nan] + [np.nan] * 12 + [250.0, 250.0]
-    data = stop_data({"a": StopTrials(rt, ssd)})
-    assert data.slower_ms.tolist() == [0.0, 0.0, 0.0]
-    assert data.go_ms[0].tolist() == [400.0] * 14
-    again = StopTrials([*rt, 480.0, 350.0, 300.0], [*ssd, np.nan, 200.0, 200.0])
-    data = stop_data({"a": again})
+    trials = StopTrials([*rt, 480.0, 350.0, 300.0], [*ssd, np.nan, 200.0, 200.0]).to_trials()
     # After failed stops go responses are 60 and 80 ms later.
-    assert data.slower_ms.tolist() == [0, 0, 0, 0, 70]
-    assert stop_data({"a": again}, slowed=False).slower_ms.max() == 0
+    data = laid(trials)
+    assert data.slower_ms[data.stop].tolist() == [0, 0, 0, 0, 70]
+    assert data.go_ms.tolist() == [400.0, 390.0] + [400.0] * 12 + [410.0]
+    assert laid(trials, (0.0, 0.0)).slower_ms.max() == 0
 
 
 def test_a_go_process_is_found_in_a_persons_go_trials():
@@ -220,18 +231,19 @@ def test_a_go_process_is_found_in_a_persons_go_trials():
         x = np.where(np.isnan(rt), x + v * dt + np.sqrt(dt) * rng.standard_normal(400), x)
         rt = np.where(np.isnan(rt) & (np.abs(x) >= a), step * dt + t0, rt)
     trials = StopTrials(1000 * rt, np.full(400, np.nan), x > 0)
+    found = go_process(trials.to_trials())
+    assert list(found) == list(GO)
+    assert found["sensitivity"] == pytest.approx(v, abs=0.5)
+    assert found["bound"] == pytest.approx(a, abs=0.07)
     never = StopTrials(np.full(9, np.nan), np.full(9, np.nan), np.zeros(9, bool))
-    people = {"a": trials, "b": replace(trials, correct=None), "c": never}
-    found = go_processes(people)
-    assert list(found) == ["participant_id", *GO]
-    assert found.loc[0, "sensitivity"] == pytest.approx(v, abs=0.5)
-    assert found.loc[0, "bound"] == pytest.approx(a, abs=0.07)
-    assert found.loc[1:, list(GO)].isna().all(axis=None)
+    for unknown in (replace(trials, correct=None), never):
+        assert np.isnan(list(go_process(unknown.to_trials()).values())).all()
 
 
-def test_people_without_enough_trials_are_left_out():
-    few = StopTrials([400.0, 300.0], [np.nan, 200.0])
-    with pytest.warns(DataWarning, match="1 participants without stop trials or with fewer"):
-        assert stop_data({**raced(2, people=1), "few": few}).names == ("p0",)
-    with refused("people must have a participant with stop trials and 10 go responses"):
-        stop_data({"few": few})
+def test_a_person_without_enough_trials_is_refused():
+    for few in (
+        StopTrials([400.0, 300.0], [np.nan, 200.0]),
+        StopTrials([400.0] * 12, [np.nan] * 12),
+    ):
+        with refused("ssd"):
+            likelihood("constant_gap", few.to_trials())

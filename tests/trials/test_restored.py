@@ -8,9 +8,10 @@ import pytest
 
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
-from bgmodel.stopping.restored import restored_delays
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.trials.reading import Columns
+from bgmodel.trials.restored import restored_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 
@@ -36,15 +37,19 @@ def unrecorded(trials):
     return replace(trials, ssd_ms=np.where(trials.rt_ms < trials.ssd_ms, 0.0, trials.ssd_ms))
 
 
+def restored(trials, **settings):
+    """Return one person's trials with restored delays."""
+    return StopTrials.of(restored_delays(trials.to_trials(), **settings))
+
+
 def test_delays_that_are_known_are_found_again():
     errors, missing = [], 0
     for seed in range(20):
         whole = walked(seed)
         zeroed = unrecorded(whole)
-        found = restored_delays(zeroed)
-        given = zeroed.ssd_ms != 0
-        np.testing.assert_array_equal(found.ssd_ms[given], whole.ssd_ms[given])
-        errors += list(np.abs(found.ssd_ms - whole.ssd_ms)[~given & whole.stop] > 10)
+        found, given = restored_delays(zeroed.to_trials()), zeroed.ssd_ms != 0
+        np.testing.assert_array_equal(found.ssd_s[given], whole.to_trials().ssd_s[given])
+        errors += list(np.abs(1000 * found.ssd_s - whole.ssd_ms)[~given & whole.stop] > 10)
         missing += int((~given).sum())
     assert missing > 60
     # Where both staircases explain what follows, either may be chosen.
@@ -53,16 +58,16 @@ def test_delays_that_are_known_are_found_again():
 
 def test_an_estimate_is_biased_by_missing_delays_and_restored_with_them():
     pairs = [(walked(seed), unrecorded(walked(seed))) for seed in range(20)]
-    true, zeroed, restored = (
+    true, zeroed, mended = (
         np.mean([estimate_ssrt(each, checked=False).ssrt_ms for each in some])
         for some in (
             [whole for whole, _ in pairs],
             [some for _, some in pairs],
-            [restored_delays(some) for _, some in pairs],
+            [restored(some) for _, some in pairs],
         )
     )
     assert zeroed > true + 10
-    assert restored == pytest.approx(true, abs=2)
+    assert mended == pytest.approx(true, abs=2)
 
 
 def test_the_shipped_delays_of_zero_contradict_no_staircase():
@@ -71,7 +76,7 @@ def test_the_shipped_delays_of_zero_contradict_no_staircase():
     for trials in people.values():
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = restored_delays(trials)
+            found = restored(trials)
         new = found.ssd_ms[found.ssd_ms != trials.ssd_ms]
         new = new[~np.isnan(new)]
         # The search allows for contradictions; there are none.
@@ -86,16 +91,27 @@ def test_the_restored_delays_follow_the_responses_even_if_times_are_not_used():
     late = []
     for trials in people.values():
         missing = (trials.ssd_ms == 0) & trials.responded
-        found = restored_delays(trials, use_times=False)
+        found = restored(trials, use_times=False)
         late += list(found.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
     assert len(late) == 268
     assert np.mean(late) > 0.9
 
 
 def test_trials_without_missing_delays_are_returned_as_they_are():
-    trials = StopTrials([400.0, np.nan, 300.0], [np.nan, 0.0, 3.0])
+    trials = StopTrials([400.0, np.nan, 300.0], [np.nan, 0.0, 3.0]).to_trials()
     with unwarned():
-        assert restored_delays(trials) is trials
+        assert restored_delays(trials).checksum == trials.checksum
+    with refused("ssd must have stop-signal delays"):
+        restored_delays(replace(trials, ssd_s=None))
+
+
+def test_the_reader_restores_the_delays_of_each_person():
+    with unwarned():
+        people = read_people(columns=Columns(restore_delays=True))
+    with pytest.warns(DataWarning, match="268 of 274"):
+        recorded = read_people()
+    for who, trials in people.items():
+        np.testing.assert_array_equal(trials.ssd_ms, restored(recorded[who]).ssd_ms)
 
 
 def test_delays_that_are_no_staircase_are_warned_of():
@@ -104,6 +120,6 @@ def test_delays_that_are_no_staircase_are_warned_of():
     ssd = np.where(trials.stop, rng.permutation(DELAYS.repeat(20)[: len(trials.rt_ms)]), np.nan)
     ssd[np.flatnonzero(trials.stop & trials.responded)[:5]] = 0.0
     with pytest.warns(DataWarning, match="contradict two staircases"):
-        restored_delays(replace(trials, ssd_ms=ssd))
+        restored(replace(trials, ssd_ms=ssd))
     with refused("step_ms must be > 0"):
-        restored_delays(trials, step_ms=0)
+        restored(trials, step_ms=0)
