@@ -13,10 +13,12 @@ from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.stops.race import likelihood as stop_likelihood
 from bgmodel.learning.values.models import likelihood
-from circuits.errors import FitWarning, InputError
+from circuits.errors import DataWarning, FitWarning, InputError
 from tests.helpers import refused
 from tests.known_trials import simulated
+from tests.stop_trials import table_of as stop_table
 from tests.trials.test_readings import tables
 
 DATA, EVIDENCE = tables(simulated(60, 51))
@@ -147,6 +149,31 @@ def test_rewarded_choices_are_fitted_by_learners():
         with pytest.raises(InputError) as error:
             bg.fit(trials, **{"model": "q", **options})
         assert error.value.field == next(iter(options))
+
+
+def test_stop_signal_trials_are_fitted_by_their_stop_process():
+    """Also by conditions; where a signal of the evidence can hold no place, it is refused."""
+    table = stop_table(people=1).assign(drug=lambda t: np.resize(["on", "off"], len(t)))
+    fit = bg.fit(table, "constant_gap", vary={"ssrt_ms": "drug"}, fix={"failures": 0.02})
+    assert fit.summary().index.tolist() == ["ssrt_ms[drug=off]", "ssrt_ms[drug=on]", "ssrt_sd_ms"]
+    likely = stop_likelihood("constant_gap", bg.read_trials(table), fixed={"failures": 0.02})
+    alike = bg.fit(table, "constant_gap", fix={"failures": 0.02})
+    assert alike.log_likelihood == pytest.approx(likely(alike.optimum.vector))
+    assert fit.log_likelihood >= alike.log_likelihood - 0.1
+    for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
+        with refused(next(iter(options))):
+            bg.fit(table, "constant_gap", **options)
+    with refused("ssd"):
+        bg.fit(table[table["ssd"].isna()], "constant_gap")
+
+
+def test_people_with_too_few_stop_trials_are_left_out_of_a_group():
+    table = stop_table(people=4)
+    few = table["participant_id"].eq("p3") & table["ssd"].notna()
+    one = question(settings_of(hierarchical=True), table[~few], ["constant_gap"])
+    with pytest.warns(DataWarning, match="p3"):
+        assert list(one.likelihoods("constant_gap")) == ["p0", "p1", "p2"]
+    assert one.estimates()["participant"].tolist() == ["p0", "p1", "p2", "p3"]
 
 
 @pytest.mark.parametrize(

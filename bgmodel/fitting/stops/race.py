@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -29,6 +30,7 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.stops.data import KEPT, go_process, laid
 from bgmodel.fitting.stops.model import TEST, StopModel, stop_model
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.integrators.given import identity
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
@@ -90,6 +92,12 @@ class StopRace:
     def name(self) -> str:
         """Name of the stop process."""
         return self.process.name
+
+    def identity(self) -> dict[str, Any]:
+        """Return all that its predictions depend on; the go process follows from the trials."""
+        own = {"model": self.name, "noise_nats": self.process.noise_nats, "times": self.times}
+        circuit = self.process.circuit
+        return own if circuit is None else own | {"circuit": identity(circuit)}
 
     @cached_property
     def threshold(self) -> float:
