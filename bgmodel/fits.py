@@ -10,6 +10,8 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+import numpy as np
+
 from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
@@ -23,11 +25,12 @@ from bgmodel.fitting.settings import (
     shared_ranges,
 )
 from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
 from bgmodel.trials.readings import Source
-from bgmodel.trials.record import Trials
+from bgmodel.trials.record import Trials, joined
 from circuits.circuit import Circuit
-from circuits.errors import DataWarning, InputError, within
+from circuits.errors import DataWarning, InputError, require, within
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -234,7 +237,9 @@ def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
 
     every = {who: known_trials(some) for who, some in one.people.items()}
     return {
-        who: asked.likelihood(known.design, replace(model, trials=known))
+        who: asked.likelihood(
+            replace(known.design, choices=one.people[who]), replace(model, trials=known)
+        )
         for who, known in every.items()
     }
 
@@ -462,6 +467,60 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         )  # fmt: skip
     (likelihood,) = one.likelihoods(name).values()
     return fit_likelihood(likelihood, draws=draws)
+
+
+def simulate(
+    model: ModelName,
+    values: Mapping[str, float],
+    trials: str | Path | pd.DataFrame | Trials,
+    *,
+    seed: int,
+    **options: Any,
+) -> Trials:
+    """Return trials with the responses of a model, to see what a fit of them would find.
+
+    Parameters
+    ----------
+    model, trials : as ``model`` and ``data`` of ``fit``
+        The model, and the trials whose strengths, conditions, readings or rewards it meets. What
+        their participants did is replaced.
+    values : mapping from names to numbers
+        Its parameters, by their names in ``Fit.summary()``; the others have their default values.
+    seed : int
+        Each participant has a separate random stream.
+    **options
+        Options of ``fit``: strength, columns, vary, formula, evidence, ...
+
+    Returns
+    -------
+    Trials
+        One participant after the other; for ``fit``, ``.to_hssm()`` and ``.to_pyddm()``.
+
+    Raises
+    ------
+    ValueError
+        As for ``fit``, and for a name that is none of the model's parameters.
+    """
+    need_fit()
+    whole("seed", seed, 0)
+    if not isinstance(values, Mapping):
+        raise InputError.of("values", "must be a mapping from names to numbers", values)
+    one = question(settings_of(**options), trials, [model])
+    (name,) = one.versions
+    free = next(iter(one.likelihoods(name).values())).freedom.names
+    fixed = {key: value for key, value in values.items() if key not in free}
+    if fixed:  # parameters that a fit holds by default
+        one = question(settings_of(**{**options, "fix": fixed}), trials, [model])
+    parts = []
+    for who, likelihood in one.likelihoods(name).items():
+        freed = likelihood.freedom
+        pairs = zip(freed.names, freed.start, strict=True)
+        vector = np.array([float(values.get(key, usual)) for key, usual in pairs])
+        must = "must lie within the ranges of the parameters"
+        require(freed.inside(vector), "values", must, dict(values))
+        complete = likelihood.complete(vector)
+        parts.append(complete.simulated(vector, stream(seed, "simulate", who)))
+    return joined(parts)
 
 
 def _check_unused(given: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:

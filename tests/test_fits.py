@@ -189,3 +189,65 @@ def test_a_fit_without_a_model_asks_of_its_default_alone(data, options, field):
     """Parameters of the models that the command compares by default are none of it."""
     with refused(field):
         bg.fit(data, **options)
+
+
+GAP = {"sensitivity": 12.0, "bound": 0.8, "t0_s": 0.3, "lapse": 0.01, "start": 0.0}
+MONKEY = {"strength": "coherence", "participant": "b"}
+
+
+def test_simulated_choices_have_the_accuracy_and_the_mean_time_of_the_closed_form():
+    """1 / (1 + exp(-2 v a)) and (a / v) tanh(v a), for drift v and half the separation a."""
+    values = {**GAP, "t0_sd_s": 0.05, "lapse": 0.001}
+    made = bg.simulate("constant_gap", values, "roitman_shadlen_2002", seed=1, **MONKEY)
+    again = bg.simulate("constant_gap", values, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert made.checksum == again.checksum
+    drift = 12.0 * np.abs(made.strength)
+    accuracy = 1 / (1 + np.exp(-2 * 0.8 * drift))
+    mean_s = 0.3 + np.where(drift > 0, 0.8 / np.maximum(drift, 1e-9) * np.tanh(0.8 * drift), 0.64)
+    for strength in np.unique(drift):
+        some = drift == strength
+        error = np.sqrt(accuracy[some] * (1 - accuracy[some]) / some.sum())[0]
+        chosen = np.nanmean(made.correct[some]) if strength else made.response[some].mean()
+        assert abs(chosen - accuracy[some][0]) < 4 * error + 0.001
+        spread = made.rt_s[some].std() / np.sqrt(some.sum())
+        assert abs(made.rt_s[some].mean() - mean_s[some][0]) < 4 * spread + 0.005
+
+
+def test_what_is_simulated_is_found_again_by_its_fit():
+    made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
+    table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
+    for name in ("sensitivity", "bound", "t0_s"):
+        row = table.loc[name]
+        assert abs(row["value"] - GAP[name]) < 4 * row["standard_error"]
+
+
+def test_every_kind_of_trials_is_simulated_for_every_person():
+    parts = [tables(simulated(40, 50 + k)) for k in range(2)]
+    data, evidence = (
+        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
+        for k in (0, 1)
+    )
+    cautious = {"threshold": 0.02, "noise": 0.02}
+    known = {"evidence": evidence, "forced": True}
+    slow, fast = (
+        bg.simulate("msprt", {**cautious, **more}, data, seed=3, **known)
+        for more in ({}, {"threshold": 0.3})
+    )
+    assert slow.people() == fast.people() == ["p0", "p1"]
+    assert np.nanmean(slow.rt_s) > np.nanmean(fast.rt_s)
+    assert bg.fit(fast.where(fast.participant == "p0"), "msprt", free=["threshold"])
+    learned = bg.simulate("q", {"rate": 0.3}, "pedersen_frank_2020", participant="3", seed=4)
+    assert learned.kind == "rewarded choices"
+    slow, fast = (
+        bg.simulate("constant_gap", {"ssrt_ms": ssrt_ms, "failures": 0.01}, stop_table(2), seed=5)
+        for ssrt_ms in (400.0, 100.0)
+    )
+    assert slow.kind == "stop-signal trials"
+    failed = [np.isfinite(each.rt_s[~np.isnan(each.ssd_s)]).mean() for each in (slow, fast)]
+    assert failed[0] > failed[1] + 0.3
+    with pytest.raises(InputError) as error:
+        bg.simulate("constant_gap", {"speed": 1.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert error.value.field == "fix"
+    with pytest.raises(InputError) as error:
+        bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert error.value.field == "values"
