@@ -26,7 +26,7 @@ figures: $(VENV)/figures.installed
 demo: $(VENV)/core.installed
 	$(BIN)/bgmodel demo
 
-# Small copies of the figures of a full run, kept with the documentation. Figure R1 needs recordings.
+# Small copies of the figures of a full run, kept with the documentation.
 pictures: figures
 	$(BIN)/python -m figures.gallery
 

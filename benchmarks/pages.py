@@ -2,8 +2,9 @@
 
 A page is a template, ``docs/results/NAME.md.j2``, and every number in it comes from a table in
 ``docs/tables``, which a score wrote with its parameters, seed, versions and the hash of its
-circuits. Results measured with an older circuit are marked automatically. The meaning of each
-column of these tables is in ``docs/tables/columns.toml``.
+circuits. ``tables()`` at the end of a template lists the tables that the page read, with what they
+were made from; results measured with an older circuit are marked. The meaning of each column is in
+``docs/tables/columns.toml``.
 """
 
 from __future__ import annotations
@@ -62,11 +63,13 @@ def rendered(template: Path, results: Path = TABLES) -> str:
         undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True
     )
 
+    read: dict[str, Path] = {}
+
     def path(name: str) -> Path:
-        found = results / f"{name}.csv"
-        if not is_result(found):
+        read[name] = results / f"{name}.csv"
+        if not is_result(read[name]):
             raise ValueError(f"{template.name} needs the table {name}: `make score` writes it")
-        return found
+        return read[name]
 
     def rows(name: str, /, **where: Any) -> list[dict[str, Any]]:
         every: list[dict[Any, Any]] = read_table(path(name)).to_dict("records")
@@ -78,11 +81,17 @@ def rendered(template: Path, results: Path = TABLES) -> str:
             raise ValueError(f"{template.name}: {len(found)} rows of {name} match {where}, not 1")
         return found[0]
 
-    def measured(name: str) -> str:
-        return said(read_provenance(path(name)))
+    def tables(*more: str) -> str:
+        origins: dict[str, list[str]] = defaultdict(list)
+        for name in dict.fromkeys((*read, *more)):
+            origins[said(read_provenance(path(name)))].append(name)
+        listed = [
+            f"- {', '.join(map(link, names))}: {origin}." for origin, names in origins.items()
+        ]
+        return "\n".join([*listed, "", f"[What each column means](../tables/{KEY})."])
 
-    given = {"rows": rows, "row": row, "measured": measured, "percent": percent, "known": known}
-    given |= {"shown": shown, "columns": lambda: columns(results)}
+    given = {"rows": rows, "row": row, "tables": tables, "percent": percent, "known": known}
+    given["shown"] = shown
     try:
         made = environment.from_string(template.read_text(encoding="utf-8")).render(**given)
     except jinja2.UndefinedError as error:
@@ -91,6 +100,11 @@ def rendered(template: Path, results: Path = TABLES) -> str:
             "`make score` writes them again"
         ) from error
     return made
+
+
+def link(table: str) -> str:
+    """Return the link of a page to a table."""
+    return f"[{table}](../tables/{table}.csv)"
 
 
 def known(row: Mapping[str, Any], name: str, form: str) -> str:

@@ -31,8 +31,6 @@ from figures.stamps import KEY, Stamp, stamp_of
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
-# Nats in the spiking circuit per nat of evidence.
-GAIN = 0.5
 # For circuits that are edited many times over. Each starts at its own rest: a third of the usual
 # time to settle will do.
 BRIEF_MS = 100.0
@@ -57,7 +55,6 @@ class Settings:
     repeats: int = 10
     episodes: int = 40_000
     delta_step: float = 0.1
-    calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 300
     varied_trials: int = 100
     # Number of changes of the circuit's numbers: those that move its fixed point most.
@@ -66,14 +63,10 @@ class Settings:
     varied_in_spikes: int = 3
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
-    lesioned_trials: int = 8
-    # Step between lesions of figure C5 that are also run in spikes.
-    spiking_every: int = 3
-    # And between levels of figure D2.
+    # Step between levels of figure D2 that are also run in spikes.
     spiking_levels: int = 5
     # Of a reading in figures C3 and C4 a; an easier task takes less time.
     d_prime: float = 0.6
-    dopamine_trials: int = 25
 
     @property
     def separations(self) -> np.ndarray:
@@ -97,17 +90,13 @@ FAST = Settings(
     repeats=2,
     episodes=4_000,
     delta_step=0.5,
-    calibrated_mm=(1.5, 2.0),
     circuit_trials=100,
     varied_trials=100,
     varied=8,
     varied_in_spikes=2,
     most_cells=1.0,
-    lesioned_trials=2,
-    spiking_every=12,
     spiking_levels=9,
     d_prime=1.6,
-    dopamine_trials=4,
 )
 
 

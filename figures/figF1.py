@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +13,57 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
 from bgmodel.trials.reading import read_trials
 from figures.common import Settings, key, letter, run, say_if_older, where
-from figures.fitted import (
-    CIRCUIT,
-    DATA,
-    MONKEYS,
-    PEOPLE,
-    QUANTILES,
-    STYLE,
-    TEST,
-    mark_quantiles,
-    mark_strengths,
-    places,
-)
-from figures.windows import share_height
 
+MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
+TEST, CIRCUIT = "constant gap", "circuit"
+STYLE: dict[str, dict[str, Any]] = {
+    TEST: {"color": "C5", "lw": 2.6},
+    CIRCUIT: {"color": "C0", "lw": 1.1, "ls": "--"},
+}
+"""Line style of each model: if two agree, the thin line is on top of the thick one."""
+DATA: dict[str, Any] = {"color": "k", "marker": "o", "ms": 3, "ls": "", "lw": 0.8, "zorder": 4}
+QUANTILES = {"q10_s": "v", "q50_s": "o", "q90_s": "^"}
+"""Quantiles of times shown, and their markers."""
 LABELS = {TEST: "test, constant gap", CIRCUIT: "circuit, threshold alone"}
 RESAMPLES = 400
+
+
+def places(strength: pd.Series) -> Array:
+    """Return the positions of strengths on a logarithmic axis, with zero at half the weakest."""
+    some = strength[strength > 0].min()
+    return np.where(strength > 0, strength, some / 2)
+
+
+def mark_strengths(ax: Any, strength: pd.Series) -> None:
+    """Label a logarithmic axis with every strength, per cent."""
+    ax.set_xscale("log")
+    shown = [f"{100 * s:.3g}" for s in strength]
+    ax.set_xticks(places(strength), shown)
+    ax.set_xticks([], minor=True)
+
+
+def mark_quantiles(ax: Any, data: pd.DataFrame, errors: pd.DataFrame) -> None:
+    """Draw the RT quantiles of one monkey with their standard errors, and label the strengths."""
+    for name, mark in QUANTILES.items():
+        style = DATA | {"marker": mark}
+        ax.errorbar(places(data["strength"]), data[name], errors[name].to_numpy(), **style)
+    mark_strengths(ax, data["strength"])
+    ax.set_xlabel("coherence (%)")
+
+
+def share_height(axes: Iterable[Any]) -> None:
+    """Give panels a common vertical range, with labels only on the first."""
+    axes = list(axes)
+    low = min(ax.get_ylim()[0] for ax in axes)
+    high = max(ax.get_ylim()[1] for ax in axes)
+    for ax in axes:
+        ax.set_ylim(low, high)
+    for ax in axes[1:]:
+        ax.tick_params(labelleft=False)
 
 
 def spread(settings: Settings, *, output: Path) -> None:

@@ -46,8 +46,6 @@ COUNTS = {
     f"{NUMBER} recipes": lines_of("docs/extending.md", "## "),
     f"{NUMBER} data sets of choices": len(SETS),
     f"{NUMBER} published data sets": len(SETS) + len(OTHERS),
-    # Without recordings, which figure R1 needs.
-    r"figures to draw in figures/out: (\d+)": len(list((ROOT / "figures").glob("fig*.py"))) - 1,
 }
 
 

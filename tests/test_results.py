@@ -21,13 +21,10 @@ from tests.helpers import ROOT
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
 PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "guides").glob("*.md"))]
 QUESTIONS = [
-    pytest.param(path, id=path.name)
-    for path in pages.templates()
-    if path.name not in {"index.md.j2", "columns.md.j2"}
+    pytest.param(path, id=path.name) for path in pages.templates() if path.name != "index.md.j2"
 ]
 """Templates of pages that answer a question."""
 MOST_LINES, MOST_COLUMNS = 150, 8
-LINK = r"\]\(\.\./tables/(\w+)\.csv\)"
 FENCED = r"```.*?```|`[^`]*`"
 CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
@@ -35,7 +32,7 @@ CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 def test_there_are_pages():
     made = {pages.page_of(path) for path in pages.templates()}
     assert made == set(pages.RESULTS.glob("*.md"))
-    assert {"index.md", "decisions.md", "columns.md"} <= {path.name for path in made}
+    assert {"index.md", "decisions.md"} <= {path.name for path in made}
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -46,18 +43,9 @@ def test_a_page_is_what_its_template_makes_of_the_tables(template):
 
 
 @pytest.mark.parametrize("template", QUESTIONS)
-def test_a_page_says_what_each_of_its_tables_was_made_from(template):
-    text = template.read_text()
-    shown = set(re.findall(r'rows?\("(\w+)"', text)) | set(re.findall(LINK, text))
-    kinds = {name.split("_")[0] for name in re.findall(r'measured\("(\w+)"\)', text)}
-    assert {name.split("_")[0] for name in shown} == kinds
-
-
-@pytest.mark.parametrize("template", QUESTIONS)
-def test_a_page_links_to_every_table_that_it_shows_and_to_the_key(template):
-    text = template.read_text()
-    assert set(re.findall(r'rows?\("(\w+)"', text)) <= set(re.findall(LINK, text))
-    assert "](columns.md)" in text
+def test_a_page_ends_with_its_tables_and_the_meaning_of_their_columns(template):
+    assert "{{ tables(" in template.read_text().splitlines()[-1]
+    assert f"](../tables/{pages.KEY})" in pages.page_of(template).read_text()
 
 
 @pytest.mark.parametrize("template", QUESTIONS)
@@ -93,8 +81,8 @@ def test_a_table_says_what_it_was_made_from(path):
 @pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
 def test_a_table_is_written_by_a_score_and_named_by_a_page(path):
     assert path.stem.split("_")[0] in {module.SCORE.name for module in scores.MODULES}
-    text = "".join(template.read_text() for template in pages.templates())
-    assert path.stem in re.findall(LINK, text)
+    text = "".join(page.read_text() for page in pages.RESULTS.glob("*.md"))
+    assert pages.link(path.stem) in text
 
 
 def test_every_column_of_every_table_is_described_once():
@@ -134,12 +122,17 @@ def test_each_of_several_circuits_of_a_table_is_held_to_its_own_of_today():
     assert "another circuit than today's**: gpr, N = 2 (00000000)" in pages.said(behind)
 
 
-def test_a_page_made_from_a_table_of_another_circuit_says_so(tmp_path):
+def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_path):
     template = tmp_path / "x.md.j2"
-    template.write_text('{{ measured("y") }}')
-    write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv", trials=5, circuits=CIRCUITS)
-    assert "5 trials" in pages.rendered(template, tmp_path)
-    assert "**measured with another circuit than today's**" in pages.rendered(template, tmp_path)
+    template.write_text('{{ rows("y")[0].a }} {{ rows("y")[0].a }}\n{{ tables("z", "w") }}')
+    for name in ("y", "z"):
+        write_table(pd.DataFrame({"a": [1]}), tmp_path / f"{name}.csv", trials=5, circuits={})
+    write_table(pd.DataFrame({"a": [1]}), tmp_path / "w.csv", trials=7, circuits=CIRCUITS)
+    same, other, _, key = pages.rendered(template, tmp_path).splitlines()[1:]
+    assert same.startswith(f"- {pages.link('y')}, {pages.link('z')}: 5 trials")
+    assert other.startswith(f"- {pages.link('w')}: 7 trials")
+    assert "**measured with another circuit than today's**" in other
+    assert pages.KEY in key
 
 
 def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
@@ -181,7 +174,7 @@ def test_a_page_needs_the_provenance_of_its_table(tmp_path):
 
 
 def test_r_of_times_is_what_noise_leaves_of_r_without_noise():
-    """Attenuation of a correlation (Spearman 1904), which the page of limits states.
+    """Attenuation of a correlation (Spearman 1904), which the page of decisions states.
 
     Its factor is that of linear noise; thresholds of the circuit and of rates differ a little.
     """

@@ -6,9 +6,7 @@ from pkgutil import iter_modules
 from benchmarks import hssm_check, scores
 from benchmarks.scores.pieces import main
 
-LONG = ("group_recovery",)
-"""Scores of many hours, which are run alone."""
-NAMES = [name for _, name, _ in iter_modules(scores.__path__) if name not in ("__main__", *LONG)]
+NAMES = [name for _, name, _ in iter_modules(scores.__path__) if name != "__main__"]
 FOUND = [import_module(f"benchmarks.scores.{name}") for name in NAMES]
 MODULES = (*(module for module in FOUND if hasattr(module, "SCORE")), hssm_check)
 """All modules with a score: those of this folder, and one outside it."""

@@ -11,14 +11,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from functools import cache, partial
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from benchmarks.scores.agreement import gratings
+from benchmarks.methods.kinds import gratings
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
@@ -37,11 +36,6 @@ EDGE = f"real taps, edge {SPACING_DEG:g} degrees"
 TAPS = 60
 TRIALS, COARSE_TRIALS = 12_000, 1200
 POSTERIORS = (0.6, 0.7, 0.8, 0.9, 0.95, 0.97, 0.99)
-AFTER = (1, 2, 4, 8)
-"""Numbers of taps after which posteriors are compared with the truth."""
-BINS = np.linspace(0, 1, 11)
-FEWEST = 30
-"""A bin with fewer posteriors than this is left out."""
 
 
 @cache
@@ -99,54 +93,29 @@ def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def calibration(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
-    """Return the calibration curve: share correct by posterior of the most probable alternative.
-
-    The posteriors after all numbers of taps in ``AFTER`` share bins of width 0.1.
-    """
-    after = evidence.posterior[:, AFTER, :]
-    assert evidence.truth is not None
-    top, right = after.max(axis=2), after.argmax(axis=2) == evidence.truth[:, None]
-    weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)
-    rows = []
-    for low, high in pairwise(BINS):
-        inside = (top >= low) & ((top < high) | (high == 1))
-        if inside.sum() < FEWEST:
-            continue
-        count = weights @ inside.sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            share = weights @ (inside & right).sum(axis=1) / count
-        ends = np.nanquantile(share[1:], (0.025, 0.975))
-        row = {"from": low, "to": high, "posterior": top[inside].mean(), "count": inside.sum()}
-        rows.append(row | {"right": share[0], "right_low": ends[0], "right_high": ends[1]})
-    return pd.DataFrame(rows)
-
-
 def kinds() -> list[str]:
     """Return the kinds of taps; real ones if ``BGMODEL_RECORDINGS`` names their folder."""
     simulated = [f"grating, {period:g} mm" for period in GRATINGS_MM]
     return simulated + [EDGE] * ("BGMODEL_RECORDINGS" in os.environ)
 
 
-def scored(what: str, evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
-    """Return criteria or calibration on a kind of taps."""
-    made = {"criteria": criteria, "calibration": calibration}[what]
-    found = made(*tapped(evidence, alternatives, trials, SCORING_SEED))
+def scored(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
+    """Return the criteria on a kind of taps."""
+    found = criteria(*tapped(evidence, alternatives, trials, SCORING_SEED))
     return found.assign(evidence=evidence, alternatives=alternatives)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield criteria and calibration of each kind of taps; threads are not used."""
+    """Yield the criteria of each kind of taps; threads are not used."""
     trials = COARSE_TRIALS if fast else TRIALS
     for evidence in kinds():
         for count in TACTILE:
-            for what in ("criteria", "calibration"):
-                make = partial(scored, what, evidence, count, trials)
-                yield Piece(what, f"{evidence} N = {count}", trials, 5, make)
+            make = partial(scored, evidence, count, trials)
+            yield Piece("criteria", f"{evidence} N = {count}", trials, 5, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return criteria and calibration unchanged."""
+    """Return the criteria unchanged."""
     return {name: (name, found) for name, found in made.items()}
 
 

@@ -1,4 +1,4 @@
-"""Cross-checks of the tests against PyDDM, ssm-simulators and psignifit on the same problems.
+"""Cross-checks of the tests against PyDDM and ssm-simulators on the same problems.
 
 Needs the extra ``compare``. Decisions are those of ``Sprt``, ``Race`` and ``Lca`` by
 ``first_crossing``; the calls of the other tools are in ``other_tools.py``. Times are whole
@@ -18,11 +18,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.methods.means import fit_means
 from benchmarks.scores.other_tools import (
     Accumulators,
     Ends,
-    by_psignifit,
     by_pyddm,
     by_ssm_simulators,
     exact,
@@ -32,15 +30,12 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
-from bgmodel.theory.sprt import OVERSHOOT
-from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 73_001
-TOOLS = ("pyddm", "ssms", "psignifit")
+TOOLS = ("pyddm", "ssms")
 SEPARATIONS, BOUNDS, STARTS = (0.03, 0.05), (0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 0.4)
 """The grid: d per reading; bounds, nats; where Z starts, as a share of the bound."""
 COARSE_D = 0.5
@@ -58,10 +53,6 @@ POINTS = (
     ),
 )
 """Races, then leaky competing accumulators: balanced, leak alone, more inhibition than leak."""
-STRENGTHS = np.linspace(-2, 2, 9)
-GAIN, SD_BOUNDS, BIASES, REPEATS = 0.05, (12.0, 20.0), (0.0, 0.4), 10
-"""Drift per strength, sd of a reading; bounds, sd; biases, strengths; data sets of each."""
-T0_S, STEP_S = 0.3, 0.001
 
 
 def decided(
@@ -179,57 +170,8 @@ def accumulators(number: int, trials: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def psychometric(bound: float, bias: float, repeats: int, trials: int) -> pd.DataFrame:
-    """Return threshold and width of data sets by psignifit, and by this project's own fit.
-
-    Readings have the mean k (c + bias) and sd 1, and the test stops at +-bound, in sd. Response 1
-    then has the probability 1 / (1 + exp(-2 (bound + 0.5826) k (c + bias))).
-    """
-    rows = []
-    width = np.log(19) / ((bound + OVERSHOOT) * GAIN)
-    for number in range(repeats):
-        rng = stream(SCORING_SEED, "psychometric", bound, bias, number)
-        levels = np.repeat(STRENGTHS, trials)
-        chosen, readings = _answered(levels + bias, bound, rng)
-        right = chosen.reshape(len(STRENGTHS), trials).sum(axis=1)
-        told = by_psignifit(STRENGTHS, right, np.full(len(STRENGTHS), trials))
-        row: dict[str, Any] = {"bound": bound, "bias": bias, "set": number, **told}
-        row |= {"true_threshold": -bias, "true_width": width}
-        row["raw_width"] = np.log(19) / (bound * GAIN)
-        if not bias:  # the closed form of means knows no bias
-            row["own_width"] = _own_width(levels, chosen, readings)
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def _answered(drive: Array, bound: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return choices and readings of a test that does not know the mean of its readings."""
-    steps = int(12 * (bound + 1) ** 2)
-    chosen, readings = [], []
-    for part in np.array_split(drive, int(np.ceil(len(drive) * steps / NUMBERS))):
-        x = rng.standard_normal((len(part), steps)) + GAIN * part[:, None]
-        found = first_crossing(Sprt().run(Evidence(np.stack([0 * x, x], axis=2))), -bound)
-        chosen.append(found.choice)
-        readings.append(found.steps)
-    return np.concatenate(chosen), np.concatenate(readings)
-
-
-def _own_width(levels: Array, chosen: Array, readings: Array) -> float:
-    """Return the width that Palmer's fit to choices and mean times implies."""
-    trials = len(levels)
-    choices = Trials(
-        np.full(trials, "one"),
-        T0_S + STEP_S * readings,
-        chosen.astype(np.int8),
-        levels,
-        pd.DataFrame(index=range(trials)),
-    )
-    found = fit_means(design_of(choices))
-    return float(np.log(19) / (found.bound * found.sensitivity))
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the grid, coarse readings, accumulators and psychometric functions.
+    """Yield the grid, coarse readings and accumulators.
 
     Nothing if one of the other tools is not installed; threads are not used.
     """
@@ -245,47 +187,16 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         name = f"{number} {point.theirs()[0]}"
         make = partial(accumulators, number, trials)
         yield Piece("accumulators", name, trials, 4e-4 * trials, make)
-    each, repeats = (100, 2) if fast else (1000, REPEATS)
-    for bound in SD_BOUNDS:
-        for bias in BIASES:
-            count = each * len(STRENGTHS) * repeats
-            make = partial(psychometric, bound, bias, repeats, each)
-            name = f"bound {bound:g}, bias {bias:g}"
-            yield Piece("psychometric", name, count, 4e-7 * count * bound**2, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return points and verdicts of walks and accumulators, and psychometric functions."""
+    """Return points and verdicts of walks and accumulators."""
     found: dict[str, tuple[str, pd.DataFrame]] = {}
     for kind, by in (("grid", "solution"), ("coarse", "solution"), ("accumulators", "theirs")):
         found[f"{kind}_points"] = kind, made[kind]
         rows = [{by: name} | verdict(part) for name, part in made[kind].groupby(by, sort=False)]
         found[kind] = kind, pd.DataFrame(rows)
-    return found | {
-        "psychometric_sets": ("psychometric", made["psychometric"]),
-        "psychometric": ("psychometric", _widths(made["psychometric"])),
-    }
-
-
-def _widths(sets: pd.DataFrame) -> pd.DataFrame:
-    """Return, per bound and bias, means, and how many intervals contain each width or threshold."""
-    rows = []
-    for (bound, bias), part in sets.groupby(["bound", "bias"]):
-        row: dict[str, Any] = {"bound": bound, "bias": bias, "sets": len(part)}
-        for name in ("threshold", "width"):
-            row |= {f"true_{name}": part[f"true_{name}"].iloc[0], name: part[name].mean()}
-            row[f"{name}_se"] = part[name].std() / np.sqrt(len(part))
-        for name, of in (("threshold", "true_threshold"), ("width", "true_width")):
-            row[f"{name}_held"] = int(_inside(part, name, part[of]).sum())
-        row["raw_width_held"] = int(_inside(part, "width", part["raw_width"]).sum())
-        own = part["own_width"] if "own_width" in part else pd.Series(np.nan, part.index)
-        row |= {"own_width": own.mean(), "own_width_held": int(_inside(part, "width", own).sum())}
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def _inside(part: pd.DataFrame, name: str, value: pd.Series) -> pd.Series:
-    return (part[f"{name}_low"] <= value) & (value <= part[f"{name}_high"])
+    return found
 
 
 SCORE = Score("crosschecks", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)

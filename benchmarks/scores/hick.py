@@ -1,9 +1,7 @@
 """Times over the number of alternatives: the MSPRT, populations and spikes, Gaussian and tactile.
 
-Hick's law says that times grow with the logarithm of the number. The same trials also give speed
-against accuracy; others give quantiles of times against the probability of a response. The circuit
-is the default one, with its default gain for each number. All deciders see the same trials, spikes
-the first ones.
+Hick's law says that times grow with the logarithm of the number. The circuit is the default one,
+with its default gain for each number. All deciders see the same trials, spikes the first ones.
 """
 
 from __future__ import annotations
@@ -26,22 +24,17 @@ from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.comparison.tuned import swept
-from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import (
-    CIRCUIT,
-    decide_at_thresholds,
     sample_ms,
 )
 from bgmodel.simulated_evidence import gaussian_evidence
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 
-SCORING_SEED, TUNING_SEED = 74_001, 74_002
-"""Of the scored trials, and of those on which thresholds for the quantiles are found."""
+SCORING_SEED = 74_001
 D_PRIME, STEP_MS, READINGS = 0.5, 50.0, 160
 COUNTS = (2, 3, 4, 6, 8, 12, 20)
 """Alternatives of the Gaussian problem; above ``most_alternatives`` the MSPRT decides alone."""
@@ -53,11 +46,6 @@ CENTRED = "population, mean subtracted"
 ACCURACIES = (0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.97)
 HICK = (0.9, 0.95)
 """Accuracies at which a line is fitted over ln N."""
-STRENGTHS = (0.125, 0.25, 0.5, 1.0)
-"""d' of the trials for quantiles; likelihoods always assume d' = 0.5."""
-QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
-FEWEST_RESPONSES = 30
-"""With fewer responses than this, their quantiles are left out."""
 
 
 def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SEED) -> Evidence:
@@ -135,64 +123,6 @@ def gaussian(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
     return at_accuracies(found).assign(evidence="Gaussian, d' 0.5", alternatives=alternatives)
 
 
-# ---- quantiles of times against the probability of a response
-
-
-def quantiles(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
-    """Return quantiles of times of right and wrong responses at one threshold, by strength.
-
-    The threshold of each model gives accuracy 0.9 at d' = 0.5 on other trials; spikes use the
-    threshold of populations.
-    """
-    tuned = deciders(drawn(min(trials, 1000), alternatives, D_PRIME, TUNING_SEED), 0)
-    rows: list[dict[str, Any]] = []
-    for strength in STRENGTHS:
-        evidence = drawn(trials, alternatives, strength)
-        for name, engine in ((MSPRT_AT_GAIN, ""), ("population", "population")):
-            level = tuned[name].setting(0.9)
-            rows += responses(name, engine, level, evidence, strength)
-        if spiking:
-            level = tuned["population"].setting(0.9)
-            rows += responses("ensemble", "ensemble", level, evidence[:spiking], strength)
-    return pd.DataFrame(rows).assign(alternatives=alternatives)
-
-
-def responses(
-    name: str, engine: str, level: float, evidence: Evidence, strength: float
-) -> Iterator[dict[str, Any]]:
-    """Yield the share of right and of wrong responses, and the quantiles of their times."""
-    if engine:
-        model = model_of(evidence, engine)
-        decided = decide_at_thresholds(model, evidence, [level], decoder_tau_ms=None)[CIRCUIT]
-        choice, time_ms, forced = decided.choice[0], decided.time_ms[0], decided.forced[0]
-    else:
-        gain = gain_of(load_circuit(DEFAULT, evidence.hypotheses))
-        test = first_crossing(Msprt(gain).run(evidence), level)
-        choice, time_ms, forced = test.choice, test.time_ms, test.forced
-    weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "quantiles"))
-    for response in ("right", "wrong"):
-        chosen = (choice == evidence.truth) == (response == "right")
-        share, low, high = interval(weights @ chosen / weights.sum(axis=1))
-        row = {"decider": name, "strength": strength, "response": response}
-        row |= {"trials": evidence.trials, "threshold": level, "forced": forced.mean()}
-        row |= {"share": share, "share_low": low, "share_high": high}
-        for q in QUANTILES:
-            values = np.full(3, np.nan)
-            if chosen.sum() >= FEWEST_RESPONSES:
-                ends = quantile_interval(time_ms[chosen], q)
-                values = np.array([np.quantile(time_ms[chosen], q), *ends])
-            names = (f"q{100 * q:.0f}_ms", f"q{100 * q:.0f}_ms_low", f"q{100 * q:.0f}_ms_high")
-            row |= dict(zip(names, values, strict=True))
-        yield row
-
-
-def quantile_interval(times: Array, q: float) -> Array:
-    """Return the 95 % interval of a quantile over resampled responses."""
-    rng = stream(SCORING_SEED, "resampled times")
-    again = np.quantile(rng.choice(times, (400, len(times))), q, axis=1)
-    return np.asarray(np.quantile(again, (0.025, 0.975)))
-
-
 # ---- taps
 
 
@@ -250,18 +180,13 @@ def lines(times: pd.DataFrame) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield pieces of times, of quantiles and of taps."""
+    """Yield pieces of Gaussian evidence and of taps."""
     trials = COARSE_TRIALS if fast else TRIALS
     for count in COUNTS:
         spiking = SPIKING.get(count, 0) // (5 if fast else 1)
         make = partial(gaussian, count, trials, spiking)
         seconds = trials * count / 200 + spiking * count / 5
         yield Piece("times", f"Gaussian N = {count}", trials, seconds, make)
-    for count in (2, 4):
-        spiking = SPIKING[count] // (5 if fast else 1)
-        make = partial(quantiles, count, trials, spiking)
-        seconds = 4 * (trials * count / 200 + spiking * count / 5)
-        yield Piece("quantiles", f"N = {count}", trials, seconds, make)
     for evidence in kinds():
         for count in TACTILE:
             some = min(trials, TACTILE_TRIALS)
@@ -270,11 +195,10 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return times, lines over ln N, and quantiles."""
+    """Return times, and lines over ln N."""
     return {
-        "times": ("times", made["times"]),
-        "lines": ("times", lines(made["times"])),
-        "quantiles": ("quantiles", made["quantiles"]),
+        name: ("times", found)
+        for name, found in (("times", made["times"]), ("lines", lines(made["times"])))
     }
 
 

@@ -15,7 +15,7 @@ from functools import partial
 
 import pandas as pd
 
-from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds
+from benchmarks.methods.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import OTHER_NOISE

@@ -1,4 +1,4 @@
-"""The project's problems formulated for PyDDM, ssm-simulators and psignifit.
+"""The project's problems formulated for PyDDM and ssm-simulators.
 
 The unit of time is a reading, and the unit of an accumulator the standard deviation of a reading.
 Each mapping is then exact but for one: PyDDM's time is continuous. There a walk with increments of
@@ -11,7 +11,7 @@ takes a quarter of a reading longer for it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,9 +29,6 @@ FLOOR = 200.0
 """Distance of ssm-simulators' floor below the start, in sd of a reading: too far to be reached."""
 SSM_READINGS = 900
 """Readings of a trial: ssm-simulators counts responses from 999 on as omissions."""
-
-GRID = 400
-"""Points of psignifit's grid along threshold and width."""
 
 
 class Ends(NamedTuple):
@@ -212,41 +209,3 @@ def by_ssm_simulators(model: str, given: dict[str, float], trials: int, seed: in
     )
     choices = found["choices"].ravel()
     return Responses((choices == 0).astype(float), found["rts"].ravel().astype(float))
-
-
-def by_psignifit(strength: Array, right: Array, trials: Array) -> dict[str, float]:
-    """Return threshold and width of a logistic function by psignifit, with 95 % intervals.
-
-    No lapses, and from 0 to 1: the share of response 1 against a signed strength.
-
-    Parameters
-    ----------
-    strength : array (levels,)
-        Signed strength.
-    right, trials : array (levels,)
-        Numbers of responses 1 and of trials.
-
-    Returns
-    -------
-    dict
-        ``threshold``, where the function is 0.5, and ``width``, from 0.05 to 0.95, each also as
-        NAME_low and NAME_high.
-    """
-    import psignifit
-
-    fixed: dict[str, Any] = {"lambda": 0.0, "gamma": 0.0, "eta": 1e-4}
-    # On its default grid of 40 points, intervals of these data lie a tenth of their width too low.
-    steps = {"threshold": GRID, "width": GRID}
-    found = psignifit.psignifit(
-        np.column_stack([strength, right, trials]),
-        sigmoid="logistic",
-        experiment_type="yes/no",
-        fixed_parameters=fixed,
-        grid_steps=steps,
-    )
-    told: dict[str, float] = {}
-    for name in ("threshold", "width"):
-        low, high = found.confidence_intervals[name]["0.95"]
-        told[name] = float(found.parameter_estimate_MAP[name])
-        told |= {f"{name}_low": float(low), f"{name}_high": float(high)}
-    return told

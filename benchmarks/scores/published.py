@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.methods.intervals import PREFERRED, interval_evidence
-from benchmarks.methods.recursive import RecursiveMsprt
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, time_at, tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.baselines import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.baselines import Lca, LinearGpe, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import DEFAULT
@@ -35,9 +33,8 @@ MEAN, NOISE, STEP_MS = 1.41, 0.33, 1.0
 ACCURACY = 0.99
 """Share of right choices at which times are printed."""
 ALTERNATIVES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
-SWEPT = 10
-GAINS = (0.01, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0)
-"""Factors on the evidence at ten alternatives: above these OUT is lost in rounding."""
+SHOWN = 10
+"""Alternatives at which times are printed."""
 TRIALS, COARSE_TRIALS, BATCH = 10_000, 2000, 250
 STEPS = 2000
 SECONDS = 0.001
@@ -51,22 +48,8 @@ MODELS: dict[str, Integrator] = {
     "linear GPe, gain 0.4, a 0.84": LinearGpe(0.4, 0.84),
 }
 """Tests by name: MSPRTb is the limit of the MSPRT for a high gain, UM of Usher & McClelland."""
-SWEEP: dict[str, Integrator] = {
-    **{f"{gain:g}": Msprt(gain) for gain in sorted(GAINS, key=lambda gain: gain != 1)},
-    "max vs average": MaxVsAverage(),
-}
-LOOPS: dict[str, Integrator] = {
-    "MSPRT": Msprt(),
-    "rMSPRT": RecursiveMsprt(),
-    "rMSPRT, 2 readings": RecursiveMsprt(window=2),
-    "rMSPRT, 4 readings": RecursiveMsprt(window=4),
-    "no loop, 3 readings": RecursiveMsprt(loop=False),
-}
-"""Tests on intervals: the loop takes three readings, and three are summed unless stated."""
-READINGS = {0.032: 800, 0.064: 250, 0.128: 100, 0.256: 40, 0.512: 20}
-"""Intervals of each cell in a trial, by coherence: some five times as many as a decision takes."""
 PRINTED_MS = {"UM": 628, "race": 676, "linear GPe": 607, "linear GPe, gain 0.4, a 0.84": 545}
-"""At ten alternatives."""
+"""Printed times at that number."""
 
 
 def drawn(trials: int, alternatives: int, seed: int, first: int) -> Evidence:
@@ -75,14 +58,6 @@ def drawn(trials: int, alternatives: int, seed: int, first: int) -> Evidence:
     rng = stream(seed, "published", str(alternatives), str(first))
     return separated_evidence(
         trials, STEPS, separation, rng=rng, hypotheses=alternatives, step_ms=STEP_MS
-    )
-
-
-def read(trials: int, alternatives: int, coherence: float, seed: int, first: int) -> Evidence:
-    """Draw intervals between spikes at a coherence."""
-    rng = stream(seed, "intervals", str(alternatives), f"{coherence:g}", str(first))
-    return interval_evidence(
-        trials, READINGS[coherence], coherence, rng=rng, hypotheses=alternatives
     )
 
 
@@ -126,38 +101,19 @@ def at_errors(models: Mapping[str, Integrator], alternatives: int, trials: int) 
     return times(models, draw, trials, ACCURACY).assign(alternatives=alternatives)
 
 
-def recursive(alternatives: int, trials: int) -> pd.DataFrame:
-    """Return the readings taken by the recursive test and the MSPRT at each coherence."""
-    rows = []
-    for coherence in PREFERRED:
-        draw = partial(read, BATCH, alternatives, coherence)
-        rows.append(times(LOOPS, draw, trials, ACCURACY).assign(coherence=coherence))
-    return pd.concat(rows, ignore_index=True).assign(alternatives=alternatives)
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield pieces over alternatives, over gain, and of the loop; threads are not used."""
+    """Yield a piece per number of alternatives; threads are not used."""
     trials = COARSE_TRIALS if fast else TRIALS
     for count in ALTERNATIVES:
         make = partial(at_errors, MODELS, count, trials)
         yield Piece("alternatives", f"N = {count}", trials, SECONDS * trials * count, make)
-    make = partial(at_errors, SWEEP, SWEPT, trials)
-    yield Piece("gain", "gain", trials, 2 * SECONDS * trials * SWEPT, make)
-    for count in (2, 4):
-        make = partial(recursive, count, trials)
-        yield Piece("loop", f"N = {count}", trials, SECONDS * trials * count, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return times over alternatives with the printed numbers, over gain, and of the loop."""
+    """Return times over alternatives, with the printed numbers."""
     found = made["alternatives"]
-    printed = found["model"].map(PRINTED_MS).where(found["alternatives"] == SWEPT)
-    readings = made["loop"].rename(columns=lambda name: name.replace("_ms", "_readings"))
-    return {
-        "alternatives": ("alternatives", found.assign(printed_ms=printed)),
-        "gain": ("gain", made["gain"]),
-        "loop": ("loop", readings),
-    }
+    printed = found["model"].map(PRINTED_MS).where(found["alternatives"] == SHOWN)
+    return {"alternatives": ("alternatives", found.assign(printed_ms=printed))}
 
 
 SCORE = Score("published", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)

@@ -13,14 +13,14 @@ from functools import partial
 
 import pandas as pd
 
-from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
+from benchmarks.methods.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import ACCURACIES, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT
+from bgmodel.integrators.deciding import CIRCUIT, sample_ms
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 

@@ -8,18 +8,16 @@ undecided at the deadline have no response.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy.stats import kstest, norm
+from scipy.stats import kstest
 
 from benchmarks.methods.decided import (
     DEADLINE_S,
-    GRID,
     TRIALS,
     decided_by_circuit,
     decided_by_test,
@@ -28,16 +26,13 @@ from benchmarks.methods.decided import (
 from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.fitting.exact.algorithms import GapModel, Model
-from bgmodel.fitting.exact.responses import BIN_S, Observed, responded
-from bgmodel.fitting.fit import fit_likelihood, widened
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.fit import widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.simulated.circuit import NONE
-from bgmodel.fitting.simulated.control import decided
-from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import simulation_error
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
@@ -55,12 +50,8 @@ PRIOR = {
 }  # fmt: skip
 """Range from which parameters are drawn: that of the fits to people and monkeys."""
 BATCH_SETS = 10
-STORES, STORE_SETS, COARSE_STORES = 10, 20, 3
-"""Independent stores of simulated trials, and sets that each makes and another one fits."""
 WALKERS, STEPS, RANKED = 24, 300, 99
 """Of the posteriors of recovery, and draws of each among which the truth has its rank."""
-DIRECT_SETS, DIRECT_TRIALS = 20, 10_000
-"""Sets whose likelihood is simulated again at their own parameters, and trials at each drift."""
 
 
 def drawn(names: list[str], number: int) -> Array:
@@ -123,89 +114,6 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
     return pd.DataFrame(rows).assign(by=by)
 
 
-def fitted_elsewhere(store: int, stores: int, sets: int, trials: int) -> pd.DataFrame:
-    """Return fits to sets that are drawn from the densities of another store of simulated trials.
-
-    A row per set and parameter: truth, value, standard_error and simulation_error. The two stores
-    differ by chance alone, so intervals hold the truth as often as they say if their errors hold
-    the error of the simulation.
-    """
-    ours, theirs = (
-        replace(fitted_circuit(NONE, trials, DEADLINE_S), seed=SCORING_SEED + 100 + number)
-        for number in (store, (store + 1) % stores)
-    )
-    names = [each.name for each in ours.parameters]
-    rows = []
-    for number in range(store * sets, (store + 1) * sets):
-        truth = drawn(names, number)
-        design = drawn_from(theirs, dict(zip(names, truth.tolist(), strict=True)), number)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            table = fit_likelihood(likelihood_of(ours, design, free=names)).parameters()
-        rows.append(table.assign(set=number, truth=truth).drop(columns=["low", "high"]))
-    return pd.concat(rows, ignore_index=True).assign(store=store)
-
-
-def drawn_from(model: Model, values: Mapping[str, float], number: int) -> Design:
-    """Return a data set drawn from the densities of a model."""
-    each = SET_TRIALS // len(STRENGTHS)
-    every = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
-    response = {name: every[name] for name in ("t0_s", "t0_sd_s", "lapse")}
-    density = responded(model.decided(every, np.array(STRENGTHS), GRID), GRID, **response)
-    rng = stream(SCORING_SEED, "elsewhere", number)
-    mass = np.maximum(density, 0).reshape(len(STRENGTHS), -1) * BIN_S
-    never = np.maximum(1 - mass.sum(axis=1), 0.0)
-    shares = np.column_stack([mass, never]) / (mass.sum(axis=1) + never)[:, None]
-    picked = np.concatenate([rng.choice(len(row), each, p=row) for row in shares])
-    choice, bins = np.divmod(picked, GRID.bins)
-    rt = np.where(choice == 2, np.nan, (bins + rng.random(len(bins))) * BIN_S)
-    cell = np.repeat(np.arange(len(STRENGTHS)), each)
-    seen = Observed(cell, np.where(choice == 2, -1, choice), rt, GRID, DEADLINE_S)
-    return Design(np.array(STRENGTHS), {}, seen)
-
-
-def direct(sets: int, trials: int) -> pd.DataFrame:
-    """Return log likelihoods of some sets from stored trials, and from trials simulated for them.
-
-    At the truth, and at the parameters of the next set: their difference is the evidence of the
-    data for one over the other. The trials are simulated at exactly these drifts and thresholds.
-    """
-    model = fitted_circuit(NONE, trials, DEADLINE_S)
-    names = [each.name for each in model.parameters if each.free]
-    rows = []
-    for number in range(sets):
-        design, truth = data_set("circuit", names, number)
-        likelihood = likelihood_of(model, design, free=names)
-        other = truth + 0.3 * (drawn(names, number + 1) - truth)
-        for at, vector in (("truth", truth), ("other", other)):
-            anew = simulated_for(likelihood, vector, number)
-            rows.append(
-                {
-                    "set": number, "at": at, "stored_nats": likelihood(vector),
-                    "direct_nats": float(design.observed.each(anew).sum()),
-                }
-            )  # fmt: skip
-    return pd.DataFrame(rows)
-
-
-def simulated_for(likelihood: Likelihood, vector: Array, number: int) -> Array:
-    """Return the density of responses from trials at the drifts and the threshold asked for."""
-    values = likelihood.freedom.values(vector)
-    drifts = values["sensitivity"] * likelihood.design.strength
-    threshold = values["threshold_nats"][:1]
-    seed = int(stream(SCORING_SEED, "direct", number).integers(2**31))
-    model = replace(fitted_circuit(NONE, DIRECT_TRIALS, DEADLINE_S), seed=seed)
-    found = []
-    for cell, drift in enumerate(drifts):
-        each = simulated(
-            model.run((), float(threshold[0])), threshold, seconds=DEADLINE_S,
-            trials=DIRECT_TRIALS, seed=seed + cell, drifts=[drift],
-        )  # fmt: skip
-        found.append(decided([(each, 1.0)], float(threshold[0]), [drift], GRID)[0])
-    response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
-    return responded(np.array(found), GRID, **response)
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through batches of data sets, by the test and by the circuit."""
     trials = COARSE_TRIALS if fast else TRIALS
@@ -216,47 +124,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             make = partial(recovered, by, first, some, trials)
             seconds = some * (4 if by == "test" else 30)
             yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
-    stores = COARSE_STORES if fast else STORES
-    for store in range(stores):
-        make = partial(fitted_elsewhere, store, stores, STORE_SETS, trials)
-        yield Piece("elsewhere", f"store {store}", SET_TRIALS, 120, make)
-    few = COARSE_SETS if fast else DIRECT_SETS
-    yield Piece("direct", "again", SET_TRIALS, 20 * few, partial(direct, few, trials))
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages and figures read."""
-    found, again = made["recovery"], made["direct"]
-    apart = (again["stored_nats"] - again["direct_nats"]).abs()
-    return {
-        "sets": ("recovery", found),
-        "calibration": ("recovery", _calibration(found)),
-        "direct": ("direct", again.assign(apart_nats=apart)),
-        "elsewhere": ("elsewhere", _covered(made["elsewhere"])),
-    }
-
-
-def _covered(found: pd.DataFrame) -> pd.DataFrame:
-    """Return how often intervals of 0.9 hold the truth, by parameter and pooled.
-
-    With the error of the simulation and without it; ``error`` is that of the share, from sets.
-    """
-    half = norm.ppf(0.95)
-    apart = (found["value"] - found["truth"]).abs()
-    alone = np.sqrt(found["standard_error"] ** 2 - found["simulation_error"].fillna(0) ** 2)
-    found = found.assign(
-        inside=apart <= half * found["standard_error"], inside_without=apart <= half * alone
-    )
-    rows = []
-    for name, some in [*found.groupby("parameter", sort=False), ("pooled", found)]:
-        by_set = some.groupby("set")["inside"].mean()
-        rows.append(
-            {
-                "parameter": name, "sets": len(by_set), "coverage": by_set.mean(),
-                "error": by_set.sem(), "coverage_without": some["inside_without"].mean(),
-            }
-        )  # fmt: skip
-    return pd.DataFrame(rows)
+    found = made["recovery"]
+    return {"sets": ("recovery", found), "calibration": ("recovery", _calibration(found))}
 
 
 def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:

@@ -1,10 +1,9 @@
-"""Stop signals in the default circuit: closed form, inhibition function, delay and loss of STN.
+"""Stop signals in the default circuit: closed form and inhibition function.
 
 The circuit stops in closed form: a signal of A nats to STN adds its step response c(t) to OUT, so
 that a full run can be predicted from the same trial without a signal. Evaluated on seeds that
 tuned nothing; delays were chosen on other seeds, so that 0.2 to 0.8 of the stop trials are
-answered. The comparison with the ideal observer, signals that end, published effects and people
-are in ``stops``.
+answered. The comparison with the ideal observer and with people is in ``stops``.
 """
 
 from __future__ import annotations
@@ -17,17 +16,14 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from benchmarks.scores.stops.cancel import arkypallidal, pauses
 from benchmarks.scores.stops.observer import (
     SHARES,
     TONES,
-    by_share,
     by_tone,
     decisions,
     observed,
     paired,
 )
-from benchmarks.scores.stops.published import rates
 from benchmarks.scores.stops.relative import people
 from benchmarks.scores.stops.runs import (
     POSTERIOR,
@@ -45,11 +41,10 @@ from benchmarks.scores.stops.runs import (
     stop_times,
 )
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.circuit import closed_form, step_response
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array
-from circuits.anatomy import DEFAULT, load_circuit
+from circuits.anatomy import DEFAULT
 
 CASES = (
     StopSignal(amount_nats=0.3), StopSignal(amount_nats=0.5), StopSignal(amount_nats=1.0),
@@ -60,11 +55,8 @@ SSD_MS = {2: 300.0, 4: 800.0}
 """Delay of the closed form, by the number of alternatives."""
 DELAYS_MS = np.arange(50.0, 551.0, 50.0)
 """Delays of the inhibition functions."""
-PATHWAY_MS = np.array([0.0, 50.0, 100.0, 150.0])
-LOST_NATS, LOSSES = (0.3, 0.4, 0.5, 0.6), np.arange(0.0, 0.36, 0.025)
-"""Signals and losses of STN; beyond a loss of 0.375, OUT at rest is below the threshold."""
-STOP_SHARES, OBSERVED_SHARE = (0.01, 0.1, 0.25, 0.5), 0.25
-"""Shares of stop trials that the ideal observer expects, and that of its inhibition function."""
+OBSERVED_SHARE = 0.25
+"""Share of stop trials that the ideal observer expects in its inhibition function."""
 FEWEST = 20
 """Fewest failed and successful stops for a time."""
 
@@ -140,41 +132,6 @@ def by_delay(decider: str, went: Array, stopped: list[Array]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_pathway(trials: int) -> pd.DataFrame:
-    """Return the stop-signal reaction time for each delay of the stop pathway, and the slope."""
-    evidence, model = evidence_of("pathway", trials), model_of()
-    went = go_times(model, evidence)
-    rows = []
-    for delay in PATHWAY_MS:
-        times = stop_times(model, evidence, SSD_MS[2] - 50, StopSignal(delay_ms=delay))
-        p = share(~np.isnan(times))
-        row = {"pathway_ms": delay, "ssd_ms": SSD_MS[2] - 50, "trials": trials} | p
-        rows.append(row | {"ssrt_ms": nth(went, p["p_respond"]) - row["ssd_ms"]})
-    found = pd.DataFrame(rows)
-    return found.assign(slope=np.polyfit(found["pathway_ms"], found["ssrt_ms"], 1)[0])
-
-
-def by_loss(engine: str, trials: int) -> pd.DataFrame:
-    """Return the loss of STN at which half of the trials are answered, for each signal.
-
-    The signal comes with the onset of evidence. By the closed form it blocks every response while
-    A exceeds the threshold by more than -ln(1 - loss).
-    """
-    evidence, intact = evidence_of("loss", trials), load_circuit(DEFAULT)
-    level = model_of().threshold(None, POSTERIOR)
-    rows = []
-    for amount in LOST_NATS:
-        p = []
-        for loss in LOSSES:
-            model = BasalGanglia(intact.lesion("STN", loss), engine, seed=SCORING_SEED)
-            times = stop_times(model, evidence, 0.0, StopSignal(amount_nats=amount), level)
-            p.append((~np.isnan(times)).mean())
-        row = {"engine": engine, "amount_nats": amount, "trials": trials}
-        row |= {"loss_half": np.interp(0.5, p, LOSSES), "loss_theory": 1 - np.exp(level - amount)}
-        rows.append(row | {"p_intact": p[0]})
-    return pd.DataFrame(rows)
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield the closed form, the inhibition functions and the rest, by populations and in spikes.
 
@@ -186,24 +143,15 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             each = 0.09 * channels if engine == "spikes" else 0.003
             make = partial(closed_forms, channels, engine, trials)
             yield Piece("closed_form", f"N = {channels}, {engine}", trials, each * trials, make)
-    few, many = 4000 // fewer, 10_000 // fewer
+    few = 4000 // fewer
     yield Piece("inhibition", "delays", few, 0.012 * few, partial(inhibition, few))
-    yield Piece("pathway", "delays", many, 0.0012 * many, partial(by_pathway, many))
-    for engine, trials in (("rate", 500 // fewer), ("population", 2000 // fewer)):
-        yield Piece("loss", engine, trials, 0.02 * trials, partial(by_loss, engine, trials))
-    yield Piece("pause", "grid", few, 0.015 * few, partial(pauses, few))
-    yield Piece("arky", "signals", few, 0.003 * few, partial(arkypallidal, few))
     yield from _of_observer(few, fewer)
-    yield Piece("rates", "STN and SNr", few // 2, 0.003 * few, partial(rates, few // 2))
     yield Piece("relative", "people", 0, 2, people)
 
 
 def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
     """Yield what involves the ideal observer."""
-    many, spikes = 20_000 // fewer, 1000 // fewer
-    for prior in STOP_SHARES:
-        make = partial(by_share, prior, many)
-        yield Piece("observer", f"share {prior:g}", many, 0.0001 * many, make)
+    spikes = 1000 // fewer
     for channels in (2, 4):
         for prior in SHARES:
             make = partial(paired, channels, "population", prior, trials)

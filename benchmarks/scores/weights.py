@@ -1,22 +1,18 @@
 """Weights learned from reward, against the exact likelihoods: make score.
 
 What the confidence rule learns over trials on taps and Poisson cells, and counts of as many
-readings whose truth is known; other rules and critics; unequal gains and unreliable feedback;
-changes of the labels and of the sensor (``learned.changes``); weights and gap together. A circuit
-in the loop is in ``weights_loop``. Evaluated on a seed that tuned nothing.
+readings whose truth is known, and other rules and critics. A circuit in the loop is in
+``weights_loop``. Evaluated on a seed that tuned nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.learned.changes import CHANGES, changed, summaries
 from benchmarks.scores.learned.tasks import (
     MEASURES,
     RUNS,
@@ -32,12 +28,10 @@ from benchmarks.scores.learned.tasks import (
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.learning.weights.critics import Affine, Critic
 from bgmodel.learning.weights.deciders import FixedPoint
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.feedback import WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
-from bgmodel.learning.weights.with_gap import learn_weights_and_gap
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 
@@ -54,11 +48,6 @@ RULES: tuple[tuple[str, str | None], ...] = (
 RULES_AFTER = (10_000, 40_000)
 THREE = FixedPoint(sampled=3, drawn=True)
 """Three readings in every trial, and a choice drawn from the posterior."""
-RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Gain of positive relative to that of negative errors."""
-VALID = (1.0, 0.95, 0.9, 0.8)
-XIS, STARTS = (10.0, 50.0), (1.0, 8.0)
-"""Costs of an error in readings, and initial gaps, nats."""
 READINGS_DEG = np.arange(-130.0, 131.0, 2.5)
 SHOWN_AFTER = (100, 1000, 10_000)
 FAST_TRIALS = 1000
@@ -156,53 +145,8 @@ def rules(rule: str, critic: str | None, most: int) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def asymmetry(ratio: float, most: int) -> pd.DataFrame:
-    """Return by how much unequal gains shift the log odds, after 10 000 and 40 000 trials."""
-    rows = []
-    for trials in sorted({min(n, most) for n in RULES_AFTER}):
-        learner = WeightLearner(trials=trials, gain_plus=ratio)
-        learned = learn_weights(gratings()[0], seed=SCORING_SEED, runs=RUNS, learner=learner)
-        assert learned.course is not None
-        shift = mean_se("shift_nats", learned.course.overconfidence())
-        rows.append({"ratio": ratio, "after": trials, "law_nats": np.log(ratio)} | shift)
-    return pd.DataFrame(rows)
-
-
-def feedback(valid: float, trials: int) -> pd.DataFrame:
-    """Return slope, r and relative time if feedback is valid in a share of the trials."""
-    critics: dict[str, Critic | str] = {
-        "confidence": "confidence", "affine, share known": Affine(valid=valid),
-        "affine, share learned": Affine(valid=0.95, rate=0.01), "mean reward": "mean",
-    }  # fmt: skip
-    rows: list[dict[str, Any]] = []
-    for name, critic in critics.items():
-        learned = learn_weights(
-            gratings()[0], seed=SCORING_SEED, critic=critic, feedback=Feedback(valid=valid),
-            runs=RUNS, learner=WeightLearner(trials=trials),
-        )  # fmt: skip
-        scored = each_run(learned, parts_of("2 mm")[0], "2 mm")
-        rows.append({"valid": valid, "critic": name, "after": trials} | scored)
-    return pd.DataFrame(rows)
-
-
-def together(xi: float, start: float, trials: int) -> pd.DataFrame:
-    """Return the regret of weights and gap learned at once, over the exact optimum."""
-    taught, held_out = gratings(t_max=30)
-    both = learn_weights_and_gap(
-        taught, xi=xi, start_separation=start, seed=SCORING_SEED, runs=RUNS,
-        learner=WeightLearner(trials=trials),
-    )  # fmt: skip
-    # At xi = 50 few trials are errors: the regret is a mean over draws of many trials.
-    draws = [held_out.draw(15_000, rng=stream(SCORING_SEED, "regret", k)) for k in range(8)]
-    each = np.array([both.regret(draw, xi) for draw in draws])
-    known = {"xi": xi, "start_gap": start, "after": trials}
-    regret = mean_se("regret", each.mean(axis=0)) | mean_se("drawn", each.mean(axis=1))
-    found = pd.DataFrame([known | mean_se("gap", both.gap.learned) | regret])
-    return found.drop(columns="drawn")
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield a piece per task, rule and condition; threads are not used."""
+    """Yield a piece per task and rule; threads are not used."""
     most = FAST_TRIALS if fast else max(RULES_AFTER)
     for name, trials in TRIALS.items():
         trials = min(most, trials)
@@ -210,24 +154,13 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for rule, critic in RULES:
         name = f"{rule} {critic or ''}".strip()
         yield Piece("rules", name, most, 60, partial(rules, rule, critic, most))
-    for ratio in RATIOS:
-        yield Piece("asymmetry", f"{ratio:g}", most, 20, partial(asymmetry, ratio, most))
-    trials = min(most, 10_000)
-    for valid in VALID:
-        yield Piece("feedback", f"{valid:g}", trials, 40, partial(feedback, valid, trials))
-    for name in CHANGES:
-        yield Piece("changes", name, min(most, 8000), 10, partial(changed, name, fast))
-    for xi, start in product(XIS, STARTS):
-        make = partial(together, xi, start, most)
-        yield Piece("together", f"{xi:g} {start:g}", most, 60, make)
     if not fast:
         yield Piece("ratios", "2 mm", max(SHOWN_AFTER), 5, ratios_over_trials)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return what was found, and a summary of the changes."""
-    found = {kind: (kind, table) for kind, table in made.items()}
-    return found | {"recovered": ("changes", summaries(made["changes"]))}
+    """Return what was found, unchanged."""
+    return {kind: (kind, table) for kind, table in made.items()}
 
 
 SCORE = Score("weights", SCORING_SEED, (), pieces, tables, circuit="")

@@ -23,7 +23,6 @@ from benchmarks.scores.stops.runs import (
     model_of,
     response_times,
     share,
-    standard_error,
     stop_times,
 )
 from bgmodel import stream
@@ -67,23 +66,6 @@ def decisions(evidence: StopEvidence, gain: float, extra_channel: bool = False) 
 def commitments(decision: Decision, responses: int) -> Array:
     """Return when each trial's response is withheld for good, ms; infinite for never."""
     return np.where(decision.choice == responses, decision.time_ms, np.inf)
-
-
-def by_share(prior: float, trials: int, ssd_ms: float = 250.0) -> pd.DataFrame:
-    """Return what an observer does that expects a share of stop trials, one row."""
-    go, gain = evidence_of("observer", trials), model_of().gain
-    none, stop = np.full(trials, np.nan), np.full(trials, ssd_ms)
-    went, stopped = (
-        decisions(observed(go, ssd, prior, name, EXPECTED_MS), gain)
-        for name, ssd in (("go", none), ("stop", stop))
-    )
-    times, failed = response_times(went, 2), response_times(stopped, 2)
-    late = commitments(stopped, 2)
-    late = late[np.isfinite(late)] - ssd_ms
-    row = {"stop_share": prior, "ssd_ms": ssd_ms, "trials": trials, "go_ms": np.nanmean(times),
-           "go_se": standard_error(times), "omissions": np.isnan(times).mean(),
-           "withheld_ms": late.mean()}  # fmt: skip
-    return pd.DataFrame([row | share(~np.isnan(failed))])
 
 
 def paired(channels: int, engine: str, prior: float, trials: int) -> pd.DataFrame:
