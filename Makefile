@@ -67,8 +67,7 @@ benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.explorer
 
 score: $(VENV)/figures.installed $(VENV)/compare.installed
-	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)
-	$(BIN)/python -m benchmarks.pages
+	$(BIN)/python -m figures measure page --workers $(CORES) $(if $(FAST),--fast)
 
 # Wheel and sdist, tried in fresh environments on each Python that is there.
 dist: $(VENV)/release.installed

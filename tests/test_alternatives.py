@@ -7,12 +7,14 @@ import pandas as pd
 import pytest
 from scipy.stats import ks_2samp
 
-from benchmarks.scores import calibrated, hick, others
 from bgmodel import Msprt, stream
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.simulated_evidence import separated_evidence
+from figures.decisions import measure_calibrated as calibrated
+from figures.decisions import measure_hick as hick
+from figures.published import measure_others as others
 
 
 def gaussian(trials=3000, hypotheses=4):

@@ -18,7 +18,7 @@ NUMBER = rf"\b(\d+|{'|'.join(WORDS)})"
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
     ROOT / "paper" / "paper.md",
-    ROOT / "figures" / "captions.toml",
+    *sorted((ROOT / "figures").glob("*/room.toml")),
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs").glob("[gt]*/*.md")),
     *sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")),

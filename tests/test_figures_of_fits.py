@@ -10,11 +10,12 @@ from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.given import identity
-from bgmodel.support.files import read_table, write_table
+from bgmodel.support.files import read_table
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
-from figures import figF1
 from figures.common import FAST, FULL
+from figures.data import draw_F1 as figF1
+from figures.rooms import write
 
 SMALL = {"sensitivity": 15.0, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 OF = {
@@ -27,7 +28,7 @@ WHO = {figF1.MONKEYS: ["b", "n"], figF1.PEOPLE: ["ah", "eh"]}
 def stored(table, path):
     """Write a table as a score does, and return where."""
     circuits = {"2": identity(load_circuit(DEFAULT, 2))}
-    return write_table(table, path, seed=1, trials=10, circuits=circuits)
+    return write(table, path, seed=1, trials=10, circuits=circuits)
 
 
 @pytest.fixture(scope="module")

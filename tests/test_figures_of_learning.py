@@ -4,13 +4,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from benchmarks.pages import TABLES
-from benchmarks.scores import weights
-from benchmarks.scores.learned import tasks
-from benchmarks.scores.learned.tasks import mean_se
 from bgmodel.support.files import read_table
-from figures import figL1
 from figures.common import FAST
+from figures.learning import draw_L1 as figL1
+from figures.learning import measure_weights as weights
+from figures.learning import tasks
+from figures.learning.tasks import mean_se
+from figures.rooms import table_path
 
 
 def drawn(figure):
@@ -22,7 +22,7 @@ def drawn(figure):
 
 def stored(*names):
     """Return the paths of tables of the score."""
-    return [TABLES / f"weights_{name}.csv" for name in names]
+    return [table_path(f"weights_{name}") for name in names]
 
 
 def test_figure_l1_shows_every_task_and_every_number_of_trials(tmp_path):

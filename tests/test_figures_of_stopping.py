@@ -4,10 +4,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from benchmarks.pages import TABLES
 from bgmodel.support.files import read_table
-from figures import figG2
 from figures.common import FAST
+from figures.rooms import table_path
+from figures.stopping import draw_G2 as figG2
 
 
 def drawn(figure):
@@ -19,7 +19,7 @@ def drawn(figure):
 
 def stored(*names):
     """Return the paths of tables of the score."""
-    return [TABLES / f"stopping_{name}.csv" for name in names]
+    return [table_path(f"stopping_{name}") for name in names]
 
 
 def test_figure_g2_shows_the_race_and_the_circuit_at_one_place(tmp_path):

@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.scores import crosschecks, other_tools
-from benchmarks.scores.other_tools import Accumulators
 from bgmodel import stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.theory.first_passage import gaussian_pair
 from bgmodel.theory.sprt import siegmund, sprt
+from figures.tools import measure_crosschecks as crosschecks
+from figures.tools import other_tools
+from figures.tools.other_tools import Accumulators
 
 D = 0.05
 POINT = Accumulators(3, 0.3, 6.0, 0.1, 0.05)

@@ -18,7 +18,7 @@ LOCKS = Path(".snakemake/locks")
 
 def _names() -> list[str]:
     """Return the names of all figures."""
-    return sorted(path.stem for path in Path("figures").glob("fig*.py"))
+    return sorted(f"fig{path.stem[5:]}" for path in Path("figures").glob("*/draw_*.py"))
 
 
 def _check_unlocked() -> None:

@@ -46,8 +46,8 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
 ):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BGMODEL_RECORDINGS", "")
-    (tmp_path / "figures").mkdir()
-    for name in ("Snakefile", "fig2.py", "fig3.py", "fig4.py"):
+    (tmp_path / "figures" / "room").mkdir(parents=True)
+    for name in ("Snakefile", "room/draw_2.py", "room/draw_3.py", "room/draw_4.py"):
         (tmp_path / "figures" / name).touch()
     ran = []
     monkeypatch.setattr(figures, "run_snakemake", lambda given: ran.append(given) or 0)
@@ -93,7 +93,6 @@ SLOW = """
 import time
 from pathlib import Path
 from bgmodel.support.files import replacing
-from figures.common import run
 
 def draw(settings, *, output):
     for ending in (".pdf", ".png"):
@@ -103,9 +102,6 @@ def draw(settings, *, output):
                 Path("half").touch()
                 time.sleep(0.02)
             partial.write_text("a half and a half")
-
-if __name__ == "__main__":
-    run(draw=draw)
 """
 WHOLE = {"fig3.pdf": b"a half and a half", "fig3.png": b"a half and a half"}
 HANG_S = 600
@@ -120,7 +116,7 @@ class Checkout:
         self.made = folder / "figures" / "fast"
         left_out = shutil.ignore_patterns("out", "fast", "__pycache__")
         shutil.copytree(ROOT / "figures", folder / "figures", ignore=left_out)
-        (folder / "figures" / "fig3.py").write_text(SLOW)
+        (folder / "figures" / "touch" / "draw_3.py").write_text(SLOW)
         self.started = []
 
     def start(self, *more):
@@ -208,12 +204,14 @@ def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout):
 
 def test_a_figure_that_fails_says_so_in_the_last_line_and_leaves_no_lock(checkout):
     """Then a file of a figure is asked for, and drawn."""
-    (checkout.folder / "figures" / "fig3.py").write_text("raise SystemExit('no such luck')")
+    (checkout.folder / "figures" / "touch" / "draw_3.py").write_text(
+        "raise SystemExit('no such luck')"
+    )
     assert checkout.start().wait(HANG_S) == 1
     assert checkout.said().splitlines()[-1] == (
         "bgmodel: not all figures were drawn: Snakemake ended with status 1"
     )
-    (checkout.folder / "figures" / "fig3.py").write_text(SLOW)
+    (checkout.folder / "figures" / "touch" / "draw_3.py").write_text(SLOW)
     command = [*COMMAND, "figures", "figures/fast/fig3.png", "--fast"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     environment.pop("BGMODEL_RECORDINGS", None)

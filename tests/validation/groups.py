@@ -14,10 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.methods.decided import (
-    decided_by_test,
-    responses,
-)
 from bgmodel.fitting.exact.algorithms import Model
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD
 from bgmodel.fitting.hierarchy.scale import Scale
@@ -25,6 +21,10 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from figures.data.decided import (
+    decided_by_test,
+    responses,
+)
 
 STRENGTHS = (0.032, 0.064, 0.128, 0.256)
 RANGES = {
