@@ -327,8 +327,9 @@ def fit_group(
     Parameters named ``shared`` (by default those of which ``Parameter.shared`` holds) are the same
     for everyone. People are Gaussian on ``scale``, its unit by default set by the median of
     separate estimates; see ``group.Group`` for the priors. Chains run until they agree or have
-    ``most_draws``, whatever the number of workers; an interrupted run continues from ``path`` (.npz). At least 3 people with
-    20 responses each are required. Warns of misfit, and of chains that do not agree.
+    ``most_draws``, whatever the number of workers; an interrupted run continues from ``path``
+    (.npz). At least 3 people with 20 responses each are required. Warns of misfit, and of chains
+    that do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())
