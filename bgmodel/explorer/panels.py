@@ -15,6 +15,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.experiment import Outcome
 from bgmodel.experiments.kept import Kept
+from bgmodel.experiments.outcomes import shift_of
 from bgmodel.experiments.record import CONDITIONS
 from bgmodel.explorer import drawing
 from bgmodel.explorer.html import (
@@ -101,6 +102,7 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
         memory.outcome = key, outcome
         if state.alike:
             notes = [note for note in notes if "no decision differs" not in note]
+        notes += filter(None, [shift_of(state.experiment)])
         yield panel(MEASURES, _said(outcome, state), notes, html=measures_of(outcome, state))
         svg = drawing.times(outcome.trials, edited=not state.alike)
         yield panel(TIMES, _medians(outcome, state), [], svg)
