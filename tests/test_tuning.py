@@ -1,60 +1,90 @@
-"""What tuning edits: filters and codes that are what they say."""
-
-from dataclasses import replace
+"""Tuning by the exam's numbers: rates in closed form, numbers held out, seeds kept apart."""
 
 import numpy as np
 import pytest
 
-from benchmarks.tuning.cortex import coded
-from benchmarks.tuning.filters import Run
-from benchmarks.tuning.neighbours import tuning_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel import tuning
+from bgmodel.exam.exam import Exam
+from bgmodel.tuning import tune
 from circuits.anatomy import load_circuit
+from circuits.dynamics.fixed_point import resting_hz
+from circuits.laws.family import failures
+from tests.helpers import refused
 
-SEED, GAIN = 7, 0.7
+RATES = ("rest.msn", "rest.stn", "rest.gpe", "rest.snr")
+FREE = {"SNr.baseline_hz": (0.0, 60.0), "STN.gain_hz_per_nat": (8.0, 30.0)}
+GIVEN = {"numbers": ["rest.snr"], "free": FREE, "held_out": ["rest.gpe"], "evaluations": 1}
 
 
-def test_out_for_other_filters_is_that_of_a_run_with_them():
-    """D1 and STN fire identically in both runs; only the timing of SNr's spikes differs."""
-    evidence = tuning_evidence(20, 2, 4.0, SEED)
-    table = load_circuit("spiking_msprt")
-    slow = table.with_projection("D1", "SNr", tau_ms=20, delay_ms=15).with_projection(
-        "STN", "SNr", tau_ms=60
+@pytest.fixture
+def at_the_fixed_point(monkeypatch):
+    """Score resting rates at the fixed point on every seed: no circuit is simulated."""
+    scores = tuning._scores
+
+    def closed(*arguments, **_):
+        return scores(*arguments, closed=True)
+
+    monkeypatch.setattr(tuning, "_scores", closed)
+
+
+def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
+    """SNr rests at ``baseline + gain ln 2``, and STN at ``gain Sigma0 / 2``."""
+    found = tune(
+        "macaque", ["rest.snr", "rest.stn"], FREE, held_out=["rest.stn.task"], evaluations=60
     )
-    slow = replace(slow, readout_tau_ms=60.0)
-    run = Run(table, evidence, GAIN, SEED)
-
-    def distance(filters, simulated):
-        out = BasalGanglia(simulated, "ensemble", GAIN, SEED).run(evidence).out_nats
-        # SNr is silent below: there its rate tells nothing of its input.
-        seen = (out > 0.1) & (np.arange(out.shape[1]) > 100)[:, None]
-        return np.sqrt(np.mean((run.out(filters).out_nats - out)[seen] ** 2))
-
-    assert distance(table, table) < 0.005
-    assert distance(slow, slow) < 0.03
-    assert distance(table, slow) > 0.1
+    assert found.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
+    assert found.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
+    for channels in (2, 4):
+        assert failures(found.model.circuit(channels)) == []
+    summary = found.summary().set_index(["part", "use"])
+    assert summary.loc[("tuned", "scoring"), "before"] == 1  # that of STN
+    assert summary.loc[("tuned", "scoring"), "after"] == 2
+    assert summary.loc[("tuned", "tuning"), "after"] == 2
+    assert set(found.table["seed"]) == {tuning.TUNING_SEED, *tuning.SCORING_SEEDS}
+    assert found.evaluations <= 61
 
 
-@pytest.mark.parametrize("channels", [2, 4, 8])
-def test_another_cortical_code_does_the_same_until_losers_fall_silent(channels):
-    table = load_circuit("spiking_msprt", channels)
-    top, hz = table.reference_nats, table.population("ctx").gain_hz_per_nat
-    near, far = (np.array([[[odds] + [0.0] * (channels - 1)]]) for odds in (1.5, 4.5))
+def test_weights_follow_where_a_direction_changes_the_loop(at_the_fixed_point):
+    free = {"Sigma0": (1.5, 2.5), "GPe->STN.weight": (-0.6, -0.2)}
+    found = tune("macaque", ["rest.stn"], free, held_out=["rest.gpe"], evaluations=30)
+    circuit = found.model.circuit(2)
+    assert failures(circuit) == []
+    assert resting_hz(circuit)["STN"] == pytest.approx(20 * found.values["Sigma0"] / 2)
+    assert resting_hz(circuit)["STN"] == pytest.approx(19, abs=0.5)
 
-    def out(c, drive):
-        return (
-            BasalGanglia(c, "algebra")
-            .run_drive(drive - drive.mean(), step_ms=1.0)
-            .output_nats[0, -1, 0]
-        )
 
-    np.testing.assert_allclose(out(coded(table, top, hz), near), out(table, near), atol=1e-12)
-    for other in (top - 0.3, top + 1):
-        edited = coded(table, other, 2 * hz)
-        assert edited.population("ctx").gain_hz_per_nat == 2 * hz
-        np.testing.assert_allclose(out(edited, near), out(table, near), atol=1e-9)
-    # Silent losers seem no further behind than the code is high.
-    exact = np.log1p((channels - 1) * np.exp(-4.5))
-    assert out(coded(table, top + 3, hz), far) == pytest.approx(exact, abs=0.03)
-    assert out(coded(table, 1.5, hz), far) > np.log1p((channels - 1) * np.exp(-1.5))
-    assert table.readable_nats[0] < out(table, far) < table.readable_nats[0] + 0.03
+def test_fields_of_a_circuit_outside_the_family_are_set_as_they_are(at_the_fixed_point):
+    circuit = load_circuit("macaque").scale("GPe", "STN", 1.1)
+    free = {"SNr.baseline_hz": (0.0, 60.0)}
+    found = tune(circuit, ["rest.snr"], free, held_out=["rest.gpe"], evaluations=40)
+    assert resting_hz(found.model.circuit(2))["SNr"] == pytest.approx(69.3, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong"),
+    [
+        ("numbers", {"numbers": []}),
+        ("numbers", {"numbers": ["rest.nothing"]}),
+        ("numbers", {"numbers": ["rest.snr", "rest.snr"]}),
+        ("held_out", {"held_out": []}),
+        ("held_out", {"held_out": ["rest.snr"]}),
+        ("free", {"free": {}}),
+        ("free", {"free": {"STN->SNr.weight": (0.5, 2)}}),
+        ("free", {"free": {"SNr.baseline_hz": (60, 0)}}),
+        ("scoring_seeds", {"seed": 1, "scoring_seeds": (1, 2)}),
+        ("scoring_seeds", {"scoring_seeds": ()}),
+        ("evaluations", {"evaluations": 0}),
+    ],
+)
+def test_a_tuning_that_could_not_be_judged_is_refused(field, wrong):
+    with refused(field):
+        tune("macaque", **(GIVEN | wrong))
+
+
+def test_numbers_that_are_not_answered_weigh_the_same_wherever_the_circuit_is():
+    exam = Exam.shipped()
+    rows = tuning._scores(
+        tuning.model_of("macaque"), tuning._only(exam, ["rest.fsi"]), 1, 1.0, 1, closed=True
+    )
+    assert [row["outcome"] for row in rows] == ["not answered"]
+    assert tuning._loss(rows) == tuning.UNMET

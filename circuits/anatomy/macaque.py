@@ -73,7 +73,7 @@ def macaque(channels: int = 2) -> Circuit:
     Some resting rates lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
     STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN at 3 and 5 Hz, because silent ones cannot
     follow a fall; STN at 44 / N and SNr at 20 + 36 ln N Hz, which depend on the number of
-    alternatives as -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on separate seeds.
+    alternatives as -ln P does. Tuned on separate seeds.
     """
     check_channels(channels)
     log_n = log(channels)

@@ -38,14 +38,14 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     common mode (gain 10, acting within 200 ms) subtracts from every cortical channel whatever
     raises Sigma above ``s0``, which does not change OUT. D1 fires only above ``top - 0.65``, so
     that MSN are quiet at rest and OUT can be read up to 0.65. A tenth of the evidence reaches STN
-    through D2 and GPe, the rest directly: the exponent still sums to y. Tuned with
-    ``benchmarks/tuning/neighbours.py`` on separate seeds.
+    through D2 and GPe, the rest directly: the exponent still sums to y. Tuned on
+    separate seeds.
 
     The default gain: near a decision OUT follows the evidence with a slope ``kappa (1 - P)``, P the
     softmax of ``kappa L``. A higher gain drowns out cortical noise, but beyond some gain the noise
     of the other populations drowns out OUT. With two alternatives the slope at accuracies of 0.90
     to 0.97 stays high for longer than with four; with eight, OUT at 0.90 lies above the readable
-    range unless the gain is higher. Tuned with ``benchmarks/tuning/filters.py`` on separate seeds.
+    range unless the gain is higher. Tuned on separate seeds.
     """
     check_channels(channels)
     s0 = 2.2

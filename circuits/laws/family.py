@@ -38,6 +38,7 @@ the same posterior, and OUT is lower by ``-ln(1 - f)`` nats.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -111,6 +112,7 @@ def _beyond(effects: Array) -> Array:
     return np.asarray(mean - _across(effects), dtype=np.float64)
 
 
+@lru_cache(maxsize=64)
 def reduced(circuit: CircuitTable) -> Reduced:
     """Solve the straight lines of a circuit out of its equations; InputError says why it can't."""
     circuit.check_nats("OUT = -ln P")

@@ -139,11 +139,12 @@ def moved(circuit: Table, to: Mapping[str, float]) -> Table:
     found = circuit
     for name in to.keys() - {SIGMA0}:
         found = found.set(name, float(to[name]))
-    for name, pair in dependent(circuit).items():
-        found = _meeting(found, name, *pair)
-    found = _resting(found, circuit, to.get(SIGMA0, known[SIGMA0]))
-    if fails := failures(found):
-        raise InputError(f"{circuit.name} can't move there: {fails[0]}", "to")
+    if any(name == SIGMA0 or name.endswith(".weight") for name in to):
+        for name, pair in dependent(circuit).items():
+            found = _meeting(found, name, *pair)
+        found = _resting(found, circuit, to.get(SIGMA0, known[SIGMA0]))
+        if fails := failures(found):
+            raise InputError(f"{circuit.name} can't move there: {fails[0]}", "to")
     gauge = all(name.rpartition(".")[2] in OF_GAUGE for name in to)
     lead = circuit.max_lead_nats if gauge else math.inf  # not measured there
     return replace(found, exact=circuit.exact, unedited=circuit.unedited, max_lead_nats=lead)
