@@ -66,10 +66,11 @@ class Tuning(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the values, and the numbers that agree before and after."""
-        return {name: f"{value:.4g}" for name, value in self.values.items()} | {
-            f"{row['part']} ({row['use']})": f"{row[BEFORE]:g} -> {row[AFTER]:g} of {row['numbers']}"
-            for row in self.summary().to_dict("records")
-        }
+        found = {name: f"{value:.4g}" for name, value in self.values.items()}
+        for row in self.summary().to_dict("records"):
+            agree = f"{row[BEFORE]:.3g} -> {row[AFTER]:.3g} of {row['numbers']} agree"
+            found[f"{row['part']} ({row['use']})"] = agree
+        return found
 
     def summary(self) -> pd.DataFrame:
         """Return how many numbers agree, on average over seeds, by part and by use of the seed.
