@@ -156,8 +156,8 @@ def test_the_circuit_says_whether_it_oscillates(level, oscillates):
 @pytest.mark.parametrize(("edit", "shifts"), [("lesion STN 10%", True), ("lesion GPe 5%", False)])
 def test_a_loss_of_stn_is_noted_as_the_criterion_that_it_acts_as(edit, shifts):
     state = small("macaque", "algebra", edit)
-    (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == MEASURES)
-    assert any("criterion lower by 0.105 nats" in note for note in panel.notes) == shifts
+    panel = next(p for p in panels(state, Memory(), workers=1) if p.name == MEASURES)
+    assert any("criterion lower by 0.105 nats" in note for note in panel.warnings) == shifts
 
 
 def test_bins_of_the_control_stay_while_the_manipulation_is_edited():
