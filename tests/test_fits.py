@@ -154,12 +154,22 @@ def test_rewarded_choices_are_fitted_by_learners():
 def test_stop_signal_trials_are_fitted_by_their_stop_process():
     """Also by conditions; where a signal of the evidence can hold no place, it is refused."""
     table = stop_table(people=1).assign(drug=lambda t: np.resize(["on", "off"], len(t)))
+    table["stimulus"] = np.resize(["left", "left", "right"], len(table))
+    table["response"] = table["stimulus"].where(table["rt"].notna())
     fit = bg.fit(table, "constant_gap", vary={"ssrt_ms": "drug"}, fix={"failures": 0.02})
     assert fit.summary().index.tolist() == ["ssrt_ms[drug=off]", "ssrt_ms[drug=on]", "ssrt_sd_ms"]
     likely = stop_likelihood("constant_gap", bg.read_trials(table), fixed={"failures": 0.02})
     alike = bg.fit(table, "constant_gap", fix={"failures": 0.02})
     assert alike.log_likelihood == pytest.approx(likely(alike.optimum.vector))
     assert fit.log_likelihood >= alike.log_likelihood - 0.1
+    cells = alike.cells()  # every response is correct in the data, and so in the model
+    assert cells["model_wrong_s"].isna().all()
+    assert cells["model_correct_s"].between(0.3, 0.6).all()
+    figure = alike.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "Stop-signal delay (ms)", "Response time (ms)"
+    ]  # fmt: skip
+    plt.close(figure)
     for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)
