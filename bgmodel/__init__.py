@@ -20,6 +20,7 @@
     bg.discriminate("msprt", "max vs average").summary()    # the task that tells two models apart
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
     bg.fit("trials.csv", "constant_gap", strength="coherence", hierarchical=True).plot()
+    bg.simulate("constant_gap", {"bound": 1.2}, "trials.csv", strength="coherence", seed=1)
     bg.explore(edited)                                # in a notebook: turn a number and watch
 
 A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
-    from bgmodel.fits import fit
+    from bgmodel.fits import fit, simulate
     from bgmodel.fitting.model_comparison import compare_fits
     from bgmodel.from_taps import touch
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -96,6 +97,7 @@ LAZY = {
     "load_decoder": "bgmodel.tactile.decoder",
     "read_trials": "bgmodel.trials.reading",
     "Columns": "bgmodel.trials.reading",
+    "simulate": "bgmodel.fits",
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",
     "train_decoder": "bgmodel.tactile.decoder",
@@ -139,6 +141,7 @@ __all__ = [
     "load_taps",
     "read_evidence",
     "read_trials",
+    "simulate",
     "simulate_taps",
     "stream",
     "take_exam",

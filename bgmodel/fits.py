@@ -10,6 +10,8 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+import numpy as np
+
 from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
@@ -23,11 +25,12 @@ from bgmodel.fitting.settings import (
     shared_ranges,
 )
 from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
 from bgmodel.trials.readings import Source
-from bgmodel.trials.record import Trials
+from bgmodel.trials.record import Trials, joined
 from circuits.circuit import Circuit
-from circuits.errors import InputError
+from circuits.errors import DataWarning, InputError, require, within
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,12 +56,15 @@ class Kind:
         Models that the command compares by default; the last one is that of ``fit``.
     unused : tuple of str
         Settings without effect.
+    estimates : function, optional
+        Takes everyone's trials; returns estimates without a model, one row per person.
     """
 
     model: Callable[[Question, Any, Path | None], AnyModel]
     likelihoods: Callable[[FitSettings, Question, Any], dict[str, Likelihood]]
     defaults: tuple[str, ...]
     unused: tuple[str, ...]
+    estimates: Callable[[dict[str, Trials]], pd.DataFrame] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,11 @@ class Question:
         if not self.between:
             return ALIKE
         return self.asked.predictors(self.between, self.trials, likelihoods)
+
+    def estimates(self) -> pd.DataFrame | None:
+        """Return everyone's estimates without a model, if these trials have any."""
+        own = KINDS[self.trials.kind].estimates
+        return None if own is None else own(self.people)
 
     def add_constant(self, name: str) -> None:
         """Add a model without each effect of conditions on its parameters."""
@@ -185,11 +196,6 @@ def question(
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of choices and times."""
-    if one.trials.ssd_s is not None:
-        raise InputError(
-            "these are stop-signal trials, and the model is one of choices: fit the stop process "
-            "(bgmodel fit --task stop), or leave stop trials out", "ssd",
-        )  # fmt: skip
     one.asked.model(name, alternatives=one.trials.alternatives)  # before trials are laid out
     return one.asked.model(
         name, seconds=seconds_of(one.designs.values()), folder=folder,
@@ -231,7 +237,9 @@ def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
 
     every = {who: known_trials(some) for who, some in one.people.items()}
     return {
-        who: asked.likelihood(known.design, replace(model, trials=known))
+        who: asked.likelihood(
+            replace(known.design, choices=one.people[who]), replace(model, trials=known)
+        )
         for who, known in every.items()
     }
 
@@ -253,6 +261,40 @@ def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Lik
     return dict(shared_ranges(made)) if asked.hierarchical else dict(made)
 
 
+def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of stop-signal trials, conditional on the go times."""
+    from bgmodel.fitting.stops.model import stop_model
+    from bgmodel.fitting.stops.race import StopRace
+
+    return StopRace(stop_model(name, one.asked.noise_nats))
+
+
+def _of_stops(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
+    """Return the likelihood of each person who has enough stop trials; warn of the others."""
+    from bgmodel.fitting.stops.race import likelihood
+
+    found: dict[str, Likelihood] = {}
+    for who, some in one.people.items():
+        try:
+            found[who] = likelihood(model, some, **asked.freedom(model))
+        except InputError as error:
+            if error.field != "ssd" or len(one.people) == 1:
+                raise
+            DataWarning.warn(f"{within(f'participant {who}', error, 'data')}; left out")
+    if not found:
+        raise InputError("no participant has stop trials and enough go responses", "data")
+    return found
+
+
+def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
+    """Return everyone's stop-signal reaction time by integration, without a model of it."""
+    from bgmodel.stopping.people import estimates_of
+    from bgmodel.stopping.trials import StopTrials
+
+    found = estimates_of({who: StopTrials.of(some) for who, some in people.items()})
+    return found.rename(columns={"participant_id": "participant"})
+
+
 ON_CHOICES = ("strength", "pooled", "rt_window", "mechanism", "noise_nats", "trials")
 """Settings that have an effect on choices alone."""
 CHOICES = Kind(_model_of_choices, _of_choices, ("constant_gap", "macaque"), ("runs",))
@@ -265,10 +307,14 @@ REWARDED = Kind(
     _learner, _of_learners, ("no learning", "q", "q, two rates"),
     (*ON_CHOICES, "engine", "seed", "runs"),
 )  # fmt: skip
+STOPS = Kind(
+    _stop_process, _of_stops, ("constant_gap", "macaque"),
+    ("strength", "pooled", "rt_window", "mechanism", "trials", "engine", "seed", "runs"), _ssrt,
+)  # fmt: skip
 KINDS = {
     "choices": CHOICES,
     "known evidence": KNOWN,
-    "stop-signal trials": CHOICES,
+    "stop-signal trials": STOPS,
     "rewarded choices": REWARDED,
 }
 """How each kind of trials (``trials.record.KINDS``) is fitted."""
@@ -331,8 +377,9 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     model : str, path, Circuit or TrialModel, optional
         Of choices: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives),
         msprt, race, lca (two or more), or a circuit with a channel for each alternative: its name,
-        .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of rewarded
-        choices: a learner (``learning.values.models.MODELS``). Of any: your own model of trials
+        .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of stop-signal
+        trials: constant_gap or a circuit. Of rewarded choices: a learner
+        (``learning.values.models.MODELS``). Of any: your own model of trials
         (``fitting.likelihood.TrialModel``). By default macaque, for rewarded choices "q, two
         rates".
     strength : str, optional
@@ -420,6 +467,60 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         )  # fmt: skip
     (likelihood,) = one.likelihoods(name).values()
     return fit_likelihood(likelihood, draws=draws)
+
+
+def simulate(
+    model: ModelName,
+    values: Mapping[str, float],
+    trials: str | Path | pd.DataFrame | Trials,
+    *,
+    seed: int,
+    **options: Any,
+) -> Trials:
+    """Return trials with the responses of a model, to see what a fit of them would find.
+
+    Parameters
+    ----------
+    model, trials : as ``model`` and ``data`` of ``fit``
+        The model, and the trials whose strengths, conditions, readings or rewards it meets. What
+        their participants did is replaced.
+    values : mapping from names to numbers
+        Its parameters, by their names in ``Fit.summary()``; the others have their default values.
+    seed : int
+        Each participant has a separate random stream.
+    **options
+        Options of ``fit``: strength, columns, vary, formula, evidence, ...
+
+    Returns
+    -------
+    Trials
+        One participant after the other; for ``fit``, ``.to_hssm()`` and ``.to_pyddm()``.
+
+    Raises
+    ------
+    ValueError
+        As for ``fit``, and for a name that is none of the model's parameters.
+    """
+    need_fit()
+    whole("seed", seed, 0)
+    if not isinstance(values, Mapping):
+        raise InputError.of("values", "must be a mapping from names to numbers", values)
+    one = question(settings_of(**options), trials, [model])
+    (name,) = one.versions
+    free = next(iter(one.likelihoods(name).values())).freedom.names
+    fixed = {key: value for key, value in values.items() if key not in free}
+    if fixed:  # parameters that a fit holds by default
+        one = question(settings_of(**{**options, "fix": fixed}), trials, [model])
+    parts = []
+    for who, likelihood in one.likelihoods(name).items():
+        freed = likelihood.freedom
+        pairs = zip(freed.names, freed.start, strict=True)
+        vector = np.array([float(values.get(key, usual)) for key, usual in pairs])
+        must = "must lie within the ranges of the parameters"
+        require(freed.inside(vector), "values", must, dict(values))
+        complete = likelihood.complete(vector)
+        parts.append(complete.simulated(vector, stream(seed, "simulate", who)))
+    return joined(parts)
 
 
 def _check_unused(given: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:

@@ -194,6 +194,7 @@ def test_every_function_of_the_front_door_is_in_the_table():
         "Sweep",
         # Tried by tests of their modules.
         "learn",
+        "simulate",
         "simulate_taps",
         "touch",
         "train_decoder",

@@ -13,10 +13,12 @@ from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.stops.race import likelihood as stop_likelihood
 from bgmodel.learning.values.models import likelihood
-from circuits.errors import FitWarning, InputError
+from circuits.errors import DataWarning, FitWarning, InputError
 from tests.helpers import refused
 from tests.known_trials import simulated
+from tests.stop_trials import table_of as stop_table
 from tests.trials.test_readings import tables
 
 DATA, EVIDENCE = tables(simulated(60, 51))
@@ -149,6 +151,41 @@ def test_rewarded_choices_are_fitted_by_learners():
         assert error.value.field == next(iter(options))
 
 
+def test_stop_signal_trials_are_fitted_by_their_stop_process():
+    """Also by conditions; where a signal of the evidence can hold no place, it is refused."""
+    table = stop_table(people=1).assign(drug=lambda t: np.resize(["on", "off"], len(t)))
+    table["stimulus"] = np.resize(["left", "left", "right"], len(table))
+    table["response"] = table["stimulus"].where(table["rt"].notna())
+    fit = bg.fit(table, "constant_gap", vary={"ssrt_ms": "drug"}, fix={"failures": 0.02})
+    assert fit.summary().index.tolist() == ["ssrt_ms[drug=off]", "ssrt_ms[drug=on]", "ssrt_sd_ms"]
+    likely = stop_likelihood("constant_gap", bg.read_trials(table), fixed={"failures": 0.02})
+    alike = bg.fit(table, "constant_gap", fix={"failures": 0.02})
+    assert alike.log_likelihood == pytest.approx(likely(alike.optimum.vector))
+    assert fit.log_likelihood >= alike.log_likelihood - 0.1
+    cells = alike.cells()  # every response is correct in the data, and so in the model
+    assert cells["model_wrong_s"].isna().all()
+    assert cells["model_correct_s"].between(0.3, 0.6).all()
+    figure = alike.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "Stop-signal delay (ms)", "Response time (ms)"
+    ]  # fmt: skip
+    plt.close(figure)
+    for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
+        with refused(next(iter(options))):
+            bg.fit(table, "constant_gap", **options)
+    with refused("ssd"):
+        bg.fit(table[table["ssd"].isna()], "constant_gap")
+
+
+def test_people_with_too_few_stop_trials_are_left_out_of_a_group():
+    table = stop_table(people=4)
+    few = table["participant_id"].eq("p3") & table["ssd"].notna()
+    one = question(settings_of(hierarchical=True), table[~few], ["constant_gap"])
+    with pytest.warns(DataWarning, match="p3"):
+        assert list(one.likelihoods("constant_gap")) == ["p0", "p1", "p2"]
+    assert one.estimates()["participant"].tolist() == ["p0", "p1", "p2", "p3"]
+
+
 @pytest.mark.parametrize(
     ("data", "options", "field"),
     [
@@ -162,3 +199,65 @@ def test_a_fit_without_a_model_asks_of_its_default_alone(data, options, field):
     """Parameters of the models that the command compares by default are none of it."""
     with refused(field):
         bg.fit(data, **options)
+
+
+GAP = {"sensitivity": 12.0, "bound": 0.8, "t0_s": 0.3, "lapse": 0.01, "start": 0.0}
+MONKEY = {"strength": "coherence", "participant": "b"}
+
+
+def test_simulated_choices_have_the_accuracy_and_the_mean_time_of_the_closed_form():
+    """1 / (1 + exp(-2 v a)) and (a / v) tanh(v a), for drift v and half the separation a."""
+    values = {**GAP, "t0_sd_s": 0.05, "lapse": 0.001}
+    made = bg.simulate("constant_gap", values, "roitman_shadlen_2002", seed=1, **MONKEY)
+    again = bg.simulate("constant_gap", values, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert made.checksum == again.checksum
+    drift = 12.0 * np.abs(made.strength)
+    accuracy = 1 / (1 + np.exp(-2 * 0.8 * drift))
+    mean_s = 0.3 + np.where(drift > 0, 0.8 / np.maximum(drift, 1e-9) * np.tanh(0.8 * drift), 0.64)
+    for strength in np.unique(drift):
+        some = drift == strength
+        error = np.sqrt(accuracy[some] * (1 - accuracy[some]) / some.sum())[0]
+        chosen = np.nanmean(made.correct[some]) if strength else made.response[some].mean()
+        assert abs(chosen - accuracy[some][0]) < 4 * error + 0.001
+        spread = made.rt_s[some].std() / np.sqrt(some.sum())
+        assert abs(made.rt_s[some].mean() - mean_s[some][0]) < 4 * spread + 0.005
+
+
+def test_what_is_simulated_is_found_again_by_its_fit():
+    made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
+    table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
+    for name in ("sensitivity", "bound", "t0_s"):
+        row = table.loc[name]
+        assert abs(row["value"] - GAP[name]) < 4 * row["standard_error"]
+
+
+def test_every_kind_of_trials_is_simulated_for_every_person():
+    parts = [tables(simulated(40, 50 + k)) for k in range(2)]
+    data, evidence = (
+        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
+        for k in (0, 1)
+    )
+    cautious = {"threshold": 0.02, "noise": 0.02}
+    known = {"evidence": evidence, "forced": True}
+    slow, fast = (
+        bg.simulate("msprt", {**cautious, **more}, data, seed=3, **known)
+        for more in ({}, {"threshold": 0.3})
+    )
+    assert slow.people() == fast.people() == ["p0", "p1"]
+    assert np.nanmean(slow.rt_s) > np.nanmean(fast.rt_s)
+    assert bg.fit(fast.where(fast.participant == "p0"), "msprt", free=["threshold"])
+    learned = bg.simulate("q", {"rate": 0.3}, "pedersen_frank_2020", participant="3", seed=4)
+    assert learned.kind == "rewarded choices"
+    slow, fast = (
+        bg.simulate("constant_gap", {"ssrt_ms": ssrt_ms, "failures": 0.01}, stop_table(2), seed=5)
+        for ssrt_ms in (400.0, 100.0)
+    )
+    assert slow.kind == "stop-signal trials"
+    failed = [np.isfinite(each.rt_s[~np.isnan(each.ssd_s)]).mean() for each in (slow, fast)]
+    assert failed[0] > failed[1] + 0.3
+    with pytest.raises(InputError) as error:
+        bg.simulate("constant_gap", {"speed": 1.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert error.value.field == "fix"
+    with pytest.raises(InputError) as error:
+        bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
+    assert error.value.field == "values"

@@ -11,7 +11,6 @@ from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
 from bgmodel.commands.options import MANY, record_of, values
 from bgmodel.commands.output import UNRECORDED, Output, check_whole, recorded, say
-from bgmodel.commands.stop_fits import fit_stop_signals
 from bgmodel.fits import Question, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.support import files
@@ -23,6 +22,8 @@ OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
+ESTIMATES = "estimates.csv"
+"""Table of estimates without a model, such as SSRT by integration, for trials that have any."""
 PEOPLE = Literal["each", "pooled", "hierarchical"]
 
 
@@ -45,7 +46,6 @@ def fit(
     draws: bool = False,
     compare: bool = False,
     evidence: Annotated[tuple[str, ...], MANY] = (),
-    task: Literal["choices", "stop"] = "choices",
     workers: int = 2,
     json: bool = False,
     force: bool = False,
@@ -59,7 +59,8 @@ def fit(
     data): the same command resumes where it stopped.
 
     The columns of DATA say what kind of trials they are: with rewards they are fitted by learners,
-    and with --evidence by models that answer for each trial.
+    with stop-signal delays by stop processes, and with --evidence by models that answer for each
+    trial.
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
@@ -67,7 +68,8 @@ def fit(
     bgmodel fit mine.csv --strength contrast --columns rt=RT_ms rt_unit=ms;
     bgmodel fit cavanagh_2011 --people hierarchical --models constant_gap
     --vary sensitivity=conflict;
-    bgmodel fit stop_signal_cnp --task stop --columns restore_delays=true;
+    bgmodel fit stop_signal_cnp --people hierarchical --models constant_gap
+    --columns restore_delays=true;
     bgmodel fit trials.csv --evidence evidence.csv --models msprt leaky_sum run macaque
 
     Parameters
@@ -81,7 +83,8 @@ def fit(
         race, lca (two or more), or a circuit, by its name or as a .toml file. By default
         constant_gap and macaque, or msprt and macaque with more than two alternatives. Of rewarded
         choices: "no learning", q, "q, two rates", "logit q", confidence, "confidence, two rates",
-        opal. With --evidence: msprt, leaky_sum, run or a circuit.
+        opal. Of stop-signal trials: constant_gap or a circuit. With --evidence: msprt, leaky_sum,
+        run or a circuit.
     strength
         Column of the signed strength of the evidence: positive favours response 1.
     participant
@@ -127,9 +130,6 @@ def fit(
         row per cue with trial, time and side or value (nats). Then name=value: step_ms (time
         between readings, if the table has steps), forced=true (the last reading forces a response),
         runs (simulated runs of each trial by a circuit; by default 8 to 32).
-    task
-        What DATA holds: choices, or stop-signal trials, of which all participants are fitted
-        together.
     workers
         Number of processes of a hierarchical fit; the results do not depend on it.
     json
@@ -147,7 +147,7 @@ def fit(
         data=data, folder=folder, models=models, strength=strength, participant=participant,
         pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
         formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
-        evidence=file, task=task, workers=workers, output=output,
+        evidence=file, workers=workers, output=output,
         **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
         **values(words, FitRun, OF_EVIDENCE),
     )()  # fmt: skip
@@ -183,7 +183,6 @@ class FitRun(FitSettings):
     draws: bool = False
     compare: bool = False
     workers: int = 2
-    task: str = "choices"
     output: Output = Output()  # noqa: RUF009
 
     def __call__(self) -> None:
@@ -193,9 +192,6 @@ class FitRun(FitSettings):
         self.check()
         if self.models == ():
             raise InputError("models must name at least one", "models")
-        if self.task == "stop":
-            fit_stop_signals(self)
-            return
         try:
             self._fit()
         except KeyboardInterrupt:
@@ -215,6 +211,11 @@ class FitRun(FitSettings):
         for lacking in one.lacking:
             say(lacking)
         circuits = _circuits(one)
+        estimates = one.estimates()
+        if estimates is not None:
+            path = folder / ESTIMATES
+            files.check_new(path, force=files.is_result(path))
+            files.write_table(estimates, path, seed=self.seed, **self._asked())
         if self.hierarchical:
             options = {**self._asked(), "circuits": circuits}
             fit_hierarchically(self, folder, options, one)
@@ -227,10 +228,11 @@ class FitRun(FitSettings):
         # Build all before any is fitted, so that errors are raised at once.
         by_model = {name: one.likelihoods(name) for name in one.versions}
         likelihoods = {
-            who: {name: each[who] for name, each in by_model.items()} for who in one.people
+            who: {name: each[who] for name, each in by_model.items()}
+            for who in next(iter(by_model.values()))
         }
         self.output.note(one.trials.summary())
-        fitted = [kept.person(who, some, likelihoods[who]) for who, some in one.people.items()]
+        fitted = [kept.person(who, one.people[who], each) for who, each in likelihoods.items()]
         found = [each for person in fitted for each in person]
         parameters = kept.gather(found)
         if self.compare:
@@ -240,7 +242,7 @@ class FitRun(FitSettings):
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
-        own = ("data", "folder", "models", "participant", "draws", "task",
+        own = ("data", "folder", "models", "participant", "draws",
                "hierarchical", "compare", "evidence", *UNRECORDED)  # fmt: skip
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}

@@ -180,11 +180,10 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
         row |= _seen(rt_s, response) | observed_quantiles(rt_s, response)
         row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
         row |= predicted_quantiles(mass[cell], design.grid.width_s)
-        row |= {
-            f"model_{name}_s": float(mass[cell, side] @ design.grid.middles_s)
-            / float(mass[cell, side].sum())
-            for name, side in SIDES.items()
-        }
+        total = mass[cell].sum(axis=1)
+        total[total == 0] = np.nan  # of a response that the model never gives
+        means_s = mass[cell] @ design.grid.middles_s / total
+        row |= {f"model_{name}_s": means_s[side] for name, side in SIDES.items()}
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -155,6 +155,15 @@ class Likelihood:
         """Return times, s, and responses of new trials in place of the observed ones."""
         return self.design.observed.drawn(self.density(vector), rng)
 
+    def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
+        """Return all trials of the person with new responses and times."""
+        trials = self.design.choices
+        if trials is None:
+            raise InputError("trials are simulated for a design with its choices", "design")
+        rt_s, response = self.drawn(vector, rng)
+        new = replace(trials, rt_s=rt_s, response=response.astype(np.int8))
+        return replace(new, response=mirrored(new).astype(np.int8))
+
     def complete(self, vector: Array) -> Self:
         """Return it on a grid that holds nearly all responses that are predicted at a vector.
 
@@ -337,6 +346,10 @@ class TrialLikelihood(Likelihood):
         made = self.model.simulate(self.trials, self.values(vector), rng)
         response, rt_s = mirrored(made), made.rt_s
         return (rt_s, response) if self.kept is None else (rt_s[self.kept], response[self.kept])
+
+    def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
+        """Return all trials of the person with new responses and times."""
+        return self.model.simulate(self.trials, self.values(vector), rng)
 
     def density(self, vector: Array) -> Array:
         """Return the predicted density of responses, from ``REPLICAS`` copies of the trials."""

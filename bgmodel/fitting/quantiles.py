@@ -58,7 +58,8 @@ def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
 
 def _below(mass: Array) -> Array:
     """Return the probability of a time below each edge of bins, (bins + 1,)."""
-    return np.asarray(np.concatenate([[0.0], mass.cumsum() / mass.sum()]))
+    total = mass.sum() or np.nan  # of a response that the model never gives
+    return np.asarray(np.concatenate([[0.0], mass.cumsum() / total]))
 
 
 def conditions_of(cells: pd.DataFrame) -> list[str]:

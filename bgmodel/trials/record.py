@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -228,3 +229,22 @@ class Trials(Facts):
                 same = np.where(np.isnan(values), np.nan, values + 0.0)
                 digest.update(same.astype("<f8").tobytes())
         return digest.hexdigest()
+
+
+def joined(parts: Sequence[Trials]) -> Trials:
+    """Return trials of several people, one after the other, that have the same columns."""
+    first = parts[0]
+    columns = ("participant", "rt_s", "response", *first._more)
+    every = {name: [getattr(part, name) for part in parts] for name in columns}
+    made: dict[str, Any] = {
+        n: None if x[0] is None else np.concatenate(x) for n, x in every.items()
+    }
+    if first.readings is not None:
+        read = [part.readings for part in parts if part.readings is not None]
+        of = {name: np.concatenate([getattr(each, name) for each in read])
+              for name in ("log_likelihood", "time_s", "lengths", "choice")}  # fmt: skip
+        made["readings"] = replace(
+            first.readings, ids=[one for each in read for one in each.ids], **of
+        )
+    conditions = pd.concat([part.conditions for part in parts], ignore_index=True)
+    return replace(first, conditions=conditions, **made)

@@ -19,8 +19,8 @@ from bgmodel.fitting.identify import directions
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, KnownModel
-from bgmodel.fitting.known.observers import observed, readings_from, responding, waiting
-from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.fitting.known.observers import observed, readings_from
+from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.integrators.basal_ganglia import BasalGanglia

@@ -10,16 +10,18 @@ import pandas as pd
 import pytest
 
 from bgmodel.commands import fitted
+from bgmodel.commands.fits import ESTIMATES
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.fitting import optimum
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.support.files import read_provenance
+from bgmodel.support.files import read_provenance, read_table
 from tests.drawn import drawn
 from tests.helpers import run
 from tests.known_trials import simulated
+from tests.stop_trials import table_of as stop_table
 from tests.trials.test_readings import tables
 
 GAP = ["--models", "constant_gap"]
@@ -580,3 +582,25 @@ def test_learners_are_fitted_to_rewarded_choices(whole, capsys):
     assert learned == {"rate", "scale", "bound", "t0_s", "stickiness"}
     assert fails(capsys, *asked, "--fix", "speed=1").startswith("fix must name a parameter")
     assert fails(capsys, asked[0], "--models", "q", "--strength", "x").endswith("leave it out")
+
+
+def test_stop_signal_trials_are_fitted_by_their_stop_process(mine, capsys):
+    stop_table(people=2).to_csv(mine, index=False)
+    brief = ["mine.csv", "out", "--free", "ssrt_ms"]
+    assert run("fit", *brief, "--participant", "p0") == 0
+    assert run("fit", *brief, "--models", "constant_gap") == 0
+    assert "p0, constant_gap: already done" in capsys.readouterr().out
+    parameters = read_table("out/parameters.csv").set_index(["participant", "model"])
+    whom = [("p0", "constant_gap"), ("p0", "macaque"), ("p1", "constant_gap")]
+    assert sorted(set(parameters.index)) == whom
+    ssrt = parameters.loc[parameters["parameter"] == "ssrt_ms", "value"]
+    assert ssrt.between(120, 280).all()
+    estimates = read_table(f"out/{ESTIMATES}").set_index("participant")
+    assert estimates["ssrt_ms"].between(150, 250).all()
+    assert list(read_provenance("out/parameters.csv")["parameters"]["circuits"]) == ["macaque"]
+    for options in (["--strength", "stimulus"], ["--columns", "rt_window=0,inf"]):
+        assert fails(capsys, "mine.csv", *options).endswith("leave it out")
+    assert "constant_gap" in fails(capsys, "mine.csv", "--models", "falling_gap")
+    Path("out", ESTIMATES).write_text("mine")
+    Path("out", f"{ESTIMATES}.json").unlink()
+    assert "already exists" in fails(capsys, "mine.csv", "out")

@@ -7,7 +7,8 @@ import pytest
 import bgmodel as bg
 from bgmodel.stopping.people import estimates_of, read_people
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
+from tests.stop_trials import table_of
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +136,13 @@ def test_trials_of_a_circuit_are_read_back_as_those_of_a_person(tmp_path):
         np.testing.assert_allclose(found.rt_ms, trials.rt_ms)
         np.testing.assert_allclose(found.ssd_ms, trials.ssd_ms)
         np.testing.assert_array_equal(found.correct, trials.correct)
+
+
+def test_restoring_delays_hides_no_other_doubt_about_a_table():
+    """It silences what it restores; delays in another unit are for the user to see."""
+    restore = bg.Columns(restore_delays=True)
+    seconds = table_of().assign(ssd=lambda t: t["ssd"] / 1000)
+    with pytest.warns(DataWarning, match="in ms, not in seconds"):
+        read_people(seconds, columns=restore)
+    with unwarned():
+        read_people(table_of(), columns=restore)

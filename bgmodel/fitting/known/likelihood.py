@@ -12,12 +12,14 @@ import numpy as np
 from bgmodel.fitting.exact.responses import TINY
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
 from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read, runs_of_cues
-from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.trials.record import Trials
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -146,6 +148,30 @@ class KnownLikelihood(Likelihood):
         hazard = (both * running).sum(axis=1) / np.maximum(running.sum(axis=0), 1)
         left = np.cumprod(np.append(1.0, 1 - hazard.sum(axis=0)))[:-1]
         return np.asarray(left * hazard / grid.width_s)[None]
+
+    def observed(self, values: Values, rng: np.random.Generator) -> KnownTrials:
+        """Return these trials, which have no responses, with choices and times."""
+        blank = self.trials
+        decided = np.zeros(blank.log_likelihood.shape)
+        decided[blank.seen_places] = self.decisions(values)[0]
+        flat = np.cumsum(decided.reshape(len(decided), -1), axis=1)
+        at = (flat < rng.random(len(flat))[:, None]).sum(axis=1)
+        none = at >= flat.shape[1]
+        reading, choice = np.divmod(np.minimum(at, flat.shape[1] - 1), blank.alternatives)
+        when = np.where(none, np.nan, blank.time_s[np.arange(len(at)), reading])
+        return responding(blank, np.where(none, -1, choice), when, values, rng)
+
+    def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
+        """Return all trials of the person with new responses and times."""
+        trials = self.design.choices
+        if trials is None or trials.readings is None:
+            raise InputError("trials are simulated for a design with its choices", "design")
+        blank = waiting(trials.readings, trials.readings.forced)
+        likelihood = OnTrials(self.model, blank).likelihood(blank.design, self.freedom)
+        made = likelihood.observed(self.values(vector), rng)
+        readings = replace(trials.readings, choice=made.choice)
+        response = made.design.observed.response.astype(np.int8)
+        return replace(trials, rt_s=made.rt_s, response=response, readings=readings)
 
     def part(self, trials: Array | Integers) -> Self:
         """Return the likelihood of a subset of the trials; lapses last as long as in all."""

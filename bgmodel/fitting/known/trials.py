@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.reprs import Facts, span
 from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 
@@ -234,3 +236,33 @@ def intervals(trials: KnownTrials) -> tuple[Array, Array]:
     ends = np.where(np.isfinite(after), after, starts + gap_s(trials))
     most = max(int(trials.seen.max()), 1)
     return starts[:, :most], ends[:, :most]
+
+
+def waiting(readings: Readings, forced: bool = True) -> KnownTrials:
+    """Return trials without responses; whether the last reading forces one is ``forced``."""
+    count = len(readings.ids)
+    return KnownTrials(
+        readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
+        np.full(count, -1), np.full(count, np.nan), tuple(trial for _, trial in readings.ids),
+        forced, "simulated",
+    )  # fmt: skip
+
+
+def responding(
+    trials: KnownTrials,
+    choice: Integers,
+    decided_s: Array,
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+) -> KnownTrials:
+    """Return trials with responses: decisions with non-decision times, and lapses.
+
+    Without a decision ``choice`` is -1 and ``decided_s`` NaN.
+    """
+    delay = values["t0_s"] + values["t0_sd_s"] * rng.standard_normal(len(choice))
+    rt_s = decided_s + np.maximum(delay, 0.001)
+    lapsed = rng.random(len(choice)) < values["lapse"]
+    rt_s = np.where(lapsed, np.nanmax(rt_s) * rng.uniform(0.001, 1.0, len(choice)), rt_s)
+    guess = rng.integers(trials.alternatives, size=len(choice))
+    choice = np.where(lapsed, guess, choice).astype(np.int64)
+    return replace(trials, choice=choice, rt_s=rt_s)

@@ -39,12 +39,15 @@ class StopModel:
         twice the drift.
     time_ms, added : array (ticks,)
         c, as a proportion of the strength, and its times. By default c is a step.
+    circuit : Circuit, optional
+        The circuit that responds so.
     """
 
     name: str
     noise_nats: float | None = None
     time_ms: Array | None = None
     added: Array | None = None
+    circuit: Circuit | None = None
 
     def noise(self, sensitivity: float) -> float:
         """Return the noise of the log odds of a participant, nats per root second."""
@@ -79,7 +82,7 @@ def circuit_stop(circuit: str | Circuit = "macaque", noise_nats: float = NOISE_N
     """
     table = checked_circuit(circuit, 2)
     time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
-    return StopModel(table.name, noise_nats, time_ms, added)
+    return StopModel(table.name, noise_nats, time_ms, added, table)
 
 
 def stop_model(model: str | Circuit | StopModel, noise_nats: float = NOISE_NATS) -> StopModel:
