@@ -61,7 +61,6 @@ PARSED = {
 # their imports.
 LONG = {
     'for model in ("constant_gap", "falling_gap"):': "two fits to a monkey; tests of gaps fit less",
-    "halves(people, go=go)": "it fits 126 people twice; tests of predictions fit fewer",
     'fit("roitman_shadlen_2002", "macaque"': "it simulates 150 trials a drift; tests take fewer",
     "noise_ceiling=True": "three circuits are run; a test of the comparison does less",
 }
