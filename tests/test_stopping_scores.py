@@ -99,7 +99,8 @@ def test_people_who_race_answer_as_their_go_times_say(monkeypatch):
         stop[stop > ssd + 200] = NONE
         return StopTrials(np.append(go, stop), np.append(np.full(400, NONE), ssd))
 
-    monkeypatch.setattr(relative, "read_people", lambda **_: {f"p{k}": person() for k in range(40)})
+    people = {f"p{k}": person() for k in range(40)}
+    monkeypatch.setattr(relative, "read_people", lambda columns: people)
     table = relative.people()
     assert table["p_respond"].to_numpy() == pytest.approx(table["p_race"].to_numpy(), abs=0.06)
     late = table["failed_minus_go_ms"] - table["race_minus_go_ms"]
