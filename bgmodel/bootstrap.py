@@ -54,9 +54,11 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
 
 def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
     """Return the group of each trial as a number, 0, 1, ..."""
-    given = np.asarray(groups)
-    require(given.shape == (trials,), "groups", f"must be one per trial, ({trials},)", given.shape)
-    kinds, of = np.unique(given, return_inverse=True)
+    labels = np.asarray(groups)
+    require(
+        labels.shape == (trials,), "groups", f"must be one per trial, ({trials},)", labels.shape
+    )
+    kinds, of = np.unique(labels, return_inverse=True)
     require(len(kinds) >= 2, "groups", "must be two or more for an interval", len(kinds))
     return of
 

@@ -65,9 +65,9 @@ def main(arguments: list[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal may not have every character of a table or of a user's names.
         sys.stdout.reconfigure(errors="backslashreplace")
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        run(given)
+        run(words)
     except BrokenPipeError:  # the reader closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -85,8 +85,8 @@ def run(given: Sequence[str]) -> None:
     with _plain_warnings():
         parsed(given)()
     if {"-h", "--help"} & {*given} and given[0] in TEMPLATES:
-        whole = getattr(import_module(TEMPLATES[given[0]]), given[0].title()).template()
-        print(f"A whole file, which --template writes:\n\n{indent(whole, '    ')}")
+        template = getattr(import_module(TEMPLATES[given[0]]), given[0].title()).template()
+        print(f"A whole file, which --template writes:\n\n{indent(template, '    ')}")
 
 
 def parsed(given: Sequence[str]) -> partial[None]:
@@ -124,10 +124,10 @@ def _whole_numbers(app: App, given: Sequence[str]) -> list[str]:
     words = list(given)
     if not (named := _named(given)) or "--help" in words:
         return words
-    own = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
-    if own.default_command is None:
+    parser = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
+    if parser.default_command is None:
         return words
-    counts = {name for one in own.assemble_argument_collection()
+    counts = {name for one in parser.assemble_argument_collection()
               if int in (one.hint, *get_args(one.hint)) and get_origin(one.hint) is not tuple
               for name in one.names}  # fmt: skip
     for k, word in enumerate(words):
@@ -169,11 +169,11 @@ def application(given: Sequence[str] = ()) -> App:
         about = _about(place[""]) if "" in place else GROUPS[name]
         chosen = "" in place and (given[:1] == ["all"] or given[:1] == [name])
         group = App(name=name, help=None if chosen else about, sort_key=order)
-        for inner, own in place.items():
+        for inner, function in place.items():
             if inner:
-                _add(group, (name, inner), own, given, order)
+                _add(group, (name, inner), function, given, order)
             elif chosen:
-                group.default(_function(own))
+                group.default(_function(function))
         app.command(group)
     return app
 
@@ -189,8 +189,8 @@ def _add(app: App, words: tuple[str, ...], place: str, given: Sequence[str], ord
 
 def _function(place: str) -> Callable[..., None]:
     module, name = place.split(":")
-    found: Callable[..., None] = getattr(import_module(f"bgmodel.commands.{module}"), name)
-    return found
+    command: Callable[..., None] = getattr(import_module(f"bgmodel.commands.{module}"), name)
+    return command
 
 
 def _default(value: Any) -> str | None:
@@ -206,11 +206,11 @@ def _about(place: str) -> str:
     """Return the first line of a command's docstring, without importing its module."""
     module, name = place.split(":")
     source = files("bgmodel.commands").joinpath(f"{module}.py").read_text(encoding="utf-8")
-    (found,) = (
+    (command,) = (
         each for each in ast.parse(source).body
         if isinstance(each, ast.FunctionDef) and each.name == name
     )  # fmt: skip
-    return (ast.get_docstring(found) or "").partition("\n")[0]
+    return (ast.get_docstring(command) or "").partition("\n")[0]
 
 
 def _sentence(error: CycloptsError) -> str:

@@ -92,8 +92,8 @@ def figures(
         raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
     folder = Path("figures/fast" if fast else "figures/out")
     _check_targets(targets, folder)
-    found = find_recordings(recordings)
-    if found is None:
+    folder_of_recordings = find_recordings(recordings)
+    if folder_of_recordings is None:
         if "figR1" in targets:
             raise InputError(
                 "figR1 needs recordings: --recordings or BGMODEL_RECORDINGS", "recordings"
@@ -102,10 +102,10 @@ def figures(
             print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
     if not unlock:
         _check_unlocked()
-        _say(targets, folder, fast, found is not None)
+        _say(targets, folder, fast, folder_of_recordings is not None)
     remove_partial_files(folder)
     # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
-    os.environ["BGMODEL_RECORDINGS"] = str(found or "")
+    os.environ["BGMODEL_RECORDINGS"] = str(folder_of_recordings or "")
     status = run_snakemake(_arguments(targets, fast, unlock, workers))
     if status:
         _check_unlocked()

@@ -114,13 +114,13 @@ def compare_edits(
     parts, lost = [], list(accuracies)
     for name, circuit in {before: model.circuit, **edited}.items():
         changed = replace(model, circuit=circuit)
-        found = tuned = intact
+        swept = tuned = intact
         if name != before:
             # Shifted by the edit, and original: for matched and for fixed thresholds.
             both = np.union1d(levels, levels + moved(model.circuit, circuit, levels))
             both = both[both > silent_nats(circuit)]
-            found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
-            tuned = found.at(np.isin(found.settings, decided_by_evidence(changed, both)))
+            swept = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
+            tuned = swept.at(np.isin(swept.settings, decided_by_evidence(changed, both)))
             tuned = refined(changed, evidence, tuned, allowed) if tuned.settings.size else tuned
         called = name if name in edited else circuit.name
         refused = unreached(changed, tuned, test, allowed, name=called, before=model.circuit)
@@ -144,7 +144,7 @@ def compare_edits(
                 table = table.assign(value=np.nan, low=np.nan, high=np.nan)
             gone = {*refused, *(lost if minus is not None else [])}
             parts.append(without_accuracies(table, gone).assign(variant=name, kind=kind))
-        fixed = without_accuracies(_at_threshold_of(intact, found, evidence, accuracies), lost)
+        fixed = without_accuracies(_at_threshold_of(intact, swept, evidence, accuracies), lost)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
 

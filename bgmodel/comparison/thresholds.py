@@ -29,8 +29,8 @@ def references(
     model: BasalGanglia, evidence: Evidence, accuracies: Sequence[float]
 ) -> dict[str, Tradeoff]:
     """Return the reference tests of a circuit; without nats, only the full MSPRT."""
-    found = msprt_tradeoffs(evidence, model.gain, accuracies)
-    return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
+    tests = msprt_tradeoffs(evidence, model.gain, accuracies)
+    return tests if model.circuit.unit == NATS else {MSPRT: tests[MSPRT]}
 
 
 def msprt_tradeoffs(
@@ -53,11 +53,11 @@ def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Seque
 
 def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
     """Return the thresholds of a circuit at which evidence decides, not noise at rest."""
-    found = thresholds_of(model.circuit, test, highest, lowest)
-    quiet = without_noise_alone(model, found)
+    levels = thresholds_of(model.circuit, test, highest, lowest)
+    quiet = without_noise_alone(model, levels)
     if not quiet.size:
         raise InputError(
-            f"at all thresholds of {model.circuit.name}, {found.min():.2f} to {found.max():.2f} "
+            f"at all thresholds of {model.circuit.name}, {levels.min():.2f} to {levels.max():.2f} "
             f"{model.circuit.unit}, noise decides: without evidence it crosses each in more than "
             f"{NOISE_SHARE:.0%} of trials within 500 ms",
             "model",
@@ -67,8 +67,8 @@ def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest
 
 def decided_by_evidence(model: BasalGanglia, thresholds: Array) -> Array:
     """Return the thresholds at which evidence decides, possibly none."""
-    found = deciding_thresholds(model.circuit, thresholds)
-    return without_noise_alone(model, found) if found.size else found
+    usable = deciding_thresholds(model.circuit, thresholds)
+    return without_noise_alone(model, usable) if usable.size else usable
 
 
 def unreached(

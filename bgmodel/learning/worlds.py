@@ -105,9 +105,9 @@ class LevelOutcomes:
         place = np.interp(level, self.levels, np.arange(len(self.levels)))
         low = min(int(place), max(len(self.levels) - 2, 0))
         high = min(low + 1, len(self.levels) - 1)
-        own = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
+        mean = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
         best = means.max(axis=1)
-        return np.asarray(100 * (best - own) / np.abs(best))
+        return np.asarray(100 * (best - mean) / np.abs(best))
 
     def at_edge(self, xi: float) -> str:
         """Return "lower" or "upper" if the best level is the first or the last, otherwise ""."""

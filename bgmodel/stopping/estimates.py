@@ -47,11 +47,11 @@ class StopEstimate(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the main estimates, and the refusal if there is one."""
-        found = {
+        estimates = {
             name: f"{getattr(self, name):.3g}"
             for name in ("ssrt_ms", "p_respond", "go_ms", "failed_ms", "ssd_ms", "omissions")
         }
-        return found | ({"refusal": self.refusal} if self.refusal else {})
+        return estimates | ({"refusal": self.refusal} if self.refusal else {})
 
 
 def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
@@ -71,7 +71,7 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     ssd_ms, p = float(trials.ssd_ms[trials.stop].mean()), trials.p_respond
     replaced = np.where(np.isnan(go), responses.max(), go)
     nth = nth_time(replaced, p)
-    found = {
+    times_ms = {
         "ssrt_ms": nth - ssd_ms,
         "ssrt_mean_ms": float(responses.mean()) - ssd_ms,
         "p_respond": p,
@@ -80,16 +80,16 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
         "ssd_ms": ssd_ms,
         "omissions": float(np.isnan(go).mean()),
     }
-    refusal = _refusal(found)
+    refusal = _refusal(times_ms)
     if refusal and checked:
         raise InputError(
             f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "trials"
         )
     stops = int(trials.stop.sum())
     if stops < FEWEST_STOPS:
-        said = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
-        DataWarning.warn(said)
-    return StopEstimate(**found, refusal=refusal)
+        warning = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
+        DataWarning.warn(warning)
+    return StopEstimate(**times_ms, refusal=refusal)
 
 
 def _refusal(found: dict[str, float]) -> str:
@@ -132,7 +132,7 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 def ssrt_by_delay(table: pd.DataFrame) -> float:
     """Return the stop-signal reaction time, ms: the mean of those in an ``inhibition_function``.
 
-    Delays count by their trials if p_respond is within ``P_RANGE``; NaN if there are none.
+    Delays with a p_respond within ``P_RANGE`` are weighted by their trials; NaN without any.
     ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
     as the go times, the quantile of the go times at the mean share of responses is not the mean of
     their quantiles.

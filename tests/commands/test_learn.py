@@ -65,7 +65,7 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
         (("--task", "orientation", "channels=3"), "channels must have 2 alternatives"),
         (("--task", "fold=7"), "fold must be 0..5"),
         (("--plot", "weights.txt"), "plot must end in"),
-        (("--what", "weights", "--feedback", "given=0"), "nothing can be learned"),
+        (("--what", "weights", "--feedback", "given=0"), "learning needs feedback"),
         (("--what", "weights", "--feedback", "wrong=-1"), "takes rewards as 0 or 1"),
         (("--what", "dopamine", "--levels", 1), "levels must be >= 2"),
         (("--what", "dopamine", "--levels", 0), "levels must be >= 2"),
