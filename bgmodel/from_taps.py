@@ -356,10 +356,8 @@ def _one_decision(
     courses, decided = [], []
     deciders: dict[str, Msprt | BasalGanglia] = {TEST: Msprt(gain), SPIKES: model}
     for who, decider in deciders.items():
-        spiking = isinstance(decider, BasalGanglia)
-        trace = (
-            model.trace(model.activity(one, checked=False), one) if spiking else decider.run(one)
-        )
+        cells = isinstance(decider, BasalGanglia)
+        trace = model.trace(model.activity(one, checked=False), one) if cells else decider.run(one)
         out = pd.DataFrame(np.asarray(trace.out_nats[0]), index=pd.Index(trace.time_ms))
         out = out.rename_axis("time_ms").reset_index()
         long = out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)

@@ -96,12 +96,10 @@ def experiment(
 
 def _list(output: Output) -> None:
     """List the shipped experiments."""
-    experiments = shipped()
-    width = max(map(len, experiments)) + 2
-    text = "\n".join(
-        f"{name:<{width}}{one.name} ({one.source})" for name, one in experiments.items()
-    )
-    rows = [(file, one.name, one.source) for file, one in experiments.items()]
+    known = shipped()
+    width = max(map(len, known)) + 2
+    text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in known.items())
+    rows = [(file, one.name, one.source) for file, one in known.items()]
     output.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
 
 

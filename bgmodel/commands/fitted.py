@@ -149,22 +149,22 @@ class Kept:
         _warn(who, name, piece)
         return piece
 
-    def _say(self, who: str, name: str, found: Fit) -> None:
+    def _say(self, who: str, name: str, fit: Fit) -> None:
         """Report identifiability, simulation error and the effective number of samples."""
         import pandas as pd
 
-        names = found.directions.names
-        cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
+        names = fit.directions.names
+        cosines = pd.DataFrame(fit.directions.cosines, names, names).round(2)
         self.note(f"\n{who}, {name}: parameter trade-offs (cosine similarity)")
         self.note(cosines.to_string())
-        error_nats = found.simulation.log_likelihood
+        error_nats = fit.simulation.log_likelihood
         if error_nats:
             self.note(
-                f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, with a "
+                f"{who}, {name}: log likelihood {fit.optimum.log_likelihood:.1f}, with a "
                 f"simulation error of {error_nats:.1f} nats"
             )
-        self._say_residuals(who, name, found.cells())
-        drawn = found.posterior
+        self._say_residuals(who, name, fit.cells())
+        drawn = fit.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: effective sample size {drawn.effective:.0f}")
 
@@ -199,11 +199,9 @@ class Kept:
         for (who, models), pieces in zip(likelihoods.items(), fitted, strict=True):
             for (name, likelihood), piece in zip(models.items(), pieces, strict=True):
                 optima.setdefault(name, {})[who] = (likelihood, _peak(piece))
-        comparison = crossvalidated(optima, tell=say)
-        write_comparison(
-            comparison, self.folder, self.seed, {**self.asked, "circuits": self.circuits}
-        )
-        return comparison.summary()
+        scores = crossvalidated(optima, tell=say)
+        write_comparison(scores, self.folder, self.seed, {**self.asked, "circuits": self.circuits})
+        return scores.summary()
 
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
         """Write the tables of all fits, keeping earlier ones of others, and return the first.
@@ -235,11 +233,11 @@ class Kept:
 
 
 def write_comparison(
-    found: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
+    comparison: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
 ) -> None:
     """Write the table and the figure of a comparison of models."""
-    files.write_table(found.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
-    save_figure(found.plot(), folder / "comparison.png")
+    files.write_table(comparison.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
+    save_figure(comparison.plot(), folder / "comparison.png")
 
 
 def _warn(who: str, name: str, piece: Piece) -> None:

@@ -144,9 +144,9 @@ def _model(
     return replace(model, engine=model.engine.coarse())
 
 
-def _behind(model: BasalGanglia | None, task: Task, given: dict[str, Any]) -> dict[str, Any]:
+def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the options in effect and the circuit, for the provenance of the result."""
-    command = {"task": recorded(task), **options_of(**given)}
+    command = {"task": recorded(task), **options_of(**settings)}
     if model is None:
         return {"command": command}
     about = {"engine": model.engine.id, "gain": model.gain}

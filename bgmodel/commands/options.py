@@ -78,10 +78,8 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
             raise InputError(
                 f"there is no setting {name!r}{near}; there are {', '.join(known)}", name
             )
-    typed_values = typed(texts, kind)
-    return {
-        name: toml_files.value(value, hints[name], name) for name, value in typed_values.items()
-    }
+    parsed = typed(texts, kind)
+    return {name: toml_files.value(value, hints[name], name) for name, value in parsed.items()}
 
 
 def task_of(usual: Task, words: Sequence[str]) -> Task:

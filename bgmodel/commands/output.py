@@ -147,15 +147,13 @@ def options_of(**options: Any) -> dict[str, Any]:
 
     Those that were left open, that name results, or that have no effect on them are left out.
     """
-    recorded_options: dict[str, Any] = {}
+    kept: dict[str, Any] = {}
     for name, value in options.items():
         if name in RECORDS:
-            recorded_options |= options_of(
-                **{one.name: getattr(value, one.name) for one in fields(value)}
-            )
+            kept |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
         elif name not in UNRECORDED and value is not None:
-            recorded_options[name] = recorded(value)
-    return recorded_options
+            kept[name] = recorded(value)
+    return kept
 
 
 def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
@@ -188,12 +186,12 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
 
 
-def write_template(whole: str, path: str | Path) -> None:
+def write_template(template: str, path: str | Path) -> None:
     """Write the file of a command's help to a new file, which is never one that exists."""
     new = Path(path).suffix == ".toml" and not Path(path).exists()
     require(new, "file", "must be a new .toml file, into which --template writes", str(path))
     files.check_writable(Path(path).parent)
-    Path(path).write_text(whole, encoding="utf-8")
+    Path(path).write_text(template, encoding="utf-8")
     print(f"-> {path}")
 
 

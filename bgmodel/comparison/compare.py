@@ -50,13 +50,13 @@ SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_g
 """Measures of ``Comparison.summary``."""
 
 
-def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return a circuit's decisions with noise of another seed, or ``found`` if it has no noise."""
+def with_other_noise(model: BasalGanglia, evidence: Evidence, swept: Tradeoff) -> Tradeoff:
+    """Return a circuit's decisions with noise of another seed, or ``swept`` if it has no noise."""
     if not model.engine.noisy:
-        return found
+        return swept
     seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
     again = replace(model, seed=seed)
-    return decide_at_thresholds(again, evidence, found.settings, decoder_tau_ms=None)[CIRCUIT]
+    return decide_at_thresholds(again, evidence, swept.settings, decoder_tau_ms=None)[CIRCUIT]
 
 
 @dataclass(frozen=True, repr=False)

@@ -214,23 +214,21 @@ def designed(
         raise InputError.of("observed", "must be an integrator, such as Msprt()", observed)
     settled = observed if settled is None else settled
     levels = checked_thresholds(thresholds)
-    settings: dict[str, Any] = {"kappa": kappa, "leader": leader}
-    readings = readings_of(settled, levels, channels=channels, **settings)
+    same: dict[str, Any] = {"kappa": kappa, "leader": leader}
+    readings = readings_of(settled, levels, channels=channels, **same)
     every = designs(channels)
-    start_ms = _times(settled, every[0].evidence(readings, **settings), levels, leader)[:, 0]
+    start_ms = _times(settled, every[0].evidence(readings, **same), levels, leader)[:, 0]
     seen = [
-        _times(observed, design.evidence(readings, trials=trials, **settings), levels, leader)
+        _times(observed, design.evidence(readings, trials=trials, **same), levels, leader)
         for design in every
     ]
     latency_ms = _mean(seen[0]) - start_ms
     parts = []
     for name, theory in theories(kappa).items():
-        trace = theory.run(every[0].evidence(readings, **settings))
+        trace = theory.run(every[0].evidence(readings, **same))
         at_start = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, leader])
         for design, times in zip(every, seen, strict=True):
-            theory_ms = _times(theory, design.evidence(readings, **settings), at_start, leader)[
-                :, 0
-            ]
+            theory_ms = _times(theory, design.evidence(readings, **same), at_start, leader)[:, 0]
             moved = (times - seen[0]) - (theory_ms - start_ms)[:, None]
             value, low, high = _intervals(moved)
             columns = {

@@ -171,22 +171,22 @@ def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
 
 
 def _at_threshold_of(
-    intact: Tradeoff, found: Tradeoff, evidence: Evidence, accuracies: Sequence[float]
+    intact: Tradeoff, swept: Tradeoff, evidence: Evidence, accuracies: Sequence[float]
 ) -> pd.DataFrame:
     rows = []
     for accuracy in accuracies:
-        k = int(np.flatnonzero(found.settings == intact.setting(accuracy))[0])
+        k = int(np.flatnonzero(swept.settings == intact.setting(accuracy))[0])
         values = {
-            "expected_accuracy": found.posterior[k].mean(),
-            "mean_ms": found.time_ms[k].mean(),
-            "premature": found.premature[k].mean(),
-            "forced": found.forced[k].mean(),
-            "without_evidence": found.without_evidence[k],
+            "expected_accuracy": swept.posterior[k].mean(),
+            "mean_ms": swept.time_ms[k].mean(),
+            "premature": swept.premature[k].mean(),
+            "forced": swept.forced[k].mean(),
+            "without_evidence": swept.without_evidence[k],
         }
         # At its threshold the unedited circuit must have the stated accuracy.
         at = intact.posterior[intact.settings == intact.setting(accuracy)].mean()
         reached = abs(at - accuracy) <= margin(accuracy)
         if evidence.truth is not None:
-            values["accuracy"] = (found.choice[k] == evidence.truth).mean()
+            values["accuracy"] = (swept.choice[k] == evidence.truth).mean()
         rows += [(accuracy, m, float(v) if reached else np.nan) for m, v in values.items()]
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value"])

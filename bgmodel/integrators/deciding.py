@@ -126,20 +126,20 @@ def decide_at_thresholds(
 
 
 def refined(
-    model: BasalGanglia, evidence: Evidence, found: Tradeoff, accuracies: Sequence[float]
+    model: BasalGanglia, evidence: Evidence, swept: Tradeoff, accuracies: Sequence[float]
 ) -> Tradeoff:
     """Run a circuit at more thresholds if those about an accuracy are too far apart for it."""
-    finer = [found.settings[:0]]
+    finer = [swept.settings[:0]]
     for accuracy in accuracies:
-        k = int(np.searchsorted(found.reached, accuracy))
-        if 0 < k < len(found.settings):
-            apart = found.reached[k] - found.reached[k - 1]
-            between = np.linspace(found.settings[k - 1], found.settings[k], FINER)[1:-1]
+        k = int(np.searchsorted(swept.reached, accuracy))
+        if 0 < k < len(swept.settings):
+            apart = swept.reached[k] - swept.reached[k - 1]
+            between = np.linspace(swept.settings[k - 1], swept.settings[k], FINER)[1:-1]
             finer += [between] if apart > 2 * margin(accuracy) else []
     levels = np.unique(np.concatenate(finer))
     if not levels.size:
-        return found
-    return found | decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        return swept
+    return swept | decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
 
 def silent_nats(circuit: Circuit) -> float:

@@ -67,15 +67,15 @@ def decide_as_learned(
 
 
 def _measures(
-    swept: Tradeoff, own: float, best: float, evidence: Evidence, xi: float, weights: Array
+    swept: Tradeoff, threshold: float, best: float, evidence: Evidence, xi: float, weights: Array
 ) -> dict[str, Array]:
     """Return the measures of decisions at a threshold, one value per row of weights."""
     outcomes = LevelOutcomes.of(swept, evidence)
-    k, top = (int(np.abs(outcomes.levels - each).argmin()) for each in (own, best))
+    k, top = (int(np.abs(outcomes.levels - each).argmin()) for each in (threshold, best))
     share = weights / weights.sum(axis=1, keepdims=True)
     cost, least = (-share @ outcomes.rewards(xi)[each] for each in (k, top))
     return {
-        "criterion": np.full(len(weights), own),
+        "criterion": np.full(len(weights), threshold),
         "accuracy": share @ outcomes.correct[k],
         "readings": share @ outcomes.steps[k],
         "cost": cost,

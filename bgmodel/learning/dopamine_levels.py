@@ -80,9 +80,7 @@ def level_table(
             stopping_posterior(circuit, float(level), threshold_nats, gain) if inside else np.nan
         )
         rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
-        rows += [
-            (level, m, *interval(samples[:, k]), name) for (m, name), samples in values.items()
-        ]
+        rows += [(level, m, *interval(draws[:, k]), name) for (m, name), draws in values.items()]
     return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])
 
 

@@ -313,10 +313,10 @@ def _know(more: dict[str, Any], *names: str) -> None:
 
 
 def _of_test(
-    task: Task, start: float, given: dict[str, Any], *, policy: Policy | None = None, **same: Any
+    task: Task, start: float, source: dict[str, Any], *, policy: Policy | None = None, **same: Any
 ) -> FromReward:
     """Learn the boundary separation of the test."""
-    readings = _readings(task, given, same["seed"])
+    readings = _readings(task, source, same["seed"])
     name = (getattr(task, task.main), getattr(task, "fold", 0))  # type: ignore[attr-defined]
     table, summary = learn_gap(
         readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
@@ -337,10 +337,10 @@ def _of_test(
     )  # fmt: skip
 
 
-def _readings(task: Task, given: dict[str, Any], seed: int) -> Source:
+def _readings(task: Task, source: dict[str, Any], seed: int) -> Source:
     """Return all readings of a task with two alternatives, with their log-likelihoods."""
     if isinstance(task, Tactile):
-        return task.source(**given)
+        return task.source(**source)
     if not isinstance(task, Gaussian):
         raise InputError.of("task", "must be drawn for the test to learn", task.text)
     drawn = replace(task, trials=2 * READINGS, t_max=1).evidence(seed=stream(seed, "readings"))
@@ -356,13 +356,13 @@ def _of_circuit(
     trials: int,
     start: float | None,
     posterior: float | None,
-    given: dict[str, Any],
+    source: dict[str, Any],
     *,
     levels: Any = None,
     **same: Any,
 ) -> FromReward:
     """Learn the level of dopamine of a circuit, or the posterior at which it decides."""
-    evidence, fresh = _learned_and_scored(task, trials, given, same["seed"])
+    evidence, fresh = _learned_and_scored(task, trials, source, same["seed"])
     options: dict[str, Any] = {"what": CRITERION, "levels": levels}
     if what == DOPAMINE:
         at = POSTERIOR if posterior is None else posterior
@@ -388,14 +388,14 @@ def _of_circuit(
 
 
 def _learned_and_scored(
-    task: Task, trials: int, given: dict[str, Any], seed: int
+    task: Task, trials: int, source: dict[str, Any], seed: int
 ) -> tuple[Evidence, Evidence]:
     """Return the trials for learning, and others on which regret is measured."""
     if not isinstance(task, EvidenceTable):
         asked = task.changed(trials=trials)
         return (
-            trials_of(asked, seed, "learn", **given).evidence,
-            trials_of(asked, seed, "learn, scored", **given).evidence,
+            trials_of(asked, seed, "learn", **source).evidence,
+            trials_of(asked, seed, "learn, scored", **source).evidence,
         )
     evidence = trials_of(task, seed, "learn").evidence
     if evidence.trials < 2:
@@ -410,7 +410,7 @@ def _weights(
     task: Drawn,
     model: BasalGanglia | None,
     at: float,
-    given: dict[str, Any],
+    source: dict[str, Any],
     learner: WeightLearner,
     *,
     runs: int,
@@ -421,7 +421,7 @@ def _weights(
     units: int = 16,
 ) -> FromReward:
     """Learn what readings mean; compare with the exact likelihoods."""
-    learns, scores = _features(task, given, units)
+    learns, scores = _features(task, source, units)
     same: dict[str, Any] = {"seed": seed, "rule": rule, "critic": critic, "feedback": feedback,
                             "learner": learner, "runs": runs}  # fmt: skip
     if model is None:
@@ -437,7 +437,7 @@ def _weights(
 
 
 def _features(
-    task: Drawn, given: dict[str, Any], units: int
+    task: Drawn, source: dict[str, Any], units: int
 ) -> tuple[Any, Callable[..., Features]]:
     """Return what sensory units see while learning, and how trials to score are drawn."""
     timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
@@ -445,7 +445,7 @@ def _features(
         drawn = GaussianFeatures(task.d_prime, task.channels, units, **timing)
         return drawn, drawn.draw
     assert isinstance(task, Tactile)
-    taps = load_taps(given.get("taps", task.taps))
+    taps = load_taps(source.get("taps", task.taps))
     learns, scores = tap_features(taps, task, units=units, fold=task.fold, **timing)
     return learns, scores.draw
 

@@ -124,12 +124,12 @@ def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
     return value
 
 
-def _record(kind: type, own: dict[str, Any]) -> Any:
+def _record(kind: type, values: dict[str, Any]) -> Any:
     """Return a record with these fields, unchecked: they were checked when it was made."""
-    if not is_dataclass(kind) or {one.name for one in fields(kind)} != set(own):
+    if not is_dataclass(kind) or {one.name for one in fields(kind)} != set(values):
         raise TypeError(f"the fields of {kind.__name__} are others")
     made = object.__new__(kind)
-    for name, value in own.items():
+    for name, value in values.items():
         object.__setattr__(made, name, value)
     return made
 

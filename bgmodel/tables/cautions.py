@@ -152,14 +152,14 @@ def check_one_unit(rt_s: Array) -> None:
         )
 
 
-def _warn_of_pile(given: Array) -> None:
+def _warn_of_pile(rt_s: Array) -> None:
     """Warn if many times are exactly equal to the longest: trials were probably cut off there."""
-    longest = float(given.max())
-    ends, times = int((given == longest).sum()), len(np.unique(given))
+    longest = float(rt_s.max())
+    ends, times = int((rt_s == longest).sum()), len(np.unique(rt_s))
     # With coarse times, many trials share each value.
-    if ends >= PILE and ends > PILE_SHARE * len(given) and ends > PILE * len(given) / times:
+    if ends >= PILE and ends > PILE_SHARE * len(rt_s) and ends > PILE * len(rt_s) / times:
         DataWarning.warn(
-            f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: if trials "
+            f"{ends} of {len(rt_s)} times are exactly the longest one, {longest:g} s: if trials "
             "ended then without a response, leave rt and response empty, and give that time "
             "as the deadline (deadline_s, at the terminal --columns deadline_s=)"
         )
