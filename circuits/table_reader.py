@@ -45,9 +45,9 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     return circuit
 
 
-def parse(given: str, file: str) -> Circuit:
+def parse(text: str, file: str) -> Circuit:
     """Return the circuit in the text of a file; ``file`` is its name in errors."""
-    return _Reader(given, file).circuit(parsed_toml(given, file))
+    return _Reader(text, file).circuit(parsed_toml(text, file))
 
 
 class _Reader:
@@ -187,10 +187,10 @@ class _Reader:
         return self.file
 
 
-def _needed(kind: type, *given: str) -> str:
+def _needed(kind: type, *names: str) -> str:
     """Return the fields of a dataclass without a default that are not given, for a message."""
     bare = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
-    return ", ".join(f.name for f in bare if f.init and f.name not in given)
+    return ", ".join(f.name for f in bare if f.init and f.name not in names)
 
 
 @contextmanager
@@ -206,10 +206,10 @@ def _hashable(value: Any) -> Any:
     return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
-def _lines(given: str) -> dict[tuple[str, str | int], int]:
+def _lines(text: str) -> dict[tuple[str, str | int], int]:
     """Return the line number of each key of a table, and of rows that are on separate lines."""
     table, rows, numbers = "", 0, dict[tuple[str, str | int], int]()
-    for number, line in enumerate(map(str.strip, given.splitlines()), 1):
+    for number, line in enumerate(map(str.strip, text.splitlines()), 1):
         if header := re.match(r"\[\s*([\w.-]+)\s*\]", line):
             table, rows = header[1], 0
             numbers["", table] = number

@@ -298,12 +298,12 @@ class Edits(tuple[str, ...]):
         return Edits(edit.text for edit in (*replaced, *new.values()))
 
 
-def _list(given: object) -> tuple[object, ...]:
+def _list(value: object) -> tuple[object, ...]:
     """Return the list of edits in a file; ValueError for anything else."""
-    if not isinstance(given, (list, tuple)):
+    if not isinstance(value, (list, tuple)):
         must = 'must be a list of lines, such as edits = ["lesion STN 10%"]'
-        raise InputError.of("edits", must, given)
-    return tuple(given)
+        raise InputError.of("edits", must, value)
+    return tuple(value)
 
 
 def overlapping(one: Edit, other: Edit) -> ValueError:

@@ -134,17 +134,17 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
         return _row(kind, like, texts, identity)
 
 
-def _as(like: Row, given: Iterable[str]) -> str:
+def _as(like: Row, names: Iterable[str]) -> str:
     """Return the citation of a row like another: that row, and the fields that are assumed."""
-    edited = ", ".join(given)
+    edited = ", ".join(names)
     return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
-def _course(what: str, given: Mapping[str, str]) -> Course:
+def _course(what: str, texts: Mapping[str, str]) -> Course:
     """Return a course from the texts of its fields."""
     owner = f"a course of {what}"
-    _check_names(given, [f.name for f in fields(Course) if f.name != "what"], owner)
-    course: Course = _made(Course, None, {"what": what, **_typed(Course, given)}, owner)
+    _check_names(texts, [f.name for f in fields(Course) if f.name != "what"], owner)
+    course: Course = _made(Course, None, {"what": what, **_typed(Course, texts)}, owner)
     return course
 
 
@@ -172,19 +172,19 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
 
 
 def _row(
-    kind: type[Row], old: Row | None, given: Mapping[str, str], identity: Mapping[str, str]
+    kind: type[Row], old: Row | None, declared: Mapping[str, str], identity: Mapping[str, str]
 ) -> Row:
     """Return a row from the texts of its fields; other fields are those of the old row, if any."""
     owner = "->".join(identity.values()) or (old.name if old else "")
     cell = type(old.cell) if isinstance(old, Population) else None
-    if kind is Population and "cell" in given:
-        cell = _cell_type(given["cell"], owner)
-    _check_names(given, _names(kind, cell), owner)
-    constants = {k.removeprefix(OF_CELL): v for k, v in given.items() if k.startswith(OF_CELL)}
-    texts = {k: v for k, v in given.items() if k != "cell" and not k.startswith(OF_CELL)}
+    if kind is Population and "cell" in declared:
+        cell = _cell_type(declared["cell"], owner)
+    _check_names(declared, _names(kind, cell), owner)
+    constants = {k.removeprefix(OF_CELL): v for k, v in declared.items() if k.startswith(OF_CELL)}
+    texts = {k: v for k, v in declared.items() if k != "cell" and not k.startswith(OF_CELL)}
     values = {**_typed(kind, texts), **identity}
     if cell:
-        kept = old.cell if isinstance(old, Population) and "cell" not in given else None
+        kept = old.cell if isinstance(old, Population) and "cell" not in declared else None
         values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
     row: Row = _made(kind, old, values, owner)
     return row
@@ -206,7 +206,7 @@ def _cell_type(kind: str, owner: str) -> type[Cell]:
     return CELLS[kind]
 
 
-def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
+def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
     """Convert texts to the types declared by a dataclass.
 
     A text that cannot be converted stays text; the dataclass rejects it and says what it expects.
@@ -214,8 +214,8 @@ def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
     # Imported only here, because it takes a tenth of a second.
     from pydantic import TypeAdapter
 
-    types, values = get_type_hints(kind), dict[str, Any](given)
-    for name, text in given.items():
+    types, values = get_type_hints(kind), dict[str, Any](texts)
+    for name, text in texts.items():
         with suppress(ValueError):
             values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
     return values
@@ -235,9 +235,9 @@ def _names(kind: type, cell: type | None = None) -> list[str]:
 
 
 def _check_names(
-    given: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
+    names: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
 ) -> None:
-    for name in given:
+    for name in names:
         if name not in valid:
             listed = ", ".join(shown or valid) or "there is none"
             raise InputError(f"{owner} has no {name!r}: {listed}", name)

@@ -155,12 +155,12 @@ def _cell_lines(labels: Mapping[Any, str]) -> list[str]:
     ]
 
 
-def _columns(kind: type, given: Sequence[Mapping[str, Any]]) -> list[str]:
+def _columns(kind: type, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the lines of a table: its columns, and its rows below them."""
     known = {f.name: f.default for f in fields(kind)}
-    names = [name for name in known if any(name in row for row in given)]
+    names = [name for name in known if any(name in row for row in rows)]
     cells = [[_value(name) for name in names]]
-    cells += [[_value(row.get(name, known[name])) for name in names] for row in given]
+    cells += [[_value(row.get(name, known[name])) for name in names] for row in rows]
     wide = [max(map(len, column)) + 2 for column in zip(*cells, strict=True)]
     lines = [
         "".join(f"{text + ',':<{w}}" for text, w in zip(row[:-1], wide, strict=False)) + row[-1]
