@@ -56,17 +56,17 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
     assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 0" in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 0" in printed
     # The time for all figures; the time for a part of them is unknown.
-    assert ("about 25 minutes of CPU" in said) == (not arguments)
+    assert ("about 25 minutes of CPU" in printed) == (not arguments)
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
     folder.mkdir()
     (folder / "fig2.png").touch()
     assert main(["figures", *arguments]) == 0
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 1" in said
-    assert "minutes" not in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 1" in printed
+    assert "minutes" not in printed
 
 
 @pytest.mark.parametrize("folder", ["010", "1e3", "true", "a' b"])
@@ -87,8 +87,8 @@ def test_a_folder_of_recordings_reaches_snakemake_as_it_is_named(tmp_path, monke
 
 
 def test_the_guide_says_how_long_all_figures_take():
-    said = f"({MINUTES[False]:g} minutes of CPU, FAST=1: coarse, {MINUTES[True]:g})"
-    assert said in (ROOT / "docs" / "guides" / "figures.md").read_text()
+    duration = f"({MINUTES[False]:g} minutes of CPU, FAST=1: coarse, {MINUTES[True]:g})"
+    assert duration in (ROOT / "docs" / "guides" / "figures.md").read_text()
 
 
 # SIGINT is heard also where the tests run in the background of a shell, which has it ignored.
@@ -197,9 +197,9 @@ def test_a_live_run_refuses_a_second_and_one_that_is_stopped_goes_on(checkout):
     assert checkout.said().endswith("`bgmodel figures --unlock`\n")
     os.killpg(command.pid, signal.SIGINT)
     assert command.wait(HANG_S) == 130
-    said = (checkout.folder / "said0").read_text()
-    assert said.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
-    assert "Traceback" not in said
+    printed = (checkout.folder / "said0").read_text()
+    assert printed.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
+    assert "Traceback" not in printed
     assert not psutil.wait_procs(others, timeout=HANG_S)[1]
     checkout.assert_goes_on()
 

@@ -29,8 +29,8 @@ def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
 ):
     out, picture = tmp_path / "learned.csv", tmp_path / "learned.png"
     assert run("learn", "--save", out, *asked, *SHORT, "--plot", picture) == 0
-    said = capsys.readouterr().out
-    assert "regret" in said
+    printed = capsys.readouterr().out
+    assert "regret" in printed
     table = read_table(out)
     assert list(table) == COURSE
     assert len(table) == 1200
@@ -124,9 +124,9 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
     mine = tmp_path / "mine.csv"
     mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
     few = ("--what", "dopamine", "--levels", 4, "--runs", 1, "--learner", "episodes=600")
-    for given in (("--task", mine), ("--task", "trials=40", "t_max=10")):
+    for task in (("--task", mine), ("--task", "trials=40", "t_max=10")):
         seen.clear()
-        assert run("learn", "--save", tmp_path / "out.csv", *given, *few, "--force") == 0
+        assert run("learn", "--save", tmp_path / "out.csv", *task, *few, "--force") == 0
         (seed, learned), (other, scored) = seen
         assert seed != other
         assert learned.trials == scored.trials

@@ -87,8 +87,8 @@ def test_level_outcomes_return_the_mean_reward_between_its_levels():
     rngs = [stream(SEED, "mean")] * runs
     world = made.environment(XI, rngs)
     for played in (0.76, 1.2, 1.713):
-        found = world(0, np.full(runs, played))
-        assert abs(found.mean() - made.expected(played, XI)) < 5 * found.std() / np.sqrt(runs)
+        rewards = world(0, np.full(runs, played))
+        assert abs(rewards.mean() - made.expected(played, XI)) < 5 * rewards.std() / np.sqrt(runs)
     assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
     wrong = LevelOutcomes(made.levels, ~made.correct, made.steps, made.forced)
     assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
@@ -231,7 +231,7 @@ def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, 
 
 def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
     """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
-    found = {}
+    slowing = {}
     for carried in (0.0, 0.5):
         learned = learn_level(
             tactile,
@@ -242,10 +242,10 @@ def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
             name=carried,
             learner=Learner(episodes=8000, rate=0.001, half_episodes=np.inf, carried=carried),
         )
-        found[carried] = after_errors(learned, XI)["slower"]
-    error = found[0.0].std() / np.sqrt(8)
-    assert abs(found[0.0].mean()) < 4 * error + 0.05
-    assert found[0.5].min() > found[0.0].max()
+        slowing[carried] = after_errors(learned, XI)["slower"]
+    error = slowing[0.0].std() / np.sqrt(8)
+    assert abs(slowing[0.0].mean()) < 4 * error + 0.05
+    assert slowing[0.5].min() > slowing[0.0].max()
 
 
 def test_after_errors_takes_slow_drifts_off_and_nothing_else():
@@ -256,8 +256,8 @@ def test_after_errors_takes_slow_drifts_off_and_nothing_else():
     for slower in (0.0, 2.0):
         steps[:, 1:] += slower * wrong[:, :-1]
         learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
-        found = after_errors(learned, XI)["slower"].to_numpy()
-        assert found == pytest.approx(slower, abs=0.25)
+        slowing = after_errors(learned, XI)["slower"].to_numpy()
+        assert slowing == pytest.approx(slower, abs=0.25)
     with refused("xi"):
         after_errors(learned, 20.0)
 
@@ -323,7 +323,7 @@ def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_rang
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_error(side):
     """One long trial 25 away is one of the 49 that the trial after the error is held to."""
-    found = {}
+    slowing = {}
     for away in (25, 26):
         steps, error = np.zeros((1, 400)), np.zeros((1, 400), bool)
         after = 300
@@ -331,9 +331,9 @@ def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_err
         after += side * (26 - away)
         error[0, after - 1] = True
         learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
-        found[away] = after_errors(learned, XI)["slower"].item()
+        slowing[away] = after_errors(learned, XI)["slower"].item()
     # The other 198 trials after a right choice have one more or less of these.
-    assert found[25] - found[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))
+    assert slowing[25] - slowing[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))
 
 
 def pool(errors, steps, trials, seed):
@@ -367,12 +367,12 @@ def test_what_trials_leave_open_is_the_regret_of_a_choice_between_two_levels(tri
 
 def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     outcomes, fresh = synthetic(11), synthetic(12)
-    found = found_on(outcomes, fresh, float(outcomes.levels[3]))
-    value, low, high = found.regrets.loc["learned"]
-    assert value == pytest.approx(100 * regret(found.learned.learned, fresh, 50.0).mean())
+    result = found_on(outcomes, fresh, float(outcomes.levels[3]))
+    value, low, high = result.regrets.loc["learned"]
+    assert value == pytest.approx(100 * regret(result.learned.learned, fresh, 50.0).mean())
     assert low <= value <= high
     start = 100 * regret(outcomes.levels[3], fresh, 50.0)
-    assert found.regrets.loc["start", "value"] == pytest.approx(start)
+    assert result.regrets.loc["start", "value"] == pytest.approx(start)
 
 
 def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
@@ -382,11 +382,11 @@ def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
     long = Learner(episodes=10_000)
     assert not found_on(pool(errors, steps, 5000, 3), fresh, 2.0, long).cautions
     few = pool(errors, steps, 60, seed_of_lucky(errors, steps))
-    found = found_on(few, fresh, 2.0, long)
-    assert few.expected(found.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
-    (said,) = found.cautions
-    assert "worse than it began" in said
-    assert "60 trials tell the best level only to" in said
+    result = found_on(few, fresh, 2.0, long)
+    assert few.expected(result.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
+    (caution,) = result.cautions
+    assert "worse than it began" in caution
+    assert "60 trials tell the best level only to" in caution
 
 
 def seed_of_lucky(errors, steps):
@@ -402,8 +402,8 @@ def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_w
     errors, steps = (0.02, 0.02, 0.02, 0.02), (2.0, 3.0, 4.0, 5.0)
     outcomes = pool(errors, steps, 5000, 1)
     away = Learned(*np.full((4, 1, 9), 4.0), np.array([4.0]))
-    found = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
-    worse, edge = found.cautions
+    result = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
+    worse, edge = result.cautions
     assert "give more episodes" in worse
     assert "lower end" in edge
 
@@ -415,11 +415,11 @@ def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_w
 def test_a_best_level_at_an_end_of_the_range_is_said_with_what_moves_the_range(steps, edge):
     outcomes = pool((0.02, 0.02, 0.02), steps, 2000, 1)
     assert outcomes.at_edge(50.0) == edge
-    said = found_on(outcomes, outcomes, 2.0).cautions
-    assert len(said) == bool(edge)
+    cautions = found_on(outcomes, outcomes, 2.0).cautions
+    assert len(cautions) == bool(edge)
     if edge:
-        assert f"{edge} end" in said[0]
-        assert ("higher posterior" if edge == "lower" else "lower posterior") in said[0]
+        assert f"{edge} end" in cautions[0]
+        assert ("higher posterior" if edge == "lower" else "lower posterior") in cautions[0]
 
 
 def test_an_exact_circuit_learns_the_threshold_of_the_test():
@@ -427,25 +427,25 @@ def test_an_exact_circuit_learns_the_threshold_of_the_test():
     evidence = gaussian_evidence(200, d_prime=1, t_max=30, seed=1)
     model = BasalGanglia("bogacz_gurney", "algebra", 1.0)
     levels = np.linspace(0.4, 4, 25)
-    own = criterion_outcomes(model, evidence, levels)
+    of_circuit = criterion_outcomes(model, evidence, levels)
     swept = tradeoff(Msprt().run(evidence), evidence, threshold_of(levels))
-    np.testing.assert_array_equal(own.correct, swept.choice == evidence.truth)
-    np.testing.assert_array_equal(own.steps, swept.time_ms / evidence.step_ms)
+    np.testing.assert_array_equal(of_circuit.correct, swept.choice == evidence.truth)
+    np.testing.assert_array_equal(of_circuit.steps, swept.time_ms / evidence.step_ms)
     with quiet(LearningWarning):  # the trials are few
-        found = learn_in_circuit(
+        result = learn_in_circuit(
             model, evidence, evidence, what=CRITERION, levels=levels, runs=3, learner=SHORT
         )
-    assert found.start == levels[0]
-    assert found.regrets.loc["learned", "value"] < 5 < found.regrets.loc["start", "value"]
-    assert found.threshold_nats == pytest.approx(np.log1p(np.exp(-found.value)))
+    assert result.start == levels[0]
+    assert result.regrets.loc["learned", "value"] < 5 < result.regrets.loc["start", "value"]
+    assert result.threshold_nats == pytest.approx(np.log1p(np.exp(-result.value)))
 
 
 def test_a_cause_is_warned_of_once_however_many_levels_are_run():
     evidence, fresh = (gaussian_evidence(60, d_prime=2, t_max=15, seed=seed) for seed in (1, 2))
     for gain, strong in ((None, 0), (0.55, 1)):
         model = BasalGanglia(DEFAULT, Rate().coarse(), gain)
-        said = told(
+        texts = told(
             learn_in_circuit, model, evidence, fresh, levels=[0.9, 1.0, 1.1], runs=1, learner=SHORT
         )
-        assert sum("too strong" in text for text in said) == strong
-        assert len(said) == len(set(said))
+        assert sum("too strong" in text for text in texts) == strong
+        assert len(texts) == len(set(texts))
