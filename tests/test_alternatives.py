@@ -37,8 +37,8 @@ def test_a_decider_takes_no_longer_than_itself_and_a_later_one_by_what_it_is_lat
     evidence = gaussian()
     test = tradeoff(Msprt(0.5).run(evidence), evidence)
     late = replace(test, time_ms=test.time_ms + 70)
-    found = hick.at_accuracies({MSPRT: test, MSPRT_AT_GAIN: test, "late": late})
-    known = found.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
+    times = hick.at_accuracies({MSPRT: test, MSPRT_AT_GAIN: test, "late": late})
+    known = times.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
     assert known[MSPRT].to_numpy() == pytest.approx(0, abs=1e-5)
     assert known["late"].to_numpy() == pytest.approx(70, abs=1e-5)
 
@@ -57,9 +57,9 @@ def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(s
     """Control: log-likelihoods that are twice the right ones."""
     evidence = gaussian()
     evidence = replace(evidence, log_likelihood=sure * evidence.log_likelihood)
-    found = calibrated.criteria(evidence, np.arange(evidence.trials))
-    assert (1 - found["accuracy"] <= 1 - found["criterion"]).all() == kept
-    assert (found["excess_high"] >= 0).all() == kept
+    criteria = calibrated.criteria(evidence, np.arange(evidence.trials))
+    assert (1 - criteria["accuracy"] <= 1 - criteria["criterion"]).all() == kept
+    assert (criteria["excess_high"] >= 0).all() == kept
     bins = calibrated.calibration(evidence, np.arange(evidence.trials))
     off = (bins["right"] - bins["posterior"]).abs()
     assert (off.max() < 0.06) == kept

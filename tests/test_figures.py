@@ -187,8 +187,8 @@ def test_conflict_raises_stn_more_without_fast_inhibition_and_less_than_theory_a
     few = replace(TINY, circuit_trials=60)
     rises = {}
     for name in figA2.SHOWN:
-        found = figA2.rise(few, name, figA2.circuits()[name], "population", 1.0)
-        rises[name] = found[(found["nucleus"] == "STN") & found["time_ms"].isna()]["value"].item()
+        rise = figA2.rise(few, name, figA2.circuits()[name], "population", 1.0)
+        rises[name] = rise[(rise["nucleus"] == "STN") & rise["time_ms"].isna()]["value"].item()
     default, held, old = rises.values()
     ceiling = figA2.ceiling(few, 1.0).set_index("circuit")["value"]
     assert 3 < default < held < ceiling[figA2.EXACT] < ceiling[figA2.LINEAR]

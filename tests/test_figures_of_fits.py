@@ -44,14 +44,14 @@ def tables(tmp_path_factory):
         for who in people:
             design = design_of(read_trials(data, strength="coherence", participant=who))
             likelihood = likelihood_of(GapModel(), design)
-            found = cells_of(design, likelihood.density(likelihood.freedom.start))
-            for k, (model, own) in enumerate(OF.items()):
+            masses = cells_of(design, likelihood.density(likelihood.freedom.start))
+            for k, (model, values) in enumerate(OF.items()):
                 same = {"data": data, "participant": who, "model": model}
                 parameters += [
                     same | {"parameter": name, "value": value}
-                    for name, value in (SMALL | own).items()
+                    for name, value in (SMALL | values).items()
                 ]
-                cells.append(found.assign(**same))
+                cells.append(masses.assign(**same))
                 better.append(same | {"better_nats": 10.0 * k, "error_nats": 2.0})
     made = {"parameters": pd.DataFrame(parameters), "predicted": pd.DataFrame(better)}
     made["cells"] = pd.concat(cells)
@@ -124,8 +124,8 @@ def test_figure_f2_has_the_gap_as_it_was_fitted(criterion):
     assert np.ptp(constant["value"]) == 0
     falling = gaps[gaps["model"] == fitted.FALLING]
     since = falling["time_s"] - SMALL["t0_s"]
-    own = OF[fitted.FALLING]
-    assert np.allclose(falling["value"], own["bound"] * np.exp(-own["fall_per_s"] * since))
+    values = OF[fitted.FALLING]
+    assert np.allclose(falling["value"], values["bound"] * np.exp(-values["fall_per_s"] * since))
 
 
 def test_cells_driven_at_onset_raise_snr_early_and_decay(criterion):
@@ -151,15 +151,15 @@ def test_the_evidence_at_decisions_falls_with_cells_driven_at_onset():
 
 
 def test_figure_f2_shows_every_model_and_person(tables, spreads, criterion, tmp_path):
-    given = (tables["cells"], tables["predicted"], spreads, criterion)
-    figure = drawn(figF2.draw(FULL, *given, output=tmp_path))
+    inputs = (tables["cells"], tables["predicted"], spreads, criterion)
+    figure = drawn(figF2.draw(FULL, *inputs, output=tmp_path))
     left_out = figure.axes[4]
     names = [text.get_text() for text in left_out.get_yticklabels()]
     assert names == ["monkey b", "monkey n", "ah", "eh"]
     at = {float(line.get_xdata()[0]) for line in left_out.lines if len(line.get_xdata()) == 1}
     assert at == {10.0, 20.0, 30.0, 40.0}
-    said = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert said == {*figF2.SHORT.values(), "data"}
+    labels = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert labels == {*figF2.SHORT.values(), "data"}
 
 
 CHANGES = {"1": (-0.2, -0.1), "2": (-0.1, -0.1), "3": (0.0, -0.1)}
@@ -188,12 +188,12 @@ def stimulated():
 def test_effects_of_stimulation_are_paired_within_people():
     """Means and Student's intervals of three people, by hand."""
     cells, _ = stimulated()
-    found = figF3.effects(cells[cells["moved"] == "nothing"], "mean_s")
-    assert found.loc["high", "mean"] == pytest.approx(-0.1)
-    assert found.loc["high", "off"] == pytest.approx(4.303 * 0.1 / np.sqrt(3), rel=1e-3)
-    assert found.loc["low", "mean"] == pytest.approx(-0.1)
-    assert found.loc["low", "off"] == pytest.approx(0.0, abs=1e-12)
-    assert found.loc["interaction", "mean"] == pytest.approx(0.0, abs=1e-12)
+    effects = figF3.effects(cells[cells["moved"] == "nothing"], "mean_s")
+    assert effects.loc["high", "mean"] == pytest.approx(-0.1)
+    assert effects.loc["high", "off"] == pytest.approx(4.303 * 0.1 / np.sqrt(3), rel=1e-3)
+    assert effects.loc["low", "mean"] == pytest.approx(-0.1)
+    assert effects.loc["low", "off"] == pytest.approx(0.0, abs=1e-12)
+    assert effects.loc["interaction", "mean"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_figure_f3_shows_people_and_every_move(tmp_path):
@@ -201,8 +201,8 @@ def test_figure_f3_shows_people_and_every_move(tmp_path):
     paths = stored(cells, tmp_path / "cells.csv"), stored(sums, tmp_path / "sums.csv")
     figure = drawn(figF3.draw(FULL, *paths, output=tmp_path))
     assert shows(figure.axes[0], [-0.1, -0.1, 0.0])
-    said = [text.get_text() for text in figure.axes[1].texts]
-    assert said == ["2 of 3 people"] * 4
+    texts = [text.get_text() for text in figure.axes[1].texts]
+    assert texts == ["2 of 3 people"] * 4
     assert len(figure.legends[0].get_texts()) == 1 + len(figF3.MOVES)
 
 
@@ -243,20 +243,20 @@ def test_windows_read_a_channel_by_its_own_choice():
     inside = (time >= 100) & (time < 500)
     rates = np.where(inside[None, :, None], [10.0, 30.0], 5.0) * np.ones((2, 1, 1))
     choice, at = np.array([0, -1]), np.array([800.0, np.nan])
-    found = windows.averaged({"STN": rates}, time, choice, at, {"STN": 5.0})
-    hz = found.set_index(["window", "own"])["hz"]
+    means = windows.averaged({"STN": rates}, time, choice, at, {"STN": 5.0})
+    hz = means.set_index(["window", "own"])["hz"]
     for window in windows.WINDOWS[:2]:
         assert hz[window, True] == pytest.approx(5)
         assert hz[window, False] == pytest.approx(25)
     assert (hz.loc[windows.WINDOWS[2]] == 0).all()
-    assert set(found["trials"]) == {1}
+    assert set(means["trials"]) == {1}
 
 
 def test_windows_leave_out_trials_that_respond_within_them():
     time = np.arange(5.0, 1000, 5)
     rates = {"STN": np.ones((2, len(time), 2))}
-    found = windows.averaged(rates, time, np.array([0, 0]), np.array([400.0, 600.0]), {"STN": 1.0})
-    counts = found[found["own"]].set_index("window")["trials"]
+    means = windows.averaged(rates, time, np.array([0, 0]), np.array([400.0, 600.0]), {"STN": 1.0})
+    counts = means[means["own"]].set_index("window")["trials"]
     assert counts.tolist() == [2, 1, 2]
 
 
@@ -265,14 +265,14 @@ def test_a_pattern_is_most_like_itself(name):
     strengths = (0.032, 0.064, 0.128, 0.256, 0.512)
     pattern = windows.patterns(strengths)[name]
     rows = [
-        {"window": window, "own": own, "strength": s, "hz": 3 + 2 * pattern[w, o, k]}
+        {"window": window, "own": preferred, "strength": s, "hz": 3 + 2 * pattern[w, o, k]}
         for w, window in enumerate(windows.WINDOWS)
-        for o, own in enumerate(windows.PREFERRED)
+        for o, preferred in enumerate(windows.PREFERRED)
         for k, s in enumerate(strengths)
     ]
-    found = windows.likeness(pd.DataFrame(rows), strengths)
-    assert found[name] == pytest.approx(1)
-    assert max(found, key=found.get) == name
+    likeness = windows.likeness(pd.DataFrame(rows), strengths)
+    assert likeness[name] == pytest.approx(1)
+    assert max(likeness, key=likeness.get) == name
 
 
 def test_a_fitted_circuit_decides_for_the_evidence():
@@ -297,10 +297,10 @@ def test_rates_before_the_evidence_are_those_at_rest():
     values = SMALL | OF[fitted.ONSET]
     table = fitted.fitted_table(fitted.ONSET, values)
     did = fitted.follow(table, values, 0.512, 8, 1.0, 3)
-    found = figF5.seen_from_motion(did, 300.0, 300.0, resting_hz(table))
-    early = found[found["window"] == windows.WINDOWS[0]]
+    rates = figF5.seen_from_motion(did, 300.0, 300.0, resting_hz(table))
+    early = rates[rates["window"] == windows.WINDOWS[0]]
     assert early["hz"].to_numpy() == pytest.approx(0, abs=1e-4)
-    driven = found[(found["window"] == windows.WINDOWS[1]) & (found["nucleus"] == "STN_onset")]
+    driven = rates[(rates["window"] == windows.WINDOWS[1]) & (rates["nucleus"] == "STN_onset")]
     assert (driven["hz"] > 2).all()
 
 

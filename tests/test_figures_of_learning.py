@@ -64,11 +64,11 @@ def test_a_change_is_compensated_in_the_first_bin_that_is_near():
         pd.DataFrame({"change": name, "trial": trial, "correct": values, "learning_r": 1.0})
         for name, values in parts.items()
     )
-    found = summaries(table).set_index("change")
-    assert found.loc["soon", "recovered_after"] == 200
-    assert found.loc["soon", "lowest"] == 0.5
-    assert np.isnan(found.loc["never", "recovered_after"])
-    assert found.loc["none", "recovered_after"] == 0
+    rows = summaries(table).set_index("change")
+    assert rows.loc["soon", "recovered_after"] == 200
+    assert rows.loc["soon", "lowest"] == 0.5
+    assert np.isnan(rows.loc["never", "recovered_after"])
+    assert rows.loc["none", "recovered_after"] == 0
 
 
 def test_a_mean_over_runs_is_unknown_if_one_run_is():
@@ -81,10 +81,10 @@ def test_every_run_of_the_score_learns_and_is_scored(monkeypatch):
     monkeypatch.setattr(weights, "AFTER", (50, 100))
     monkeypatch.setattr(weights, "RUNS", 2)
     monkeypatch.setattr(tasks, "TESTED", 200)
-    found = weights.learned_over_trials("2 mm", 100)
-    assert set(zip(found["rule"], found["after"], strict=True)) == {
+    table = weights.learned_over_trials("2 mm", 100)
+    assert set(zip(table["rule"], table["after"], strict=True)) == {
         (rule, after) for rule in ("confidence", "chosen", "counts") for after in (50, 100)
     }
-    assert (found["runs"] == 2).all()
-    counts = found[found["rule"] == "counts"]
+    assert (table["runs"] == 2).all()
+    counts = table[table["rule"] == "counts"]
     assert (counts["slope"] > 0.8).all()

@@ -29,9 +29,9 @@ def table(tmp_path):
 
 def with_another_hash(path, channels="2"):
     """Change the hash of a table's circuit."""
-    found = json.loads(provenance_path(path).read_text())
-    found["parameters"]["circuits"][channels]["sha256"] = "0" * 64
-    provenance_path(path).write_text(json.dumps(found))
+    provenance = json.loads(provenance_path(path).read_text())
+    provenance["parameters"]["circuits"][channels]["sha256"] = "0" * 64
+    provenance_path(path).write_text(json.dumps(provenance))
 
 
 def written(figure):
@@ -51,10 +51,10 @@ def test_a_table_of_another_circuit_is_said_under_the_figure_and_of_todays_nothi
     ax.plot([0, 1], label="a line")
     if legend:
         figure.legend(loc="outside lower center")
-    said = told(say_if_older, figure, table)
+    texts = told(say_if_older, figure, table)
     plt.close(figure)
     assert older(table) == bool(channels)
-    assert [OLDER in text for text in said] == [True] * bool(channels)
+    assert [OLDER in text for text in texts] == [True] * bool(channels)
     assert (f"{OLDER}: found.csv" in written(figure)) == bool(channels)
     assert channels or written(figure).strip() == ""
 

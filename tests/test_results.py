@@ -113,8 +113,8 @@ def test_a_column_without_a_description_and_a_description_without_a_column_are_n
     with pytest.raises(ValueError, match=r"no table has: \[\('columns', 'c'\)\]$"):
         pages.columns(tmp_path)
     key.write_text('[columns]\na = "one"\n[y]\nb = "two"\na_low = "a bound"\n')
-    found = {("a", "one"): ["y"], ("a_low", "a bound"): ["y"], ("b", "two"): ["y"]}
-    assert pages.columns(tmp_path) == found
+    unmatched = {("a", "one"): ["y"], ("a_low", "a bound"): ["y"], ("b", "two"): ["y"]}
+    assert pages.columns(tmp_path) == unmatched
 
 
 def test_a_table_of_another_circuit_says_so():
@@ -144,9 +144,9 @@ def test_a_page_made_from_a_table_of_another_circuit_says_so(tmp_path):
 
 def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
     parameters = {"circuits": CIRCUITS, "trials": [100, 500], "fast": True}
-    said = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
-    assert "100 to 500 trials, seeds in their files" in said
-    assert "coarse (`make score FAST=1`)" in said
+    text = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
+    assert "100 to 500 trials, seeds in their files" in text
+    assert "coarse (`make score FAST=1`)" in text
 
 
 def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path):
@@ -212,8 +212,8 @@ def score(tmp_path, monkeypatch):
     monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
     monkeypatch.setattr(pieces, "TABLES", tmp_path / "results")
     monkeypatch.setattr(sys, "argv", ["scores"])
-    found = Score("test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])})
-    return found, computed, tmp_path
+    test = Score("test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])})
+    return test, computed, tmp_path
 
 
 def test_a_score_goes_on_where_it_was_stopped(score, capsys):

@@ -13,7 +13,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 
 def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number():
     edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.clamp("GPe")}
-    found = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
-    assert (np.abs(found["value"] - found["finite_nats"]) < 0.005).all()
-    line_misses = np.abs(found["value"] - found["exact_nats"])
+    shifts = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
+    assert (np.abs(shifts["value"] - shifts["finite_nats"]) < 0.005).all()
+    line_misses = np.abs(shifts["value"] - shifts["exact_nats"])
     assert line_misses.max() > 0.03
