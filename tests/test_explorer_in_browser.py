@@ -44,9 +44,9 @@ def command(tmp_path):
         yield re.search(r"http://\S+", process.stdout.readline())[0], process
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=60)[1]
+        errors = process.communicate(timeout=60)[1]
         assert process.returncode == 0
-        assert "Traceback" not in said
+        assert "Traceback" not in errors
     finally:
         process.kill()
 
@@ -137,11 +137,11 @@ def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page
 def compare(page, printed):
     """Compare the table on the screen with the numbers that the command printed."""
     rows = page.get_by_label("Behaviour", exact=True).locator("tbody tr")
-    found = rows.evaluate_all(
+    texts = rows.evaluate_all(
         "rows => rows.map(r => [r.querySelector('th').title, ...[...r.querySelectorAll('td')]"
         ".map(c => c.textContent)])"
     )
-    printed_rows = [row for row in found if re.search(rf"^{row[0]} ", printed, re.MULTILINE)]
+    printed_rows = [row for row in texts if re.search(rf"^{row[0]} ", printed, re.MULTILINE)]
     assert len(printed_rows) > 6
     for measure, *cells in printed_rows:
         line = re.search(rf"^{measure} .*$", printed, re.MULTILINE)[0]
@@ -153,10 +153,10 @@ def refuse(page, capsys):
     before = page.locator("[data-key]").evaluate_all(EVERY)
     line = "lesion <b>STM</b> 10%"
     enter(page, "New edit (then Enter)", line)
-    said = page.get_by_role("alert").first.inner_text()
+    text = page.get_by_role("alert").first.inner_text()
     assert run("circuit", "show", "--task", "channels=3", "--edits", line) == 2
     sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
-    assert said == f"Refused: {sentence}"
+    assert text == f"Refused: {sentence}"
     assert page.locator("[data-key]").evaluate_all(EVERY) == before
     field = page.get_by_label("New edit (then Enter)", exact=True)
     assert field.input_value() == line

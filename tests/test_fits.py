@@ -46,19 +46,19 @@ def test_a_size_that_few_trials_hardly_identify_is_said_once():
     """As one with a large error, or as one at a bound."""
     asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
     with pytest.warns(FitWarning) as told:
-        found = fit_likelihood(asked)
-    said = [str(each.message) for each in told]
-    at_bound = dict(zip(asked.freedom.names, found.optimum.at_bound, strict=True))
+        fit = fit_likelihood(asked)
+    texts = [str(each.message) for each in told]
+    at_bound = dict(zip(asked.freedom.names, fit.optimum.at_bound, strict=True))
     assert at_bound["noise"]
     assert not at_bound["threshold"]
-    assert [sum(name in each for each in said) for name in ("noise", "threshold")] == [1, 1]
+    assert [sum(name in each for each in texts) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():
     fixed = {"lapse": 0.02, "t0_sd_s": 0.05, "bias_1": 0.0, "t0_s": 0.3}
     asked = {"evidence": EVIDENCE, "forced": True, "fix": fixed, "draws": True}
-    found = bg.fit(DATA, "msprt", **asked)
-    spread, error = found.posterior.draws.std(axis=0), found.directions.standard_errors
+    fit = bg.fit(DATA, "msprt", **asked)
+    spread, error = fit.posterior.draws.std(axis=0), fit.directions.standard_errors
     np.testing.assert_allclose(spread, error, rtol=0.4)
 
 
@@ -117,8 +117,8 @@ def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people(
     likelihoods = one.likelihoods("msprt")
     assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
     assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
-    for who, (own, readings) in enumerate(parts):
-        alone = bg.read_trials(own, evidence=readings, forced=True)
+    for who, (rows, readings) in enumerate(parts):
+        alone = bg.read_trials(rows, evidence=readings, forced=True)
         made = known_likelihood(EXACT["msprt"], known_trials(alone))
         start = made.freedom.start
         np.testing.assert_array_equal(likelihoods[f"p{who}"].each(start), made.each(start))

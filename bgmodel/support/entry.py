@@ -32,8 +32,8 @@ class Entry:
             listener.bind((HOST, port))
         except OSError:
             listener.close()
-            said = f"port {port} is in use: give another one, or 0 for any that is free"
-            raise InputError(said, "port", port) from None
+            reason = f"port {port} is in use: give another one, or 0 for any that is free"
+            raise InputError(reason, "port", port) from None
         listener.setblocking(False)
         listener.listen(WAITING)
         return cls(listener, secrets.token_urlsafe(24))
