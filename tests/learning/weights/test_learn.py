@@ -240,7 +240,7 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
 @pytest.mark.parametrize(
     ("wanted", "make"),
     [
-        ("given without any feedback", lambda: Feedback(given=0)),
+        ("given learning needs feedback", lambda: Feedback(given=0)),
         ("right must exceed wrong", lambda: Feedback(right=0)),
         ("valid", lambda: Feedback(valid=1.1)),
         ("reversal", lambda: Feedback(reversal=0)),
