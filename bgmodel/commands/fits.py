@@ -97,7 +97,8 @@ def fit(
         How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
         of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
         (their number), stimulus (column of the correct alternative), deadline_s (time at which a
-        trial without a response ended), rt_window (earliest and latest response time to fit, s, as
+        trial without a response ended), withheld (the response of a go/no-go task that is given by
+        waiting until then), rt_window (earliest and latest response time to fit, s, as
         0,inf for all), restore_delays (of stop signals, those recorded as 0).
     vary
         Parameters that differ between levels of a column: "sensitivity=conflict",

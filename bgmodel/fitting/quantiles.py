@@ -34,7 +34,7 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
 
     found: dict[str, float] = {}
     for name, side in SIDES.items():
-        times = rt_s[response == side]
+        times = rt_s[(response == side) & np.isfinite(rt_s)]
         at, error = np.full((2, len(QUANTILES)), np.nan)
         if len(times) >= FEWEST:
             at = np.quantile(times, QUANTILES, method="hazen")
@@ -113,7 +113,7 @@ def too_few(cells: pd.DataFrame) -> str:
     """Return a sentence on cells with too few errors for quantiles; empty if there are none."""
     rows = cells.to_dict("records")
     few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
-    if not few:
+    if not few or cells["mean_s"].isna().all():
         return ""
     return f"{len(few)} of {len(rows)} cells: fewer than {FEWEST} errors, without quantiles"
 

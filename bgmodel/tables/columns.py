@@ -43,6 +43,11 @@ PERSON = re.compile(
     r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid|name|initials"
 )
 """Pattern of names of columns that may hold participants."""
+TIME = re.compile(
+    r"(.*[ _.-])?(rts?|reaction|responsetimes?|latency|latencies|times?)"
+    r"([ _.-]?(time|s|ms|sec|msec))?"
+)
+"""Pattern of names of columns that may hold response times."""
 
 
 def names_once(columns: Iterable[object]) -> list[str]:
@@ -150,6 +155,17 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with rows numbered from 0; levels of its index with a name are columns."""
     named = [name for name in table.index.names if name is not None and name not in table]
     return (table.reset_index(named) if named else table).reset_index(drop=True)
+
+
+def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
+    """Return a table with a column rt, empty if there is none, and whether it holds any time.
+
+    Warns if there is no such column; one that may hold the times has to be named.
+    """
+    if "rt" not in table and not any(TIME.fullmatch(str(name).strip().lower()) for name in table):
+        DataWarning.warn("there is no column rt: these trials are read as choices without times")
+        table = table.assign(rt=np.nan)
+    return table, list(table).count("rt") != 1 or not _is_missing(table["rt"]).all()
 
 
 def check_both(table: pd.DataFrame, rt_s: Array, silent: Truths) -> None:
@@ -334,6 +350,30 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
     return coded.astype(np.int8)
 
 
+def withholding(
+    table: pd.DataFrame, withheld: str, upper: str | None = None
+) -> tuple[npt.NDArray[np.int8], int]:
+    """Return responses, (rows,), one of which is given by waiting, and the code of that one.
+
+    A row without a response is that one too; ``upper`` is needed only to code it as 1.
+    """
+    column, missing = table["response"], silent(table)
+    names = names_of(column)
+    waited = missing | (names == withheld)
+    others = sorted(set(names[~waited]))
+    require(waited.any(), "withheld", "must occur", withheld)
+    must = f"must be one of two responses, the other is {' or '.join(others) or 'never given'}"
+    require(len(others) == 1, "withheld", must, withheld)
+    if upper is None and set(others) | {withheld} != {"0", "1"}:
+        upper = others[0]
+    known = upper in (None, withheld, *others)
+    require(known, "upper", f"must be one of {withheld}, {others[0]}", upper)
+    must = f"empty where the response is {withheld}, which is given by waiting until deadline_s"
+    refuse(waited & ~_is_missing(table["rt"]) & ~missing, table["rt"], must)
+    code = int(withheld == (upper or "1"))
+    return np.where(waited, code, 1 - code).astype(np.int8), code
+
+
 def silent(table: pd.DataFrame) -> Truths:
     """Return which rows have no response: none is given, or the time is HSSM's code for none."""
     coded = np.array([_number(value) == MISSING_RT for value in table["rt"]])
@@ -346,7 +386,7 @@ def names_of(column: pd.Series) -> npt.NDArray[np.object_]:
 
 
 def _is_missing(column: pd.Series) -> Truths:
-    told = [str(value).strip() in MISSING for value in column]
+    told = np.array([str(value).strip() in MISSING for value in column], dtype=bool)
     return np.asarray(column.isna().to_numpy() | told)
 
 

@@ -44,7 +44,12 @@ def pairs_of(trials: Trials) -> Pairs:
         codes = np.unique(np.asarray(getattr(trials, name), dtype=np.float64))
         require(np.isin(codes, (0, 1)).all(), name, "must be 0 or 1 in every trial", codes)
     require("pair" in columns, "pair", "must be a condition of the trials", list(columns))
-    require((trials.rt_s > 0).all(), "rt", "must be above 0 s in every trial", trials.rt_s.min())
+    require(
+        not trials.timed or (trials.rt_s > 0).all(),
+        "rt",
+        "must be above 0 s in every trial",
+        trials.rt_s.min(),
+    )
     names, pair = np.unique(columns["pair"].to_numpy(dtype=str), return_inverse=True)
     counts = np.bincount(pair)
     must = "must have two trials or more in every pair: values are learned from earlier ones"
