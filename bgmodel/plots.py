@@ -305,13 +305,3 @@ def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:
     ax.fill_between(runs.columns, low, high, color=line.get("color"), alpha=0.2, lw=0)
     ax.set(xlabel="trial", ylabel="boundary separation δ (nats)")
     return ax
-
-
-def reliability(ax: Axes, table: pd.DataFrame, **line: Any) -> Axes:
-    """Draw observed frequency against stated posterior (columns stated, observed, count)."""
-    ax.plot([0, 1], [0, 1], color="0.8", lw=0.8, zorder=0)
-    low, high = wilson(table["observed"] * table["count"], table["count"])
-    error = np.clip(np.stack([table["observed"] - low, high - table["observed"]]), 0, None)
-    ax.errorbar(table["stated"], table["observed"], yerr=error, fmt="o", ms=3, **line)
-    ax.set(xlabel="stated posterior", ylabel="observed frequency")
-    return ax

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.methods.pyddm_gaps import ByPyddm
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import EXPONENTIAL, WEIBULL
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import read_trials
+from figures.tools.pyddm_gaps import ByPyddm
 from tests.test_start_point import RESPONSES, drawn
 
 VALUES = {"sensitivity": 10.0, "bound": 0.9, "start": 0.25, "drift_sd": 1.0, "fall_per_s": 1.0}

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("bgmodel", "circuits", "figures", "benchmarks", "docs")
 NAMES = {
-    "PIL": "pillow", "cv2": "opencv-python-headless", "psignifit": "psignifit",
+    "PIL": "pillow", "cv2": "opencv-python-headless",
     "ssms": "ssm-simulators", "pydantic_core": "pydantic-core",
     "docstring_parser": "docstring-parser", "arviz_stats": "arviz-stats",
 }  # fmt: skip

@@ -4,17 +4,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from benchmarks.pages import TABLES
-from benchmarks.scores import values
 from bgmodel.support.files import read_table
-from figures import figL4
 from figures.common import FAST
+from figures.learning import draw_L4 as figL4
+from figures.learning import measure_values as values
+from figures.rooms import table_path
 
 NAMES = ("bandit", "reversal", "times", "loop", "courses", "differences")
 
 
 def stored(*names):
-    return [TABLES / f"values_{name}.csv" for name in names]
+    return [table_path(f"values_{name}") for name in names]
 
 
 def test_figure_l4_shows_learners_the_circuit_and_people(tmp_path):

@@ -42,7 +42,6 @@ PARSED = {
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
     "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
-    "bgmodel figures": "figures take an hour",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",
     "bgmodel exam macaque    #": "the whole exam takes a minute; a guide asks for one domain",
@@ -62,9 +61,7 @@ PARSED = {
 # their imports.
 LONG = {
     'for model in ("constant_gap", "falling_gap"):': "two fits to a monkey; tests of gaps fit less",
-    "halves(people, go=go)": "it fits 126 people twice; tests of predictions fit fewer",
     'fit("roitman_shadlen_2002", "macaque"': "it simulates 150 trials a drift; tests take fewer",
-    "DriftingSensor(taps": "the drift begins after 1 000 trials; tests of drifts take fewer",
     "noise_ceiling=True": "three circuits are run; a test of the comparison does less",
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.scores import stopping
-from benchmarks.scores.stops import relative
-from benchmarks.scores.stops.observer import abrupt, commitments, decisions, observed, with_tone
-from benchmarks.scores.stops.runs import (
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
+from bgmodel.stopping.trials import StopTrials
+from figures.stopping import measure_stopping as stopping
+from figures.stopping import relative
+from figures.stopping.observer import abrupt, commitments, decisions, observed, with_tone
+from figures.stopping.runs import (
     agreement,
     evidence_of,
     go_times,
@@ -16,9 +19,6 @@ from benchmarks.scores.stops.runs import (
     share,
     standard_error,
 )
-from bgmodel.integrators.sprt import Msprt
-from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
-from bgmodel.stopping.trials import StopTrials
 from tests.helpers import unwarned
 
 NONE = np.nan
@@ -99,7 +99,8 @@ def test_people_who_race_answer_as_their_go_times_say(monkeypatch):
         stop[stop > ssd + 200] = NONE
         return StopTrials(np.append(go, stop), np.append(np.full(400, NONE), ssd))
 
-    monkeypatch.setattr(relative, "read_people", lambda: {f"p{k}": person() for k in range(40)})
+    people = {f"p{k}": person() for k in range(40)}
+    monkeypatch.setattr(relative, "read_people", lambda columns: people)
     table = relative.people()
     assert table["p_respond"].to_numpy() == pytest.approx(table["p_race"].to_numpy(), abs=0.06)
     late = table["failed_minus_go_ms"] - table["race_minus_go_ms"]

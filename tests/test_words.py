@@ -25,7 +25,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     ROOT / "SECURITY.md",
     ROOT / "paper" / "paper.md",
-    ROOT / "figures" / "captions.toml",
+    *sorted((ROOT / "figures").glob("*/room.toml")),
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "guides").glob("*.md")),
     *sorted((ROOT / "docs" / "results").glob("*.md")),

@@ -305,26 +305,3 @@ def criterion_outcomes(
     )  # fmt: skip
     check_decided(outcomes)
     return outcomes
-
-
-def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
-    """Return the post-error slowing of each run, readings, and its share of errors.
-
-    Each trial of the second half is compared with the mean of the 50 around it, without itself and
-    the one before, to remove slow drifts. Rewards are ``xi W - T``; xi must exceed any duration,
-    because errors are identified by it.
-    """
-    cost = -learned.reward[:, learned.reward.shape[1] // 2 :]
-    wrong = cost >= xi
-    if cost[~wrong].max(initial=0) > 0.9 * xi or cost.max(initial=0) > 1.9 * xi:
-        raise InputError.of("xi", "must be longer than any trial", xi)
-    steps = cost - xi * wrong
-    rows = []
-    for run, (error, time) in enumerate(zip(wrong, steps, strict=True)):
-        about = pd.Series(time).rolling(51, center=True, min_periods=3)
-        others = about.sum().to_numpy()[1:] - time[1:] - time[:-1]
-        beyond = time[1:] - others / (about.count().to_numpy()[1:] - 2)
-        if error[:-1].any():
-            slower = beyond[error[:-1]].mean() - beyond[~error[:-1]].mean()
-            rows.append({"run": run, "slower": slower, "errors": error.mean()})
-    return pd.DataFrame(rows, columns=["run", "slower", "errors"])

@@ -16,7 +16,6 @@ from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import whole
 from circuits.errors import require
 
 
@@ -143,14 +142,3 @@ class LevelOutcomes:
             return np.asarray(table[row, (chance[:, 1] * trials).astype(np.intp)])
 
         return rewards
-
-
-def switching(worlds: Sequence[Environment], every: int) -> Environment:
-    """Return a changing environment: ``every`` trials of each in turn, cyclically."""
-    require(worlds, "worlds", "must hold one or more", worlds)
-    whole("every", every, 1)
-
-    def rewards(episode: int, played: Array) -> Array:
-        return worlds[(episode // every) % len(worlds)](episode, played)
-
-    return rewards

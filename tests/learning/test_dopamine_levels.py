@@ -71,7 +71,7 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
 @pytest.mark.parametrize("channels", levels.LATENCY_MS)
 def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
     """The time that the default circuit takes more than its test, in a table of the results."""
-    table = pd.read_csv(ROOT / "docs/tables/raw_decisions.csv")
+    table = pd.read_csv(ROOT / "figures/decisions/tables/raw_decisions.csv")
     table = table[table["evidence"].eq(f"Gaussian, d' 1, N = {channels}")]
     table = table[table["engine"].eq("population") & table["given"].eq("raw")]
     extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]

@@ -1,29 +1,22 @@
-"""Worlds that give trials and rewards, one or several in turn."""
+"""Worlds that give trials and rewards."""
 
 import numpy as np
 import pytest
 
 from bgmodel import Evidence, stream
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
+from bgmodel.learning.worlds import LevelOutcomes, trials_of
 from tests.helpers import refused
 from tests.learning.helpers import XI, draw
 
 
-def test_worlds_that_switch_draw_trials_of_their_own():
-    """Blocks that do not begin where a switch does: no trial comes twice."""
+def test_trials_asked_for_later_are_other_ones():
+    """Blocks that do not begin where a request does: no trial comes twice."""
     world = trials_of([draw(stream(9, "switch"))], XI, block=50)
     gaps = np.array([2.0])
     first = [world(k, gaps)[0] for k in range(10, 40)]
     again = [world(k, gaps)[0] for k in range(110, 140)]
     assert first != again
-
-
-def test_a_world_switches_and_each_has_its_trials():
-    world = switching([lambda k, x: x, lambda k, x: -x], every=3)
-    assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
-    world = switching([lambda k, x: x, lambda k, x: -x], every=1)
-    assert [world(k, np.array([1.0]))[0] for k in range(4)] == [1, -1, 1, -1]
 
 
 def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
@@ -49,8 +42,6 @@ TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: switching([], 3), "worlds"),
-        (lambda: switching([lambda k, x: x], 0), "every"),
         (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
         (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
         (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.methods.recursive import RecursiveMsprt
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
@@ -98,7 +97,6 @@ def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
     [
         Sprt(),
         Msprt(),
-        RecursiveMsprt(),
         BasalGanglia(TABLE, "algebra"),
         *(kind() for kind in BASELINES.values()),
     ],

@@ -1,7 +1,6 @@
 """Calibration of the sampler of hierarchical fits: make validate.
 
-Groups are drawn from the prior. People have Gaussian errors here, so that a data set takes
-seconds; the score ``group_recovery`` repeats this with trials.
+Groups are drawn from the prior. People have Gaussian errors, so that a data set takes seconds.
 """
 
 from dataclasses import replace
@@ -10,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from benchmarks.methods.group_recovery import MOST_SD, RANGES, group
 from bgmodel.fitting.hierarchy.approximation import Expansion
 from bgmodel.fitting.hierarchy.group import group_of
 from bgmodel.fitting.hierarchy.sampler import Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.support.seeds import stream
+from tests.validation.groups import MOST_SD, RANGES, group
 
 pytestmark = pytest.mark.validate
 SEED, SETS, PEOPLE, WARM_UP, SWEEPS = 47_802, 80, 20, 300, 1200

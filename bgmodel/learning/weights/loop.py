@@ -71,17 +71,16 @@ class Loop:
         count = self.number - (self.learner.trials - self.learner.last)
         return self._total / count if count > 0 else self.weights
 
-    def trial(self, criterion: Array | None = None) -> tuple[Trial, Truths, Array]:
+    def trial(self) -> tuple[Trial, Truths, Array]:
         """Run one trial of every run, and learn from it.
 
-        ``criterion``, (runs,), replaces that of the decider. Returns also whether choices were
-        right, whatever the feedback, and the number of readings before them, (runs,) each.
+        Returns also whether choices were right, whatever the feedback, and the number of readings
+        before them, (runs,) each.
         """
         at = self.number % BLOCK
         if at == 0:
             self._draw()
-        if criterion is None:
-            criterion = np.full(self.runs, self.decider.criterion)
+        criterion = np.full(self.runs, self.decider.criterion)
         part, chance = self._parts[at], self._chance[:, at]
         chosen = self.decider.choose(part, self.weights, criterion, self._noise[:, at], self.number)
         label = self.feedback.label(part.truth, len(self.names), self.number)
