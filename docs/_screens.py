@@ -57,7 +57,7 @@ def written(picture: Image.Image, name: str) -> None:
 def lesions(page: Page) -> None:
     """Take a lesion that makes decisions faster, and one that slows them."""
     enter(page, "Lesion: cells lost (%)", "10")
-    saved(page, "lesion", 0, 1130)
+    saved(page, "lesion", 0, 1180)
     again(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
     panel(page, "lesion_d1", "Behaviour")
@@ -76,14 +76,14 @@ def conflict(page: Page) -> None:
     page.get_by_role("button", name="Use the edited circuit as the control").click()
     settled(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
-    saved(page, "conflict", 0, 780)
+    saved(page, "conflict", 0, 1000)
 
 
 def dopamine(page: Page) -> None:
     """Take the warning of an oscillation, and a trial that has it."""
     again(page)
     enter(page, "New edit (then Enter)", "dopamine 0.1")
-    saved(page, "dopamine", 360, 760, top=63)  # the bar above would be cut
+    saved(page, "dopamine", 0, 860, top=70)  # without the bar above
     panel(page, "dopamine_trial", "One trial in spikes")
 
 

@@ -9,8 +9,8 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from bgmodel.explorer.html import TITLES
 
+from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 from tests.helpers import run

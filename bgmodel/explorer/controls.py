@@ -55,7 +55,12 @@ CONFLICT = (
     "for the true one."
 )
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
-TABLE: dict[str, Any] = {"index": False, "justify": "left", "text_align": "start", **WIDE}
+TABLE: dict[str, Any] = {
+    "index": False,
+    "text_align": "start",
+    "stylesheets": [".panel-df th { text-align: start; }"],
+    **WIDE,
+}
 
 
 class Controls:
@@ -103,20 +108,16 @@ class Controls:
 
     def _setting(self, name: str, widget: Any) -> None:
         """Add the widget of a setting."""
-        self._add(
-            name,
-            widget,
-            lambda state: state.setting(name),
-            lambda state, value: state.with_setting(name, value),
-        )
+        read, write = lambda s: s.setting(name), lambda s, x: s.with_setting(name, x)
+        self._add(name, widget, read, write)
 
     def _open(self) -> None:
         groups = {"": [CHOOSE], "Circuits": [*CIRCUITS], "Experiments": shipped_names()}
         label = "Circuit or included experiment"
         preset = pn.widgets.Select(name=label, groups=groups, **WIDE)
-        self._add("preset", preset, lambda _: CHOOSE, _open)
+        self._add("preset", preset, lambda _: CHOOSE, _opened)
         file = _text("Or a file of either (.toml), or a link")
-        self._add("file", file, lambda _: "", _open)
+        self._add("file", file, lambda _: "", _opened)
 
     def _edits(self) -> None:
         line = _text("New edit (then Enter)", "lesion STN 10%")
@@ -211,7 +212,7 @@ class Controls:
         return button
 
 
-def _open(state: State, name: str) -> State:
+def _opened(state: State, name: str) -> State:
     return state if name in ("", CHOOSE) else opened(name)
 
 

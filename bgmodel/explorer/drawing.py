@@ -45,8 +45,6 @@ POINTS: dict[str, Look] = {
 """Markers of both conditions."""
 WINDOW: Look = {"color": GREY, "alpha": 0.25, "lw": 0, "zorder": 0}
 """Shading of the time in which a course acts."""
-MOST_TIMES = 10
-"""Largest range of decision times covered by bins, in ranges of the control."""
 TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
 """Style in which names of files and nuclei are text, not mathematics."""
 
@@ -76,7 +74,8 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
     with mpl.rc_context(TEXT):
         figure, decided = _figure(2.7), trials[~trials["undecided"] & trials["correct"].notna()]
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.66))
-        edges = _edges(decided)
+        rt_ms = 1000 * decided["rt"].to_numpy() if len(decided) else np.array([0.0, 1000.0])
+        edges = np.linspace(rt_ms.min(), np.quantile(rt_ms, 0.995) + 1, BINS + 1)
         for name in ("manipulation", "control") if edited else ("control",):
             rows = decided[decided["condition"] == name]
             _both_sides(ax, rows, edges, filled=name == "manipulation" or not edited)
@@ -88,18 +87,6 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
         ax.locator_params(axis="x", nbins=6)
         _legend(ax, 2)
         return svg(figure)
-
-
-def _edges(decided: pd.DataFrame) -> Array:
-    """Return edges of bins, ms: the control's, extended to the times of the manipulation."""
-    control = decided.loc[decided["condition"] == "control", "rt"]
-    if not len(control):
-        return 1000 * np.linspace(0, 1, BINS + 1)
-    by = decided.groupby("condition")["rt"]
-    first, start, end = float(control.min()), by.min().min(), by.quantile(0.995).max()
-    width = max(float(control.quantile(0.995)) - first, (end - start) / MOST_TIMES, 1e-3) / BINS
-    low, high = np.floor((start - first) / width), np.ceil((end - first) / width)
-    return np.asarray(1000 * (first + width * np.arange(low, high + 1)))
 
 
 def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> None:

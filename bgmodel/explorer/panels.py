@@ -217,12 +217,10 @@ def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]
 def msprt_curve(evidence: Evidence, gain: float) -> pd.DataFrame:
     """Return mean time and accuracy of the MSPRT, at thresholds where evidence decides."""
     swept = tradeoff(Msprt(gain).run(evidence), evidence)
-    rows = []
-    for k in range(len(swept.settings)):
-        decided = ~swept.forced[k]
-        if 1 - decided.mean() <= LATE:
-            right = swept.choice[k] == evidence.truth
-            rows.append((swept.time_ms[k][decided].mean(), right[decided].mean()))
+    decided = ~swept.forced
+    kept = np.flatnonzero(decided.mean(axis=1) >= 1 - LATE)
+    right = swept.choice == evidence.truth
+    rows = [(swept.time_ms[k][decided[k]].mean(), right[k][decided[k]].mean()) for k in kept]
     return pd.DataFrame(rows, columns=["mean_ms", "accuracy"]).sort_values("mean_ms")
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 from bgmodel.explorer.panels import Memory, Panel, panels
 from bgmodel.explorer.ranking import ranked
@@ -25,77 +26,54 @@ class Runs:
     """
 
     def __init__(
-        self,
-        deliver: Callable[[Panel], None],
-        ended: Callable[[State], None],
-        *,
-        workers: int = 2,
+        self, deliver: Callable[[Panel], None], ended: Callable[[State], None], workers: int = 2
     ) -> None:
         self.memory = Memory()
         self._deliver, self._ended, self._workers = deliver, ended, workers
-        self._newest = self._ranking = 0
-        """Numbers of the requests that are still wanted."""
+        self._shows = self._ranks = 0
+        """Numbers of requests; only the newest is wanted."""
         self._thread = ThreadPoolExecutor(1, "explorer")
 
     def show(self, state: State) -> None:
         """Compute the panels of a state, and cancel what is being computed for an older one."""
-        self._newest += 1
-        wanted = self._newest
-        self._submit(
-            state,
-            lambda: panels(state, self.memory, workers=self._workers),
-            lambda: wanted == self._newest,
-        )
+        self._shows += 1
+        self._submit(state, lambda: panels(state, self.memory, workers=self._workers))
 
     def rank(self, state: State) -> None:
         """Rank the losses of a state after its panels."""
-        self._ranking += 1
-        wanted = self._newest, self._ranking
-        self._submit(
-            state,
-            lambda: ranked(state, workers=self._workers),
-            lambda: wanted == (self._newest, self._ranking),
-        )
+        self._ranks += 1
+        self._submit(state, lambda: ranked(state, workers=self._workers), self._ranks)
 
     def cancel(self) -> None:
         """Cancel the ranking."""
-        self._ranking += 1
+        self._ranks += 1
 
     def stop(self, *, wait: bool = False) -> None:
         """Cancel all runs and end the thread."""
-        self._newest += 1
+        self._shows += 1
         self._thread.shutdown(wait=wait, cancel_futures=True)
 
     def _submit(
-        self, state: State, compute: Callable[[], Iterator[Panel]], wanted: Callable[[], bool]
+        self, state: State, compute: Callable[[], Iterator[Panel]], ranks: int | None = None
     ) -> None:
-        """Queue a run; an unexpected error is logged with its traceback."""
-        future = self._thread.submit(self._run, state, compute, wanted)
-        future.add_done_callback(_raise)
+        """Queue a run, with the number of its ranking; an unexpected error is logged."""
+        shows = self._shows
 
-    def _run(
-        self, state: State, compute: Callable[[], Iterator[Panel]], wanted: Callable[[], bool]
-    ) -> None:
         def check(_: int = 0) -> None:
             """Cancel the run if it is no longer wanted; engines call this after each batch."""
-            if not wanted():
+            if shows != self._shows or ranks not in (None, self._ranks):
                 raise Superseded
 
-        try:
-            check()
-            with quiet(), progress.shown_by(check):  # panels collect their own warnings
-                for panel in compute():
-                    check()
-                    self._deliver(panel)
-            self._ended(state)
-        except Superseded:
-            pass
-        finally:
+        def run() -> None:
+            with suppress(Superseded):
+                check()
+                with quiet(), progress.shown_by(check):  # panels collect their own warnings
+                    for panel in compute():
+                        check()
+                        self._deliver(panel)
+                self._ended(state)
             # Figures refer to themselves: without this, memory would grow between collections.
             gc.collect()
 
-
-def _raise(future: Future[None]) -> None:
-    """Raise the error of a finished run; ``concurrent.futures`` logs it."""
-    if not future.cancelled():
-        future.result()
+        future = self._thread.submit(run)
+        future.add_done_callback(lambda done: done.cancelled() or done.result())

@@ -3,14 +3,11 @@
 import re
 from xml.etree import ElementTree
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer import drawing
 from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, TITLES, TRADEOFF, TRIAL, Memory, panels
 from bgmodel.explorer.state import State, opened
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
@@ -148,19 +145,6 @@ def test_the_circuit_says_whether_it_oscillates(level, oscillates):
     (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == CIRCUIT)
     _, *cells = panel.tables[0].iloc[0]
     assert [cell.split(",")[0] for cell in cells] == ["no", oscillates]
-
-
-def test_bins_of_the_control_stay_while_the_manipulation_is_edited():
-    control = pd.DataFrame({"condition": "control", "rt": np.linspace(0.2, 1.0, 200)})
-    edges = []
-    for factor in (0.5, 1.0, 3.0):
-        other = control.assign(condition="manipulation", rt=factor * control["rt"])
-        edges.append(drawing._edges(pd.concat([control, other])))
-        assert edges[-1][0] <= 1000 * other["rt"].min() + 1e-6
-        assert edges[-1][-1] >= 1000 * other["rt"].quantile(0.995) - 1e-6
-    for one in edges:
-        assert np.diff(one) == pytest.approx(np.diff(edges[1])[0])
-        assert np.abs(one[:, None] - edges[1]).min(axis=0)[:-1] == pytest.approx(0, abs=1e-6)
 
 
 def test_warnings_are_part_of_the_panels_and_not_printed(recwarn):
