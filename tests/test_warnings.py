@@ -10,8 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.html import MEASURES
-from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.panels import MEASURES, Memory, panels
 from bgmodel.explorer.runs import Runs
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import gaussian_evidence
