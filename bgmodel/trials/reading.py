@@ -51,7 +51,7 @@ from bgmodel.tables.columns import (
     withholding,
 )
 from bgmodel.tables.foreign import renamed
-from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
+from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
@@ -63,7 +63,7 @@ from circuits.errors import DataWarning, InputError, require, within
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
 """If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
-READ = (*SETS, STOP_SET)
+READ = (*SETS, STOP_SET, CELLS_SET)
 """Shipped sets of trials, by name."""
 
 
@@ -460,6 +460,8 @@ def _tables(
     if is_nwb(source) and spikes is None:
         path = path_of(str(source), "source")
         return path.name, *read_nwb(path)
+    if isinstance(source, str) and source == CELLS_SET and spikes is None:
+        spikes = shipped_table(f"{CELLS_SET}_spikes")[0]
     return *_table(source, columns), spikes
 
 

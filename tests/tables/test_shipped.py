@@ -175,3 +175,16 @@ def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_des
     better = table[table["response"] == 1].groupby("pair")["reward"].agg(["mean", "size"])
     away = (better["mean"] - [0.8, 0.7, 0.6]) / np.sqrt(0.25 / better["size"])
     assert (away.abs() < 3).all()
+
+
+def test_striatal_cells_are_read_with_their_clicks_and_choices():
+    about = every_set()["striatum_clicks"]
+    assert about.licence == "Apache-2.0"
+    text = (resources.files("bgmodel.data") / about.licence_file).read_text()
+    assert "Apache License" in text
+    read = read_trials("striatum_clicks")
+    assert (read.kind, read.trials, len(read.spikes.names)) == ("spikes and choices", 8601, 48)
+    favoured = np.sign(read.readings.log_likelihood.sum(axis=1) @ [-1, 1])
+    assert ((favoured > 0) == (read.response == 1))[favoured != 0].mean() > 0.74
+    assert read.spikes.time_s.min() >= -0.5
+    assert read.spikes.time_s.max() <= 1.1
