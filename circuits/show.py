@@ -14,6 +14,8 @@ from circuits.declaration.courses import DOPAMINE
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.fixed_point import resting_hz
+from circuits.laws.family import failures
+from circuits.laws.members import loop
 from circuits.laws.posterior import off_nats
 
 ASSUMED = "assumed"
@@ -134,7 +136,7 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
         f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}{lead}\n"
         f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
-        f"{_off(circuit)}{_outside(circuit, resting)}"
+        f"{_off(circuit)}{_family(circuit)}{_outside(circuit, resting)}"
     )
 
 
@@ -159,6 +161,16 @@ def _off(circuit: CircuitTable) -> str:
     except ValueError as error:
         text = f"not known ({error})"
     return f"\nOUT - (-ln P) at the fixed point, where it is read, nats: {text}"
+
+
+def _family(circuit: CircuitTable) -> str:
+    """Return the constraints of OUT = -ln P that fail, or the free numbers of a member."""
+    if circuit.unit != NATS:
+        return ""
+    if fails := failures(circuit):
+        return "\nnot in the family of OUT = -ln P:" + "".join(f"\n  {text}" for text in fails)
+    free = ", ".join(f"{name} {value:.3g}" for name, value in loop(circuit).items())
+    return f"\nin the family of OUT = -ln P: {free}"
 
 
 def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:

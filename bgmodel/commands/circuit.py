@@ -81,7 +81,7 @@ def show(
     print(table)
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
-        say_of_edits(edits)
+        say_of_edits(edits, circuit=table)
     if rest:
         _show_rest(table)
     if scatter is not None:
@@ -230,8 +230,8 @@ def run(
     _check_files(condition, save_rates, save_spikes, save_nwb, nwb_trials)
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
-    say_of_edits(condition.edits)
     model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
+    say_of_edits(condition.edits, circuit=model.circuit)
     posterior = condition.stopping_posterior
     threshold = model.threshold(condition.threshold, posterior)
     started = time.perf_counter()
@@ -319,8 +319,8 @@ def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output
     if task.file is None:
         stop.check_ends(task.step_ms * task.t_max)
     evidence = condition.drawn(STREAM).evidence
-    say_of_edits(condition.edits)
     model = condition.model(evidence.hypotheses, workers=workers, rates=False)
+    say_of_edits(condition.edits, circuit=model.circuit)
     model = model.adapted_to(evidence)
     level = model.threshold(condition.threshold, condition.stopping_posterior)
     runs = len(stop.delays_ms) if stop.staircases else 1

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.circuit import Circuit
     from circuits.declaration.edits import Edits
 
 COMPILES = "compiling, once for this kind of circuit"
@@ -280,10 +281,14 @@ def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
             raise InputError(f"--{flag} has no effect with {reason}: leave it out", name)
 
 
-def say_of_edits(*edits: Edits) -> None:
-    """Explain edits that are easily mistaken for others, once for each kind."""
+def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
+    """Explain edits that are easily mistaken for others, and those that act as a criterion."""
+    from bgmodel.integrators.criterion import acts_as
+
     for text in dict.fromkeys(note for one in edits for note in one.notes()):
         say(text)
+    if circuit is not None and any(edits) and (shift := acts_as(circuit)):
+        say(f"{edits[0].text()}: {shift}")
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:

@@ -15,7 +15,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.experiment import Outcome
 from bgmodel.experiments.kept import Kept
-from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, unknown
+from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, shift_of, unknown
 from bgmodel.experiments.record import CONDITIONS, UNCHANGED
 from bgmodel.explorer import drawing
 from bgmodel.explorer.state import State
@@ -130,6 +130,7 @@ def _behaviour(state: State, memory: Memory, workers: int) -> Iterator[Panel]:
     memory.outcome = state.key, outcome
     if state.alike:
         notes = [note for note in notes if UNCHANGED not in note]
+    notes += filter(None, [shift_of(state.experiment)])
     text, tables = _measures(outcome, state)
     warnings = tuple(dict.fromkeys(notes))
     yield Panel(MEASURES, state.key, state.digest, text, tables=tables, warnings=warnings)

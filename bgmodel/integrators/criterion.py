@@ -15,12 +15,15 @@ from circuits.dynamics import loops
 from circuits.dynamics.fixed_point import resting_state, wired
 from circuits.engines import Algebra
 from circuits.errors import InputError
+from circuits.laws.family import shift_nats
 
 if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from circuits.circuit import Circuit
 
 
+LEAST_SHIFT_NATS = 0.001
+"""Smallest shift of OUT that counts as one, nats."""
 LEAD_MS = 100.0
 """Time to which a circuit's largest tracked lead refers, ms."""
 
@@ -114,6 +117,22 @@ def doubts(circuit: Circuit) -> list[str]:
     loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
     texts = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
     return [f"{circuit.name}: {text}" for text in texts if text]
+
+
+def acts_as(circuit: Circuit, before: Circuit | None = None) -> str:
+    """Return what edits amount to if they shift OUT by the same everywhere; "" if they do not.
+
+    ``before`` is by default the circuit before its edits. Deciding when ``-ln P + shift`` falls
+    below a threshold is deciding, before the edits, at ``exp(shift)`` times the posterior.
+    """
+    shift = shift_nats(circuit, before)
+    if shift is None or abs(shift) < LEAST_SHIFT_NATS:
+        return ""
+    way = "lower" if shift < 0 else "higher"
+    return (
+        f"acts as a criterion {way} by {abs(shift):.3g} nats: OUT is {way} by as much whatever the "
+        f"evidence, so that the circuit decides at {math.exp(shift):.3g} times the posterior"
+    )
 
 
 def unfiltered(circuit: Circuit) -> str:

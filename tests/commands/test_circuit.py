@@ -24,6 +24,14 @@ def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
     assert drawing.stat().st_size > 1000
 
 
+@pytest.mark.parametrize("command", ["show", "run --engine algebra --task trials=3"])
+def test_a_loss_of_stn_is_said_to_act_as_a_criterion(command, capsys):
+    run("circuit", *command.split(), "--edits", "lesion STN 10%")
+    assert "lesion STN 10%: acts as a criterion lower by 0.105 nats" in capsys.readouterr().err
+    run("circuit", *command.split(), "--edits", "lesion GPe 5%")
+    assert "acts as" not in capsys.readouterr().err
+
+
 def test_show_says_whose_noise_it_is(capsys):
     """More cells of a nucleus, less of its noise; where there are no cells, none."""
     noise_nats = []

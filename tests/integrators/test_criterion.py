@@ -11,7 +11,7 @@ import bgmodel as bg
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import fitting_gain, gain_of, lead_of
+from bgmodel.integrators.criterion import acts_as, fitting_gain, gain_of, lead_of
 from bgmodel.support.files import read_provenance
 from bgmodel.sweeps.sweep import Sweep
 from circuits.anatomy import load_circuit, macaque
@@ -158,3 +158,31 @@ def test_a_sweep_gives_each_task_its_gain_and_all_edits_of_it_one(tmp_path):
     assert (gains["min"] == gains["max"]).all()
     assert gains.loc[0.5, "min"] == TABLE.default_gain
     assert gains.loc[2.0, "min"] < TABLE.default_gain
+
+
+@pytest.mark.parametrize(
+    ("edits", "shift"),
+    [
+        (["lesion STN 10%"], np.log(0.9)),
+        (["lesion STN 30%"], np.log(0.7)),
+        (["lesion STN 30%", "rebound SNr 0.2"], 0.2),
+        (["lesion STN 30%", "compensate"], None),
+        (["lesion GPe 10%"], None),
+        (["dopamine 0.9"], None),
+        ([], None),
+    ],
+)
+def test_an_edit_that_shifts_out_acts_as_a_criterion(edits, shift):
+    text = acts_as(TABLE.edited(*edits))
+    if shift is None:
+        assert text == ""
+        return
+    assert ("lower" if shift < 0 else "higher") in text
+    assert f" {abs(shift):.3g} nats" in text
+    assert f" {np.exp(shift):.3g} times the posterior" in text
+
+
+def test_a_shift_is_relative_to_the_control():
+    lesioned = TABLE.lesion("STN", 0.1)
+    assert f"{-np.log(0.5):.3g} nats" in acts_as(lesioned.lesion("STN", 0.5), lesioned)
+    assert acts_as(lesioned, lesioned) == ""
