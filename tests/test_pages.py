@@ -41,6 +41,7 @@ PARSED = {
     "bgmodel decide --task edge-turn": "there is no table of decoded taps",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
     "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
+    "bgmodel fit go_no_go.csv": "there is no such table; tests of trials without times make one",
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",

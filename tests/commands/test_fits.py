@@ -92,7 +92,7 @@ BAD_TABLES = {
     "few trials": (GOOD.iloc[:12], "each participant needs at least 10 trials"),
     "another code": (changed(response=GOOD["response"] + 1), "response must be 1 or 0, got '2'"),
     "one strength": (changed(coherence=0.4), "coherence must differ between trials"),
-    "no rt": (GOOD.drop(columns="rt"), "there is no column rt; there are participant_id"),
+    "no rt": (GOOD.rename(columns={"rt": "RT"}), "column 'RT' is not 'rt'"),
 }
 
 

@@ -187,4 +187,4 @@ def test_striatal_cells_are_read_with_their_clicks_and_choices():
     favoured = np.sign(read.readings.log_likelihood.sum(axis=1) @ [-1, 1])
     assert ((favoured > 0) == (read.response == 1))[favoured != 0].mean() > 0.74
     assert read.spikes.time_s.min() >= -0.5
-    assert read.spikes.time_s.max() <= 1.1
+    assert read.spikes.time_s.max() <= np.float32(1.1)
