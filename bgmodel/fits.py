@@ -169,9 +169,7 @@ def question(
     names = names[-1:] if alone else names
     if all(isinstance(name, TrialModel) for name in names):
         kind = CHOICES
-    asked.check_unused(kind.unused, f"on {trials.kind}")
-    if asked.hierarchical:
-        asked.check_unused(["pooled"], "in a hierarchy")
+    _check_settings(asked, kind, trials)
     asked, between = asked.split(trials)
     if kind is KNOWN and asked.formula:
         must = "must be of what differs between people if evidence is known: within a person"
@@ -192,6 +190,15 @@ def question(
             "participant",
         )
     return one
+
+
+def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
+    """Raise ValueError for settings without effect on these trials."""
+    asked.check_unused(kind.unused, f"on {trials.kind}")
+    if not trials.timed:
+        asked.check_unused(["rt_window"], "on choices without times")
+    if asked.hierarchical:
+        asked.check_unused(["pooled"], "in a hierarchy")
 
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -241,6 +248,23 @@ def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
             replace(known.design, choices=one.people[who]), replace(model, trials=known)
         )
         for who, known in every.items()
+    }
+
+
+def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of recorded cells and choices."""
+    from bgmodel.fitting.cells.model import cells_model
+
+    return cells_model(name, next(iter(one.people.values())))
+
+
+def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
+    """Return the likelihood of each person's choices and recorded cells."""
+    from bgmodel.fitting.cells.model import cells_design
+
+    return {
+        who: asked.likelihood(cells_design(some), replace(model, trials=some))
+        for who, some in one.people.items()
     }
 
 
@@ -303,6 +327,10 @@ MANY = ("msprt", "macaque")
 KNOWN = Kind(
     _known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), (*ON_CHOICES, "vary")
 )
+CELLS = Kind(
+    _cells, _of_cells, ("step", "exponential", "linear"),
+    (*ON_CHOICES, "vary", "formula", "engine", "seed", "runs"),
+)  # fmt: skip
 REWARDED = Kind(
     _learner, _of_learners, ("no learning", "q", "q, two rates"),
     (*ON_CHOICES, "engine", "seed", "runs"),
@@ -313,6 +341,7 @@ STOPS = Kind(
 )  # fmt: skip
 KINDS = {
     "choices": CHOICES,
+    "spikes and choices": CELLS,
     "known evidence": KNOWN,
     "stop-signal trials": STOPS,
     "rewarded choices": REWARDED,

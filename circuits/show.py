@@ -175,13 +175,13 @@ def _family(circuit: CircuitTable) -> str:
 
 def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
     """Return a line on nuclei that rest outside their published range, if any."""
-    found = []
+    rows = []
     for row in circuit.populations:
         hz = resting.get(row.name, math.nan)
         low, high = row.published_hz or (-math.inf, math.inf)
         if hz < low or hz > high:
-            found.append(f"{row.name} {hz:.0f} ({low:.0f} to {high:.0f})")
-    return f"\nresting rates outside the published range, Hz: {', '.join(found)}" if found else ""
+            rows.append(f"{row.name} {hz:.0f} ({low:.0f} to {high:.0f})")
+    return f"\nresting rates outside the published range, Hz: {', '.join(rows)}" if rows else ""
 
 
 def _drive(circuit: CircuitTable) -> str:

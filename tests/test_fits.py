@@ -46,19 +46,19 @@ def test_a_size_that_few_trials_hardly_identify_is_said_once():
     """As one with a large error, or as one at a bound."""
     asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
     with pytest.warns(FitWarning) as told:
-        found = fit_likelihood(asked)
-    said = [str(each.message) for each in told]
-    at_bound = dict(zip(asked.freedom.names, found.optimum.at_bound, strict=True))
+        fit = fit_likelihood(asked)
+    texts = [str(each.message) for each in told]
+    at_bound = dict(zip(asked.freedom.names, fit.optimum.at_bound, strict=True))
     assert at_bound["noise"]
     assert not at_bound["threshold"]
-    assert [sum(name in each for each in said) for name in ("noise", "threshold")] == [1, 1]
+    assert [sum(name in each for each in texts) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():
     fixed = {"lapse": 0.02, "t0_sd_s": 0.05, "bias_1": 0.0, "t0_s": 0.3}
     asked = {"evidence": EVIDENCE, "forced": True, "fix": fixed, "draws": True}
-    found = bg.fit(DATA, "msprt", **asked)
-    spread, error = found.posterior.draws.std(axis=0), found.directions.standard_errors
+    fit = bg.fit(DATA, "msprt", **asked)
+    spread, error = fit.posterior.draws.std(axis=0), fit.directions.standard_errors
     np.testing.assert_allclose(spread, error, rtol=0.4)
 
 
@@ -117,8 +117,8 @@ def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people(
     likelihoods = one.likelihoods("msprt")
     assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
     assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
-    for who, (own, readings) in enumerate(parts):
-        alone = bg.read_trials(own, evidence=readings, forced=True)
+    for who, (rows, readings) in enumerate(parts):
+        alone = bg.read_trials(rows, evidence=readings, forced=True)
         made = known_likelihood(EXACT["msprt"], known_trials(alone))
         start = made.freedom.start
         np.testing.assert_array_equal(likelihoods[f"p{who}"].each(start), made.each(start))
@@ -154,12 +154,22 @@ def test_rewarded_choices_are_fitted_by_learners():
 def test_stop_signal_trials_are_fitted_by_their_stop_process():
     """Also by conditions; where a signal of the evidence can hold no place, it is refused."""
     table = stop_table(people=1).assign(drug=lambda t: np.resize(["on", "off"], len(t)))
+    table["stimulus"] = np.resize(["left", "left", "right"], len(table))
+    table["response"] = table["stimulus"].where(table["rt"].notna())
     fit = bg.fit(table, "constant_gap", vary={"ssrt_ms": "drug"}, fix={"failures": 0.02})
     assert fit.summary().index.tolist() == ["ssrt_ms[drug=off]", "ssrt_ms[drug=on]", "ssrt_sd_ms"]
     likely = stop_likelihood("constant_gap", bg.read_trials(table), fixed={"failures": 0.02})
     alike = bg.fit(table, "constant_gap", fix={"failures": 0.02})
     assert alike.log_likelihood == pytest.approx(likely(alike.optimum.vector))
     assert fit.log_likelihood >= alike.log_likelihood - 0.1
+    cells = alike.cells()  # every response is correct in the data, and so in the model
+    assert cells["model_wrong_s"].isna().all()
+    assert cells["model_correct_s"].between(0.3, 0.6).all()
+    figure = alike.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "Stop-signal delay (ms)", "Response time (ms)"
+    ]  # fmt: skip
+    plt.close(figure)
     for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)

@@ -38,16 +38,16 @@ class LoweredGain(float):
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
     """Return the given gain, or by default that of the circuit, 1 for an exact circuit."""
-    found = circuit.default_gain if given is None else given
-    if found is None and (circuit.unedited or circuit).exact:
+    gain = circuit.default_gain if given is None else given
+    if gain is None and (circuit.unedited or circuit).exact:
         return 1.0  # the output of an exact table is -ln P at any gain
-    if found is None:
+    if gain is None:
         raise InputError(
             f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
             f"circuit's {circuit.unit} per nat of evidence",
             "gain",
         )
-    return found
+    return gain
 
 
 def fitting_gain(highest: float, most_nats: float, lead_nats: float) -> float:
@@ -94,10 +94,10 @@ def rest_out(circuit: Circuit) -> float:
     """
     try:
         silence = np.zeros((1, 1, circuit.channels))
-        found = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
+        lowest = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
     except ValueError:
         return np.inf  # Without a resting state there is nothing to compare with.
-    return float(found)
+    return float(lowest)
 
 
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
@@ -115,8 +115,8 @@ def readout_of(circuit: Circuit) -> ReadOut:
 def doubts(circuit: Circuit) -> list[str]:
     """Return what keeps a circuit from deciding by its evidence, with the cures."""
     loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
-    found = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
-    return [f"{circuit.name}: {said}" for said in found if said]
+    texts = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
+    return [f"{circuit.name}: {text}" for text in texts if text]
 
 
 def acts_as(circuit: Circuit, before: Circuit | None = None) -> str:

@@ -47,20 +47,23 @@ from bgmodel.tables.columns import (
     strengths,
     times,
     with_index,
+    with_times,
+    withholding,
 )
 from bgmodel.tables.foreign import renamed
-from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
+from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.restored import restored_delays
+from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from circuits.errors import DataWarning, InputError, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
 """If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
-READ = (*SETS, STOP_SET)
+READ = (*SETS, STOP_SET, CELLS_SET)
 """Shipped sets of trials, by name."""
 
 
@@ -90,6 +93,9 @@ class Columns:
         nor ``stimulus`` gives it.
     deadline_s : float, optional
         Time at which a trial without a response ended, s.
+    withheld : str, optional
+        The response that is given by waiting until ``deadline_s``, as "no" in a go/no-go task;
+        rows without a response are this one.
     restore_delays : bool
         Whether stop-signal delays of exactly 0 are missing, and are inferred from the staircases
         (``trials.restored``). Otherwise they are kept, with a warning if they look missing.
@@ -105,6 +111,7 @@ class Columns:
     stimulus: str | None = None
     alternatives: int | None = None
     deadline_s: float | None = None
+    withheld: str | None = None
     restore_delays: bool = False
 
     def __post_init__(self) -> None:
@@ -112,8 +119,10 @@ class Columns:
             given = getattr(self, name)
             named = given is None or isinstance(given, str)
             require(named, name, "must be the name of a column", given)
-        named = self.upper is None or isinstance(self.upper, str)
-        require(named, "upper", "must be the name of a response, as text", self.upper)
+        for name in ("upper", "withheld"):
+            given = getattr(self, name)
+            named = given is None or isinstance(given, str)
+            require(named, name, "must be the name of a response, as text", given)
         known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
         require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
         check_flag("restore_delays", self.restore_delays)
@@ -121,6 +130,12 @@ class Columns:
             several.check_number(self.alternatives)
         if self.deadline_s is not None:
             check_positive(deadline_s=self.deadline_s)
+        if self.withheld is not None:
+            must = "must be given, s, if a response is given by waiting until then"
+            require(self.deadline_s is not None, "deadline_s", must, None)
+            for name in ("stimulus", "alternatives"):
+                without = "has no meaning if a response is withheld: code stimuli by strengths"
+                require(getattr(self, name) is None, name, without, getattr(self, name))
 
 
 OURS = Columns()
@@ -136,12 +151,14 @@ def read_trials(
     evidence: Source | None = None,
     step_ms: float | None = None,
     forced: bool = False,
+    spikes: Source | None = None,
 ) -> Trials:
     """Read a table of trials; none is left out.
 
     The columns say what kind of trials they are. With ``ssd`` they are stop-signal trials; with
     ``pair`` and ``reward`` they are choices between the items of a pair that are rewarded; others
-    are choices and their times. With ``evidence`` the readings of each trial are known.
+    are choices and their times. With ``evidence`` the readings of each trial are known, and with
+    ``spikes`` those of recorded cells as well.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
     possible errors: units of time, a deadline far beyond all responses, coarse times,
@@ -156,8 +173,9 @@ def read_trials(
         events with stop signals, or a table with one row per trial: ``rt``, s from the onset of
         evidence, and ``response``, 1 or 0; optionally ``participant_id``, without which all trials
         belong to one participant, "all". A trial without a response has neither ``rt`` nor
-        ``response``; if ``rt`` is -999, as written for HSSM, ``response`` is ignored. Tables of
-        HSSM (responses 1 and -1) and of PyDDM (columns RT and choice) are recognised. Stop-signal
+        ``response``; if no trial has ``rt``, choices alone are read. If ``rt`` is -999, as written
+        for HSSM, ``response`` is ignored. Tables of HSSM (responses 1 and -1) and of PyDDM
+        (columns RT and choice) are recognised. Stop-signal
         trials have ``ssd``, s, in stop trials, and are correct where a column ``correct`` is 1
         rather than 0, or else where ``stimulus`` and ``response`` are equal, if there are these.
         With rewards, response 1 is the item of the pair that is rewarded more often. With evidence
@@ -176,6 +194,11 @@ def read_trials(
         Time between readings, ms, if the evidence has steps instead of times.
     forced : bool
         Whether the last reading of a trial forces a response.
+    spikes : path or DataFrame, optional
+        One row per spike: ``cell``, ``trial``, ``time_s`` (s from the onset of the trial) and, if
+        the table of trials has it too, ``session``. ``rt`` is then the time at which the evidence
+        ended, and clicks may be columns of lists of times, such as ``left_s`` and ``right_s``. An
+        .nwb file as ``source`` has trials and spikes.
 
     Returns
     -------
@@ -195,15 +218,20 @@ def read_trials(
     if not isinstance(conditions, (str, list, tuple)):
         raise InputError.of("conditions", "must be names of columns", conditions)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
-    name, table = _table(source, columns)
+    name, table, spikes = _tables(source, columns, spikes)
     try:
         named = {"rt": columns.rt, "response": columns.response}
         if evidence is None:
             named["ssd"] = columns.ssd
         table = renamed(table, **named, participant=columns.participant)
+        if spikes is not None:
+            table = in_sessions(table)
+            evidence = clicks_of(table) if evidence is None else evidence
         if evidence is not None:
-            check_effect("known evidence", columns, strength)
-            found = _known(table, wanted, participant, columns, (evidence, step_ms, forced))
+            kind = "known evidence" if spikes is None else "spikes and choices"
+            check_effect(kind, columns, strength)
+            asked = (evidence, step_ms, forced)
+            found = _known(table, wanted, participant, columns, asked, spikes)
         elif "ssd" in table:
             check_effect("stop-signal trials", columns, strength)
             found = _stop_signals(table, wanted, participant, columns)
@@ -219,11 +247,13 @@ def read_trials(
 
 
 NAMES = {"rt", "response", "participant", "rt_unit"}
+OF_CHOICES = {"upper", "stimulus", "alternatives", "deadline_s", "withheld", "strength"}
 USED = {
-    "choices": NAMES | {"upper", "stimulus", "alternatives", "deadline_s", "strength"},
+    "choices": NAMES | OF_CHOICES,
     "stop-signal trials": NAMES | {"ssd", "trial_type", "deadline_s", "restore_delays"},
     "rewarded choices": NAMES,
     "known evidence": NAMES | {"upper"},
+    "spikes and choices": NAMES | {"upper"},
 }
 """Settings that have an effect on each kind of trials."""
 
@@ -244,14 +274,17 @@ def _choices(
     stimulus, upper = columns.stimulus, columns.upper
     used = [each for each in (*wanted, strength, stimulus) if each is not None]
     check_no_stops(table)
+    table, timed = with_times(table)
     table = rows(table, used, participant)
     warn_of_copies(table, used)
-    problems, held = Problems(), {}
+    problems, held, withheld = Problems(), {}, None
     with problems.caught():
         rt_s = times(table["rt"], columns.rt_unit)
     with problems.caught():
         number = several.number_of(table, columns.alternatives, stimulus)
-        if stimulus is None:
+        if columns.withheld is not None:
+            chosen, withheld = withholding(table, columns.withheld, upper)
+        elif stimulus is None:
             chosen = responses(table["response"], table["rt"], upper)
         else:
             require(upper is None, "upper", "has no effect with stimulus: leave it out", upper)
@@ -264,7 +297,11 @@ def _choices(
         with problems.caught():
             held[column] = levels(table[column])
     problems.refuse()
-    check_answers(table, rt_s, chosen, columns.deadline_s)
+    if timed:
+        answers = np.where(chosen == withheld, NO_RESPONSE, chosen).astype(np.int8)
+        check_answers(table, rt_s, answers, columns.deadline_s)
+    else:
+        _check_alone(table, chosen, columns)
     check_times(rt_s)
     warn_of_mixed_units(rt_s, participants(table))
     if columns.deadline_s is not None:
@@ -274,7 +311,7 @@ def _choices(
         warn_of_units(signed)
     found = Trials(
         participants(table), rt_s, chosen, signed, pd.DataFrame(held, index=range(len(table))),
-        columns.deadline_s, alternatives=number,
+        columns.deadline_s, alternatives=number, withheld=withheld,
     )  # fmt: skip
     warn_of_twins(found.participant, rt_s, chosen)
     _check_cells(found)
@@ -284,6 +321,14 @@ def _choices(
     if strength is None:
         warn_without_strength(table, [*used, several.COLUMN], chosen, number)
     return found
+
+
+def _check_alone(table: pd.DataFrame, chosen: npt.NDArray[np.int8], columns: Columns) -> None:
+    """Raise ValueError for choices without times that lack a response, or name a deadline."""
+    refuse(chosen == NO_RESPONSE, table["response"], "given in every trial if there are no times")
+    for name in ("withheld", "deadline_s"):
+        without = "needs times, and all of them are missing"
+        require(getattr(columns, name) is None, name, without, getattr(columns, name))
 
 
 def _others(
@@ -330,11 +375,12 @@ def _rewarded(
 ) -> Trials:
     """Return choices between the items of a pair that are rewarded."""
     more = [name for name in wanted if name != "pair"]
+    table, timed = with_times(table)
     table, who, rt_s, held = _others(
         table, ["response", "pair", "reward"], more, participant, columns
     )
     held.insert(0, "pair", levels(table["pair"]))
-    refuse(np.isnan(rt_s), table["rt"], "given for every trial")
+    refuse(timed & np.isnan(rt_s), table["rt"], "given for every trial, or for none")
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
     better, other = (reward[response == side] for side in (1, 0))
@@ -348,20 +394,28 @@ def _rewarded(
 
 def _known(
     table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns,
-    asked: tuple[Source, float | None, bool],
+    asked: tuple[Source, float | None, bool], spikes: Source | None,
 ) -> Trials:  # fmt: skip
-    """Return trials of which the readings are known."""
+    """Return trials of which the readings are known, and perhaps the spikes of cells."""
+    table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
     given = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
-    readings = replace(answered(given, table, who.tolist(), rt_s, columns.upper), forced=forced)
+    missing = silent(table)
+    refuse(timed & np.isnan(rt_s) & ~missing, table["rt"], "given where there is a response")
+    missing |= timed & np.isnan(rt_s)
+    matched = answered(given, table, who.tolist(), rt_s, missing, columns.upper)
+    readings = replace(matched, forced=forced)
     several.check_number(len(readings.names))
     choice = np.asarray(readings.choice)
     favoured = 1 if len(readings.names) == 2 else seen_sums(readings, rt_s).argmax(axis=1)
     response = np.where(choice < 0, NO_RESPONSE, choice == favoured).astype(np.int8)
-    return Trials(
+    found = Trials(
         who, rt_s, response, None, held, alternatives=len(readings.names), readings=readings
     )
+    if spikes is None:
+        return found
+    return replace(found, spikes=spikes_of(spikes, [trial for _, trial in readings.ids], rt_s))
 
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
@@ -397,6 +451,18 @@ def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
             "restore_delays=True), at the terminal --columns restore_delays=true, infers the "
             "delays from the staircases"
         )
+
+
+def _tables(
+    source: str | Path | pd.DataFrame, columns: Columns, spikes: Source | None
+) -> tuple[str, pd.DataFrame, Source | None]:
+    """Return the name of a source, its table, and the spikes of an .nwb file or those given."""
+    if is_nwb(source) and spikes is None:
+        path = path_of(str(source), "source")
+        return path.name, *read_nwb(path)
+    if isinstance(source, str) and source == CELLS_SET and spikes is None:
+        spikes = shipped_table(f"{CELLS_SET}_spikes")[0]
+    return *_table(source, columns), spikes
 
 
 def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd.DataFrame]:

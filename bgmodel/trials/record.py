@@ -1,4 +1,4 @@
-"""One row per trial: choices and their times, stop signals, rewards."""
+"""One row per trial: choices and their times, stop signals, rewards, spikes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,16 @@ from bgmodel.support.reprs import Facts, span
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
 from bgmodel.trials.readings import Readings
+from bgmodel.trials.spikes import Spikes, joined_spikes
 from circuits.errors import InputError, require
 
-KINDS = ("choices", "known evidence", "stop-signal trials", "rewarded choices")
+KINDS = (
+    "choices",
+    "spikes and choices",
+    "known evidence",
+    "stop-signal trials",
+    "rewarded choices",
+)
 """Kinds of trials: by the columns that they have in addition to choices and times."""
 MOST_LEVELS = 30
 """A condition with more values than this, all of them numbers, is a covariate."""
@@ -40,7 +47,8 @@ class Trials(Facts):
     participant : (trials,) text
         The participant of each trial.
     rt_s : (trials,) float64
-        Time from onset to response, s; NaN without a response.
+        Time from onset to response, s; NaN without a response, for one that is withheld, and in
+        all trials if only choices were recorded.
     response : (trials,) int8
         1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
         and 0 any of the wrong ones.
@@ -63,6 +71,10 @@ class Trials(Facts):
     readings : Readings, optional
         The readings of each trial, if its evidence is known. Response 1 is then the second
         alternative; of more than two it is the one that the readings before the response favour.
+    withheld : int, optional
+        The response, 1 or 0, that is given by waiting until the deadline, as in go/no-go tasks.
+    spikes : Spikes, optional
+        Spikes of recorded cells in each trial.
 
     Attributes
     ----------
@@ -72,8 +84,8 @@ class Trials(Facts):
     Raises
     ------
     ValueError
-        If columns differ in length, a response has another value, or a time is given without a
-        response or the reverse.
+        If columns differ in length, a response has another value, or times are given where there
+        are none or the reverse.
     """
 
     participant: npt.NDArray[np.str_]
@@ -87,18 +99,27 @@ class Trials(Facts):
     ssd_s: Array | None = None
     reward: Array | None = None
     readings: Readings | None = None
+    withheld: int | None = None
+    spikes: Spikes | None = None
     checksum: str = field(init=False)
 
     def __post_init__(self) -> None:
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
         lengths += [len(each) for each in self._more.values() if each is not None]
         lengths += [len(self.readings.ids)] if self.readings is not None else []
+        lengths += [len(self.spikes.recorded)] if self.spikes is not None else []
         if len(set(lengths)) > 1:
             raise InputError(f"choices need one value per trial, got {lengths}", "response")
         coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
         require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
-        if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
-            raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
+        if self.withheld is not None:
+            require(self.withheld in (0, 1), "withheld", "must be 1 or 0", self.withheld)
+            must = "must be given, s, if a response is given by waiting until then"
+            require(self.deadline_s is not None, "deadline_s", must, None)
+        silent = (self.response == NO_RESPONSE) | (self.response == self.withheld)
+        if self.timed and not np.array_equal(np.isnan(self.rt_s), silent):
+            must = "must be NaN where response is -1 or withheld, and nowhere else, or everywhere"
+            raise InputError(f"rt_s {must}", "rt_s")
         several.check_number(self.alternatives)
         if self.alternatives > 2 and self.strength is not None and (self.strength < 0).any():
             must = "must be 0 or more with more than two alternatives: it favours the correct one"
@@ -113,8 +134,14 @@ class Trials(Facts):
     @property
     def kind(self) -> str:
         """What was done in these trials; a name in ``KINDS``."""
-        given = (self.readings, self.ssd_s, self.reward)
+        given = (self.spikes, self.readings, self.ssd_s, self.reward)
         return next((k for k, x in zip(KINDS[1:], given, strict=True) if x is not None), KINDS[0])
+
+    @property
+    def timed(self) -> bool:
+        """Whether responses have times; otherwise only choices were recorded."""
+        answered = (self.response != NO_RESPONSE) & (self.response != self.withheld)
+        return bool(np.isfinite(self.rt_s).any() or not answered.any())
 
     @property
     def trials(self) -> int:
@@ -145,7 +172,8 @@ class Trials(Facts):
         own = ("participant", "rt_s", "response", *self._more)
         given = {name: getattr(self, name) for name in own}
         parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in given.items()}
-        parts["readings"] = None if self.readings is None else self.readings.where(mask)
+        for name, each in (("readings", self.readings), ("spikes", self.spikes)):
+            parts[name] = None if each is None else each.where(mask)
         return replace(self, conditions=self.conditions.loc[mask].reset_index(drop=True), **parts)
 
     def people(self) -> list[str]:
@@ -172,16 +200,17 @@ class Trials(Facts):
         return (
             f"{self.source}: {self.trials} trials of {who} participant{'s' * (who != 1)}, response "
             f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
-            f"{known['no response']}, times {known['rt_s']} s"
+            f"{known['no response']}, "
+            + (f"times {known['rt_s']} s" if self.timed else "without times")
         )
 
     def to_pyddm(self) -> pd.DataFrame:
         """Return them for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``.
 
-        Columns rt (s) and choice (1 or 0; both NaN without a response), strength, conditions, and
-        participant_id if there are several participants.
+        Columns rt (s; NaN without a time) and choice (1 or 0; NaN without a response), strength,
+        conditions, and participant_id if there are several participants.
         """
-        coded = np.where(np.isnan(self.rt_s), np.nan, self.response)
+        coded = np.where(self.response == NO_RESPONSE, np.nan, self.response)
         who = {"participant_id": self.participant} if len(self.people()) > 1 else {}
         return pd.DataFrame({"rt": self.rt_s, "choice": coded, **who, **self._given("choice")})
 
@@ -217,12 +246,16 @@ class Trials(Facts):
         digest = hashlib.sha256()
         plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
         plain += [self.alternatives] if self.alternatives > 2 else []
+        plain += [] if self.withheld is None else ["withheld", self.withheld]
         digest.update(json.dumps(plain).encode())
         columns: list[Any] = [self.rt_s, self.response, *self._more.values()]
         if self.readings is not None:
             read = self.readings
             columns += [read.log_likelihood, read.time_s, read.choice, np.array([read.forced])]
             digest.update(json.dumps([read.names, read.ids]).encode())
+        if self.spikes is not None:
+            columns += [self.spikes.time_s, self.spikes.trial, self.spikes.cell]
+            digest.update(json.dumps(self.spikes.names).encode())
         for values in columns:
             if values is not None:
                 # One NaN and one zero.
@@ -246,5 +279,7 @@ def joined(parts: Sequence[Trials]) -> Trials:
         made["readings"] = replace(
             first.readings, ids=[one for each in read for one in each.ids], **of
         )
+    if first.spikes is not None:
+        made["spikes"] = joined_spikes([part.spikes for part in parts if part.spikes is not None])
     conditions = pd.concat([part.conditions for part in parts], ignore_index=True)
     return replace(first, conditions=conditions, **made)

@@ -58,8 +58,8 @@ def test_evidence_ten_times_as_strong_is_decided_alike(engine):
     stronger = replace(STRONG, log_likelihood=10 * STRONG.log_likelihood)
     with unwarned():
         one, other = (
-            BasalGanglia(TABLE, engine, seed=3).decide(given, posterior=0.8)
-            for given in (STRONG, stronger)
+            BasalGanglia(TABLE, engine, seed=3).decide(evidence, posterior=0.8)
+            for evidence in (STRONG, stronger)
         )
     np.testing.assert_array_equal(one.choice, other.choice)
     np.testing.assert_allclose(one.time_ms, other.time_ms, atol=1e-6)
@@ -70,22 +70,22 @@ def test_stronger_evidence_is_decided_sooner_at_any_strength():
     """At the default gain, evidence of d' = 3 takes 1 s at a posterior of 0.9."""
     every = [bg.gaussian_evidence(400, d_prime=d, t_max=30, seed=2) for d in (1, 1.5, 2, 3, 5)]
     with unwarned():
-        found = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
-    assert (np.diff([each.time_ms.mean() for each in found]) < 5).all()
-    assert max(np.quantile(each.time_ms, 0.99) for each in found[2:]) < 700
-    assert min(each.accuracy for each in found) > 0.95
+        decisions = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
+    assert (np.diff([each.time_ms.mean() for each in decisions]) < 5).all()
+    assert max(np.quantile(each.time_ms, 0.99) for each in decisions[2:]) < 700
+    assert min(each.accuracy for each in decisions) > 0.95
 
 
 def test_the_gain_is_that_of_all_trials_however_they_are_batched(monkeypatch):
     model = BasalGanglia(TABLE, seed=3)
-    whole = model.decide(STRONG, posterior=0.8)
+    in_one = model.decide(STRONG, posterior=0.8)
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     monkeypatch.setattr(basal_ganglia, "WIDE_BATCH", 7)
-    np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, whole.time_ms)
+    np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, in_one.time_ms)
     part = model.adapted_to(STRONG).decided(STRONG[:9], -np.log(0.8))
-    np.testing.assert_array_equal(part.time_ms, whole.time_ms[:9])
+    np.testing.assert_array_equal(part.time_ms, in_one.time_ms[:9])
     # The nine alone are other evidence.
-    assert model.adapted_to(STRONG[:9]).gain != whole.gain
+    assert model.adapted_to(STRONG[:9]).gain != in_one.gain
 
 
 @pytest.mark.parametrize(
@@ -97,10 +97,10 @@ def test_an_edited_circuit_has_the_gain_of_the_intact_one(edit):
 
 
 def test_a_gain_that_is_given_is_used_and_warned_of():
-    given = BasalGanglia(TABLE, "rate", gain_of(TABLE))
-    assert given.adapted_to(STRONG) is given
+    model = BasalGanglia(TABLE, "rate", gain_of(TABLE))
+    assert model.adapted_to(STRONG) is model
     with pytest.warns(RangeWarning, match="too strong"):
-        given.run(STRONG)
+        model.run(STRONG)
     with unwarned():
         BasalGanglia(TABLE, "rate").run(STRONG)
 
