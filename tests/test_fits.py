@@ -223,6 +223,17 @@ def test_simulated_choices_have_the_accuracy_and_the_mean_time_of_the_closed_for
         assert abs(made.rt_s[some].mean() - mean_s[some][0]) < 4 * spread + 0.005
 
 
+def test_a_simulation_has_the_values_that_options_fix_too():
+    """The trials are read once: what is fixed is added to what the options fix."""
+    table, options = bg.read_trials("roitman_shadlen_2002", **MONKEY), {"fix": {"t0_s": 0.9}}
+    made = bg.simulate(
+        "constant_gap", {"sensitivity": 12.0, "start": 0.2}, table, seed=1, **options
+    )
+    assert np.nanquantile(made.rt_s, 0.05) > 0.85  # a few are lapses
+    even = made.strength == 0
+    assert made.response[even].mean() > 0.5
+
+
 def test_what_is_simulated_is_found_again_by_its_fit():
     made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
     table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
