@@ -535,11 +535,14 @@ def simulate(
     if not isinstance(values, Mapping):
         raise InputError.of("values", "must be a mapping from names to numbers", values)
     one = question(settings_of(**options), trials, [model])
-    (name,) = one.versions
+    ((name, (asked, made, kind)),) = one.versions.items()
     free = next(iter(one.likelihoods(name).values())).freedom.names
     fixed = {key: value for key, value in values.items() if key not in free}
     if fixed:  # parameters that a fit holds by default
-        one = question(settings_of(**{**options, "fix": fixed}), trials, [model])
+        more = settings_of(fix=fixed).fix
+        asked = replace(asked, fix=(*asked.fix, *more))
+        asked.check_parameters({name: made})
+        one = replace(one, asked=asked, versions={name: (asked, made, kind)})
     parts = []
     for who, likelihood in one.likelihoods(name).items():
         freed = likelihood.freedom

@@ -26,7 +26,6 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpyd
 templates_path = ["_templates"]
 exclude_patterns = ["_build", "_templates"]
 myst_heading_anchors = 3
-myst_enable_extensions = ["dollarmath"]
 nb_execution_mode = "off"  # outputs are stored: make notebooks
 nb_code_prompt_show = "Show the code"
 nb_code_prompt_hide = "Hide the code"

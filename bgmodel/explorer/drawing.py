@@ -1,4 +1,4 @@
-"""The explorer's figures as SVG, narrow enough for a phone; saved as they are shown."""
+"""The explorer's figures as SVG, narrow enough for a phone; a saved one is the one on the page."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def values(row: Population | Projection) -> dict[str, str]:
 
 
 def _text(value: object) -> str:
-    """Return a value as it is written in an edit."""
+    """Return a value in the notation of an edit."""
     if isinstance(value, tuple):
         return ",".join(map(_text, value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -94,7 +94,7 @@ class Likelihood:
     rough: ClassVar[bool] = False
     """Whether it has steps, as with simulated trials, so that no search may follow its slope."""
     scored: ClassVar[bool] = False
-    """Whether ``scores`` is cheap beside differences of ``each``, so that a search follows it."""
+    """Whether ``scores`` costs less than differences of ``each``, so that a search uses it."""
     sized: ClassVar[tuple[str, ...]] = ()
     """Parameters that can't be near 0: a fit says if the data hardly identify them."""
 

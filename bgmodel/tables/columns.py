@@ -158,7 +158,7 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
-    """Return a table with a column rt, empty if there is none, and whether it holds any time.
+    """Return a table with a column rt, which is empty if it was absent, and whether it has times.
 
     Warns if there is no such column; one that may hold the times has to be named.
     """

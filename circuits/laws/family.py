@@ -3,7 +3,7 @@
 In the multi-hypothesis SPRT, channel i wants ``OUT_i = S - y_i`` with ``S = ln sum_j exp y_j``
 (Bogacz & Gurney 2007). A circuit of this family has one nucleus with an exponential line, STN;
 every other nucleus is a straight line. STN acts on others by its sum over channels alone,
-``Sigma = sum_j exp x_j``, as it is or bent to ``Sigma - ln Sigma`` (in GPe). The straight lines,
+``Sigma = sum_j exp x_j``, unchanged or bent to ``Sigma - ln Sigma`` (in GPe). The straight lines,
 and all loops among them, can then be solved out of the equations, which leaves::
 
     x_i   =  p y_i + c_x sum_j y_j + b_x Sigma + l_x ln Sigma + B_x    (input of STN)

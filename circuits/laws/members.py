@@ -47,7 +47,7 @@ def directions(circuit: CircuitTable) -> list[Direction]:
     """Return the free directions of a member, with its coordinates.
 
     They are Sigma at rest, all weights but those that the constraints then set (``dependent``), and
-    fields that leave OUT at the fixed point as it is: the gauge in Hz, delays and time constants.
+    fields that do not change OUT at the fixed point: the gauge in Hz, delays and time constants.
     """
     wiring = wired(circuit.steady)
     stn = wiring.blocks_of(reduced(circuit).stn)
