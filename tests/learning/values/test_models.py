@@ -264,7 +264,7 @@ def test_a_table_with_a_wrong_value_is_refused(change, field):
         read_pairs(TABLE.assign(**change))
 
 
-@pytest.mark.parametrize("column", ["pair", "response", "rt", "reward"])
+@pytest.mark.parametrize("column", ["pair", "response", "reward"])
 def test_a_table_without_a_column_is_refused(column):
     longer = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
     with refused(column):
