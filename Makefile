@@ -26,7 +26,7 @@ figures: $(VENV)/figures.installed
 demo: $(VENV)/core.installed
 	$(BIN)/bgmodel demo
 
-# Small copies of the figures of a full run, kept with the documentation. Figure R1 needs recordings.
+# Small copies of the figures of a full run, kept with the documentation.
 pictures: figures
 	$(BIN)/python -m figures.gallery
 
@@ -67,8 +67,7 @@ benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.explorer
 
 score: $(VENV)/figures.installed $(VENV)/compare.installed
-	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)
-	$(BIN)/python -m benchmarks.pages
+	$(BIN)/python -m figures measure page --workers $(CORES) $(if $(FAST),--fast)
 
 # Wheel and sdist, tried in fresh environments on each Python that is there.
 dist: $(VENV)/release.installed

@@ -3,7 +3,8 @@
 ``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
 palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv, rlddm_hddm.csv, stop_signal_cnp_controls.csv,
 parkinson_simon_2018.csv and the two licence texts in FOLDER. It writes parquet files with
-consistent columns to ``bgmodel/data``, and copies the licences there.
+consistent columns to ``bgmodel/data``, and copies the licences there. ``--cells FOLDER`` names the
+folder of trials.parquet and spikes.parquet of striatal cells.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import pandas as pd
 
 from bgmodel.support.files import checksum, write_table
 
+LAST_SPIKE_S = 1.1
+"""Spikes after the longest clicks and the delay of the cells are not shipped, s."""
 DATA = Path(__file__).parents[1] / "bgmodel" / "data"
 LICENCES = ("LICENSE.CoSMo2017.txt", "LICENSE.HDDM.txt")
 NOTE = "No repository states a licence for the data apart from its code."
@@ -134,6 +137,28 @@ SIMON: dict[str, Any] = {
     "source": "https://openneuro.org/datasets/ds003509, version 1.1.0",
     "note": "Simon task with reward learning: 28 patients, once on and once off medication, and 28 "
     "controls.",
+}
+
+CELLS: dict[str, Any] = {
+    "strength": None,
+    "conditions": [],
+    "licence": "Apache-2.0",
+    "licence_file": "LICENSE.DePasquale2024.txt",
+    "citation": "DePasquale, B., Brody, C. D. & Pillow, J. W. (2024). Neural population dynamics "
+    "underlying evidence accumulation in multiple rat brain regions. eLife 13, RP84955.",
+    "source": "https://github.com/Brody-Lab/DePasquale-eLife-2023, data/by_session, rat T103",
+    "note": "Anterior dorsal striatum, 20 sessions, 48 cells; times are rounded to 0.1 ms.",
+    "columns": {
+        "participant_id": EVERYWHERE["participant_id"],
+        "session": "number of the session",
+        "trial": "number of the trial of this session",
+        "rt": "duration of the clicks, s: the choice is asked for at their end",
+        "response": "left or right: the side that was chosen",
+        "left_s": "times of the clicks on the left from the first one on, s, a list",
+        "right_s": "the same on the right",
+        "cell": "number of the cell",
+        "time_s": "time of a spike from the onset of the clicks, -0.5 to 1.1 s",
+    },
 }
 
 
@@ -299,6 +324,23 @@ SETS = {
 }
 
 
+def write_cells(folder: Path, to: Path = DATA) -> None:
+    """Write trials and spikes of striatal cells from trials.parquet and spikes.parquet."""
+    trials, spikes = (pd.read_parquet(folder / f"{x}.parquet") for x in ("trials", "spikes"))
+    side = trials["chose_right"].map({1: "right", 0: "left"})
+    trials = trials.assign(response=side, rt=trials["stimulus_s"].round(4))
+    trials = trials.rename(columns={"rat": "participant_id"})
+    for name in ("left_s", "right_s"):
+        trials[name] = [np.round(each, 4).astype("float32") for each in trials[name]]
+    spikes = spikes[spikes["time_s"] < LAST_SPIKE_S].sort_values(["cell", "trial", "time_s"])
+    spikes["time_s"] = spikes["time_s"].astype("float64").round(4).astype("float32")
+    for part, table, end in (("trials", trials, ""), ("spikes", spikes, "_spikes")):
+        made = {"file": f"{part}.parquet", "sha256": checksum(folder / f"{part}.parquet")}
+        table = table[[name for name in CELLS["columns"] if name in table]]
+        about = CELLS | {"columns": {str(x): CELLS["columns"][x] for x in table}}
+        write_table(table, to / f"striatum_clicks{end}.parquet", **about, made_from=made)
+
+
 def write_sets(folder: Path, to: Path = DATA) -> None:
     """Write every data set with its metadata, and the licences in the same folder."""
     for name, (file, table_of, about) in SETS.items():
@@ -314,8 +356,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where the published files lie")
     parser.add_argument("--to", type=Path, default=DATA, help="where the sets go")
+    parser.add_argument("--cells", type=Path, help="where trials and spikes of cells lie")
     asked_for = parser.parse_args()
     write_sets(asked_for.folder, asked_for.to)
+    if asked_for.cells is not None:
+        write_cells(asked_for.cells, asked_for.to)
 
 
 if __name__ == "__main__":

@@ -22,9 +22,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.pages import TABLES
-from benchmarks.scores import likelihood as score
-from benchmarks.scores.pieces import OUT, run
 from bgmodel import stream
 from bgmodel.fitting.exact.responses import Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
@@ -33,6 +30,9 @@ from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
 from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
+from figures.data import measure_likelihood as score
+from figures.pieces import run
+from figures.rooms import OUT, table_path
 
 TRAINING_SEED = 24_501
 TRIALS = 60_000
@@ -197,7 +197,7 @@ def main() -> None:
     network = LikelihoodNetwork(trained(points), about(model))
     network.write(shipped_path())
     run(score.SCORE, list(score.pieces(False, 1)), OUT, False, "")
-    errors = read_table(TABLES / "likelihood_network.csv")
+    errors = read_table(table_path("likelihood_network"))
     measured = {"error_nats": round(float(errors["error_nats"].mean()), 5)}
     measured["simulation_error_nats"] = round(float(errors["noise_nats"].mean()), 5)
     scored = {**network.about, **measured, "scoring_seed": score.SCORING_SEED}

@@ -251,6 +251,23 @@ def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
     }
 
 
+def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
+    """Return a model of recorded cells and choices."""
+    from bgmodel.fitting.cells.model import cells_model
+
+    return cells_model(name, next(iter(one.people.values())))
+
+
+def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
+    """Return the likelihood of each person's choices and recorded cells."""
+    from bgmodel.fitting.cells.model import cells_design
+
+    return {
+        who: asked.likelihood(cells_design(some), replace(model, trials=some))
+        for who, some in one.people.items()
+    }
+
+
 def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of people who learn values."""
     from bgmodel.learning.values.models import model_of
@@ -310,6 +327,10 @@ MANY = ("msprt", "macaque")
 KNOWN = Kind(
     _known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), (*ON_CHOICES, "vary")
 )
+CELLS = Kind(
+    _cells, _of_cells, ("step", "exponential", "linear"),
+    (*ON_CHOICES, "vary", "formula", "engine", "seed", "runs"),
+)  # fmt: skip
 REWARDED = Kind(
     _learner, _of_learners, ("no learning", "q", "q, two rates"),
     (*ON_CHOICES, "engine", "seed", "runs"),
@@ -320,6 +341,7 @@ STOPS = Kind(
 )  # fmt: skip
 KINDS = {
     "choices": CHOICES,
+    "spikes and choices": CELLS,
     "known evidence": KNOWN,
     "stop-signal trials": STOPS,
     "rewarded choices": REWARDED,
@@ -513,11 +535,14 @@ def simulate(
     if not isinstance(values, Mapping):
         raise InputError.of("values", "must be a mapping from names to numbers", values)
     one = question(settings_of(**options), trials, [model])
-    (name,) = one.versions
+    ((name, (asked, made, kind)),) = one.versions.items()
     free = next(iter(one.likelihoods(name).values())).freedom.names
     fixed = {key: value for key, value in values.items() if key not in free}
     if fixed:  # parameters that a fit holds by default
-        one = question(settings_of(**{**options, "fix": fixed}), trials, [model])
+        more = settings_of(fix=fixed).fix
+        asked = replace(asked, fix=(*asked.fix, *more))
+        asked.check_parameters({name: made})
+        one = replace(one, asked=asked, versions={name: (asked, made, kind)})
     parts = []
     for who, likelihood in one.likelihoods(name).items():
         freed = likelihood.freedom

@@ -1,15 +1,14 @@
-"""Code shared by all figures: settings, the scripts' command line, and saving of pictures."""
+"""Code shared by all figures: settings, captions, steps, and saving of pictures."""
 
 from __future__ import annotations
 
-import argparse
 import inspect
 import os
 import signal
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import import_module
 from multiprocessing import parent_process
 from pathlib import Path
@@ -24,15 +23,14 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from bgmodel.integrators.given import identity
-from bgmodel.support.files import read_provenance, replacing
+from bgmodel.support.files import replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
+from figures.rooms import Caption, origin, rooms
 from figures.stamps import KEY, Stamp, stamp_of
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
-# Nats in the spiking circuit per nat of evidence.
-GAIN = 0.5
 # For circuits that are edited many times over. Each starts at its own rest: a third of the usual
 # time to settle will do.
 BRIEF_MS = 100.0
@@ -57,7 +55,6 @@ class Settings:
     repeats: int = 10
     episodes: int = 40_000
     delta_step: float = 0.1
-    calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 300
     varied_trials: int = 100
     # Number of changes of the circuit's numbers: those that move its fixed point most.
@@ -66,14 +63,10 @@ class Settings:
     varied_in_spikes: int = 3
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
-    lesioned_trials: int = 8
-    # Step between lesions of figure C5 that are also run in spikes.
-    spiking_every: int = 3
-    # And between levels of figure D2.
+    # Step between levels of figure D2 that are also run in spikes.
     spiking_levels: int = 5
     # Of a reading in figures C3 and C4 a; an easier task takes less time.
     d_prime: float = 0.6
-    dopamine_trials: int = 25
 
     @property
     def separations(self) -> np.ndarray:
@@ -97,29 +90,28 @@ FAST = Settings(
     repeats=2,
     episodes=4_000,
     delta_step=0.5,
-    calibrated_mm=(1.5, 2.0),
     circuit_trials=100,
     varied_trials=100,
     varied=8,
     varied_in_spikes=2,
     most_cells=1.0,
-    lesioned_trials=2,
-    spiking_every=12,
     spiking_levels=9,
     d_prime=1.6,
-    dopamine_trials=4,
 )
 
 
-def run(**steps: Callable[..., Any]) -> None:
-    """Serve ``python -m figures.<name> STEP --inputs A B --output C [--fast]``."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("step", choices=list(steps))
-    parser.add_argument("--inputs", type=Path, nargs="*", default=[])
-    parser.add_argument("--output", type=Path, required=True)
-    parser.add_argument("--fast", action="store_true")
-    given = parser.parse_args()
-    _make(steps[given.step], given.inputs, given.output, given.fast)
+def captions(settings: Settings) -> dict[str, Caption]:
+    """Return the caption of each figure of all rooms, with the numbers of a run filled in."""
+    numbers = {field.name: _shown(getattr(settings, field.name)) for field in fields(settings)}
+    return {name: each for room in rooms() for name, each in room.captions(numbers).items()}
+
+
+def _shown(value: float | tuple[float, ...]) -> str:
+    """Return one or more numbers as text, with thousands separated and no trailing zeros."""
+    if isinstance(value, tuple):
+        return ", ".join(map(_shown, value))
+    # No-break spaces keep a number on one line.
+    return f"{value:,}".replace(",", "\u202f") if isinstance(value, int) else f"{value:g}"
 
 
 def begin() -> None:
@@ -145,12 +137,13 @@ def make(script: str, step: str, inputs: Sequence[str], output: str, fast: bool)
         share.
     """
     try:
-        found = getattr(import_module(f"figures.{script}"), step)
+        module = script.removesuffix(".py").replace("/", ".")
+        found = getattr(import_module(module), step)
         _make(found, [Path(path) for path in inputs], Path(output), fast)
     except BaseException as error:
         # In quiet mode Snakemake does not print it.
         traceback.print_exc()
-        raise RuntimeError(f"figures/{script}.py, step {step}") from error
+        raise RuntimeError(f"{script}, step {step}") from error
 
 
 def _make(step: Callable[..., Any], inputs: Sequence[Path], output: Path, fast: bool) -> None:
@@ -264,9 +257,9 @@ def older(table: Path) -> bool:
     Parameters
     ----------
     table : path
-        A ``.csv`` of ``docs/tables``, with the hashes of its circuits in its provenance.
+        A table of a room.
     """
-    made_with = read_provenance(table)["parameters"]["circuits"]
+    made_with = origin(table)["parameters"]["circuits"]
     today = {key: ([DEFAULT, *key.split()][-2], int(key.split()[-1])) for key in made_with}
     return any(identity(load_circuit(*today[key])) != each for key, each in made_with.items())
 

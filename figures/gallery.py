@@ -13,9 +13,9 @@ from pathlib import Path
 from PIL import Image, PngImagePlugin
 
 from bgmodel.support.files import replacing
-from figures.captions import Caption, captions
-from figures.common import FULL
-from figures.stamps import KEY, ROOT, outdated, read_stamp
+from figures.common import FULL, captions
+from figures.rooms import ROOT, Caption, rooms
+from figures.stamps import KEY, outdated, read_stamp
 
 DRAWN = ROOT / "figures" / "out"
 """Pictures of a full run."""
@@ -23,16 +23,6 @@ KEPT = ROOT / "docs" / "pictures"
 """Small pictures, under version control."""
 WIDTH, COLOURS = 1100, 96
 """Of a small picture: pixels, and entries of its palette."""
-GROUPS = {
-    "The circuit and the optimal test": ("figA", "figC"),
-    "Dopamine and experiments": ("figD",),
-    "Stopping": ("figG",),
-    "Learning": ("figL",),
-    "Fits to monkeys, people and patients": ("figF",),
-    "Many alternatives and other circuits": ("figB", "figE"),
-    "Touch": ("fig",),
-}
-"""Parts of the page, by how names of figures begin; a figure belongs to the first that fits."""
 HEAD = """# Gallery
 
 Every figure of the project, with its question and answer. `make figures` draws all of them at full
@@ -81,10 +71,11 @@ def write(docs: Path) -> None:
 def _parts(pictures: Path) -> Iterator[str]:
     every = captions(FULL)
     yield HEAD
-    for title, beginnings in GROUPS.items():
-        yield f"## {title}\n"
-        for name in [name for name in every if name.startswith(beginnings)]:
-            yield _entry(every.pop(name), name, pictures / f"{name}.png")
+    for room in rooms():
+        if room.figures():
+            yield f"## {room.about['question']}\n"
+        for name in room.about.get("figures", {}):
+            yield _entry(every[name], name, pictures / f"{name}.png")
 
 
 def _entry(text: Caption, name: str, picture: Path) -> str:
@@ -95,14 +86,14 @@ def _entry(text: Caption, name: str, picture: Path) -> str:
         note = outdated(picture, FULL)
         shown += f"\n\n({note})" if note else ""
     else:
-        shown = f"There is no picture yet: `{text.command}` draws it."
+        shown = f"There is no picture yet: `bgmodel figures {name}` draws it."
     blocks = (
         f"### {title}",
         f"*{text.question}*",
         shown,
         text.caption,
         f"**Answer.** {text.answer}",
-        f"```console\n$ {text.command}\n```",
+        f"```console\n$ bgmodel figures {name}\n```",
     )
     return "\n\n".join(blocks) + "\n"
 

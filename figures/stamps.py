@@ -20,13 +20,12 @@ from PIL import Image
 from bgmodel.integrators.given import identity
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
+from figures.rooms import FOLDER, ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 KEY = "bgmodel"
 """Name of the PNG text field that contains the stamp."""
-IMPORTED = re.compile(r"^from figures\.(\w+) import", re.MULTILINE)
-SHARED = {"common", "captions", "stamps"}
-"""Modules that change without changing a picture; colours and fonts are in the style sheet."""
+IMPORTED = re.compile(r"^from figures\.(\w+)\.(\w+) import", re.MULTILINE)
+"""Modules of a room; those that all rooms share change without changing a picture."""
 
 
 @dataclass(frozen=True)
@@ -56,19 +55,19 @@ def stamp_of(script: Path, inputs: Iterable[Path], settings: object) -> Stamp:
     Parameters
     ----------
     script : Path
-        The figure's script; the modules of this folder that it imports count as well.
+        The figure's script; the modules of rooms that it imports count as well.
     inputs : iterable of Path
-        Tables that it draws. Those in the repository's ``docs/tables`` count; intermediate tables
-        are computed by the script itself.
+        Tables that it draws. Those of rooms count; intermediate tables are computed by the script
+        itself.
     settings : Settings
         The numbers of the run.
     """
     script = script.resolve()
-    modules = set(IMPORTED.findall(script.read_text(encoding="utf-8"))) - SHARED
-    files = [script, script.with_name("style.mplstyle")]
-    files += [script.with_name(f"{module}.py") for module in sorted(modules)]
+    modules = sorted(set(IMPORTED.findall(script.read_text(encoding="utf-8"))))
+    files = [script, FOLDER / "style.mplstyle"]
+    files += [FOLDER / room / f"{module}.py" for room, module in modules]
     tables = sorted(path.resolve() for path in inputs)
-    files += [path for path in tables if path.parent == ROOT / "docs" / "tables"]
+    files += [path for path in tables if path.is_relative_to(FOLDER) and path.suffix == ".csv"]
     names = [path.relative_to(ROOT).as_posix() for path in files if path.is_relative_to(ROOT)]
     sources = {name: _digest(name) for name in [*names, DEFAULT]}
     return Stamp(__version__, repr(settings), sources)

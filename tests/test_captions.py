@@ -3,7 +3,6 @@
 import ast
 import re
 import string
-import tomllib
 from dataclasses import fields, replace
 
 import pytest
@@ -12,39 +11,40 @@ from PIL.PngImagePlugin import PngInfo
 
 from circuits.anatomy import DEFAULT
 from figures import gallery, stamps
-from figures.captions import CAPTIONS, Caption, captions
-from figures.common import FAST, FULL, Settings
+from figures.common import FAST, FULL, Settings, captions
+from figures.rooms import Caption, rooms, table_path
 from figures.stamps import KEY, Stamp, outdated, read_stamp, stamp_of
 from tests.helpers import ROOT
 
-WRITTEN = tomllib.loads(CAPTIONS.read_text(encoding="utf-8"))
-SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
+WRITTEN = {name: each for room in rooms() for name, each in room.about.get("figures", {}).items()}
+SCRIPTS = {name: room for room in rooms() for name in room.figures()}
 
 
 def drawn_letters(script):
     """Return the letters of a script's panels: a title begins with one and two spaces."""
-    tree = ast.parse((ROOT / "figures" / f"{script}.py").read_text(encoding="utf-8"))
+    path = SCRIPTS[script].folder / f"draw_{script.removeprefix('fig')}.py"
+    tree = ast.parse(path.read_text(encoding="utf-8"))
     texts = [x.value for x in ast.walk(tree) if isinstance(x, ast.Constant)]
-    found = [re.match("([a-z])  ", x) for x in texts if isinstance(x, str)]
-    return {match[1] for match in found if match}
+    matches = [re.match("([a-z])  ", x) for x in texts if isinstance(x, str)]
+    return {match[1] for match in matches if match}
 
 
 def test_every_figure_has_a_caption_and_every_caption_a_figure():
-    assert sorted(WRITTEN) == SCRIPTS
+    assert WRITTEN.keys() == SCRIPTS.keys()
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_a_caption_has_every_key_and_its_own_command(name):
-    assert set(WRITTEN[name]) == {field.name for field in fields(Caption)}
-    assert all(text.strip() for text in WRITTEN[name].values())
-    assert re.match(rf"bgmodel figures {name}\b", WRITTEN[name]["command"])
+def test_a_caption_has_every_key(name):
+    assert set(WRITTEN[name]) == {"reads", *(field.name for field in fields(Caption))}
+    assert all(WRITTEN[name][field.name].strip() for field in fields(Caption))
     assert WRITTEN[name]["question"].count("?") == 1
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_placeholders_are_settings(name):
     known = {field.name for field in fields(Settings)}
-    for text in WRITTEN[name].values():
+    for field in fields(Caption):
+        text = WRITTEN[name][field.name]
         asked = {field for _, field, *_ in string.Formatter().parse(text) if field is not None}
         assert asked <= known
 
@@ -57,16 +57,15 @@ def test_a_caption_names_the_panels_that_are_drawn(name):
 
 
 def test_panels_of_most_figures_have_letters():
-    assert drawn_letters("figC2") == set("abcdef")
+    assert drawn_letters("figG2") == set("abcdef")
     assert drawn_letters("fig1") == set("abcd")
     assert sum(bool(drawn_letters(script)) for script in SCRIPTS) >= 10
 
 
 def test_captions_follow_the_settings():
-    few = captions(replace(FULL, episodes=1234, xi=50.0, calibrated_mm=(1.5, 2.0)))
+    few = captions(replace(FULL, episodes=1234, xi=50.0))
     assert "1\u202f234 trials of REINFORCE" in few["fig5a"].caption
     assert "costs 50 readings" in few["fig5a"].caption
-    assert "1.5, 2 mm" in few["figS1"].caption
     assert captions(FAST)["fig5a"] != captions(FULL)["fig5a"]
 
 
@@ -84,16 +83,16 @@ def picture(path, stamp=STAMP, size=(1500, 300)):
 
 
 def test_the_gallery_shows_every_figure_once_and_says_which_are_missing(tmp_path):
-    picture(tmp_path / "pictures" / "figC2.png")
+    picture(tmp_path / "pictures" / "figC3.png")
     gallery.write(tmp_path)
     page = (tmp_path / "gallery.md").read_text(encoding="utf-8")
     parts = page.split("\n### ")[1:]
     assert len(parts) == len(WRITTEN)
     for name, text in WRITTEN.items():
-        [part] = [part for part in parts if f"$ {text['command']}\n" in part]
+        [part] = [part for part in parts if f"$ bgmodel figures {name}\n" in part]
         assert text["question"] in part
         shown = re.search(r"!\[(.+)\]\((.+)\)", part)
-        assert (shown is not None) == (name == "figC2")
+        assert (shown is not None) == (name == "figC3")
         assert ("no picture yet" in part) == (shown is None)
     assert "Drawn by version 0.1; different now: `LICENSE`." in page
 
@@ -116,15 +115,13 @@ def test_a_small_picture_keeps_its_stamp(tmp_path):
 
 
 def test_a_stamp_notices_a_changed_script_table_circuit_or_number(tmp_path, monkeypatch):
-    table = ROOT / "docs" / "tables" / "loss_behaviour.csv"
-    stamp = stamp_of(ROOT / "figures" / "figF2.py", [table, tmp_path / "own.parquet"], FULL)
+    read = table_path("loss_behaviour")
+    stamp = stamp_of(ROOT / "figures/learning/draw_L4.py", [read, tmp_path / "own.parquet"], FULL)
     names = {
-        "figures/figF2.py",
-        "figures/fitted.py",
-        "figures/windows.py",
+        "figures/learning/draw_L4.py",
         "figures/style.mplstyle",
     }
-    assert stamp.sources.keys() == {*names, "docs/tables/loss_behaviour.csv", DEFAULT}
+    assert stamp.sources.keys() == {*names, "figures/lesions/tables/loss_behaviour.csv", DEFAULT}
     assert stamp.changed() == []
     drawn = picture(tmp_path / "one.png", stamp)
     assert outdated(drawn, FULL) == ""

@@ -1,26 +1,21 @@
-"""The figures' rules hang together, and two of them show what they say; `make figures` draws."""
+"""The figures' rules hang together, and one of them shows what it says; `make figures` draws."""
 
 import os
-import re
 import subprocess
 import sys
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
 
-from bgmodel import stream
-from bgmodel.support.files import read_table, write_table
+from bgmodel.support.files import write_table
 from bgmodel.tactile.source import Source
-from circuits.anatomy import DEFAULT, load_circuit
-from circuits.dynamics.fixed_point import resting_hz
-from figures import fig2b, figA2, figC1, figC2, figD5, figR1
 from figures.common import FAST
+from figures.touch import draw_2b as fig2b
 from tests.helpers import ROOT
 
-SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
+SCRIPTS = sorted((ROOT / "figures").glob("*/draw_*.py"))
 
 
 def dry_run(recordings):
@@ -41,18 +36,7 @@ def dry_run(recordings):
 def test_every_script_is_drawn():
     planned = dry_run("tests")
     for script in SCRIPTS:
-        assert re.search(rf"figures/fast/{script}\.png", planned), script
-
-
-def test_real_taps_are_drawn_only_where_given():
-    assert "figR1" not in dry_run("")
-
-
-@pytest.mark.parametrize("script", [*SCRIPTS, "prepare", "sweep"])
-def test_scripts_are_run_as_modules_and_import_downwards(script):
-    text = (ROOT / "figures" / f"{script}.py").read_text()
-    assert 'if __name__ == "__main__":\n    run(' in text
-    assert "import torch" not in text
+        assert f"figures/fast/fig{script.stem.removeprefix('draw_')}.png" in planned
 
 
 @pytest.fixture
@@ -89,107 +73,3 @@ def legend(ax):
     """Pairs of a line and its text."""
     box = ax.get_legend()
     return zip(box.get_lines(), box.get_texts(), strict=True)
-
-
-def test_figure_r1_scores_every_fold_of_the_taps():
-    rng = stream(1, "edges")
-    true = np.linspace(-6, 6, 900)
-    taps = pd.DataFrame({"yaw_deg": true, "edge_deg": true + rng.normal(0, 1.5, 900)})
-    table = figR1.decide(replace(FAST, sweep_trials=400), taps)
-    assert set(table["fold"]) == set(range(6))
-    # One reading tells more of a wider difference.
-    accuracy = table[table["boundary_separation"] == 0].groupby("difference_deg")["accuracy"].mean()
-    assert accuracy.is_monotonic_increasing
-    assert accuracy.iloc[-1] > 0.9
-
-
-TINY = replace(FAST, repeats=1, circuit_trials=12, dopamine_trials=4)
-
-
-def computed_and_drawn(script, folder):
-    """Return the table and the figure of a script."""
-    data = folder / "data.parquet"
-    script.compute(TINY, output=data)
-    figure = script.draw(TINY, data, output=folder)
-    figure.draw_without_rendering()
-    plt.close(figure)
-    return read_table(data), figure
-
-
-@pytest.mark.validate
-def test_figure_c1_counts_what_theory_says(tmp_path, monkeypatch):
-    monkeypatch.setattr(figC1, "CELLS", 500)
-    monkeypatch.setattr(figC1, "HELD_S", 2)
-    table, figure = computed_and_drawn(figC1, tmp_path)
-    assert len(figure.axes) == 5
-    fast = table[table["law_hz"] > 5]
-    assert fast["rate_hz"].to_numpy() == pytest.approx(fast["law_hz"].to_numpy(), rel=0.02)
-    assert np.ptp(table.loc[table["nucleus"] == "STN", "input_nats"]) > 6
-
-
-def test_figure_c2_follows_the_first_trial(tmp_path):
-    table, figure = computed_and_drawn(figC2, tmp_path)
-    assert len(figure.axes) == 2 + 4 * len(figC2.NUCLEI)
-    decided = table[table["panel"] == "decision"].set_index("name")
-    for name, out in table[table["panel"] == "out"].groupby("name"):
-        below = out[(out["value"] <= figC2.THRESHOLD_NATS) & (out["time_ms"] > 0)]
-        first = below.sort_values("time_ms").iloc[0]
-        assert tuple(first[["channel", "time_ms"]]) == tuple(
-            decided.loc[name, ["channel", "time_ms"]]
-        )
-    counts = table[table["panel"] == "trials"].set_index("name")["value"]
-    assert counts["onset"] == 4
-    assert 1 <= counts["response"] <= 4
-
-
-def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
-    rates = np.array([[[1.0, 4.0, 7.0]], [[1.0, 4.0, 7.0]]])
-    pairs = figC2.chosen_and_others(rates, np.array([0, 2]))
-    assert pairs.tolist() == [[[1.0, 5.5]], [[7.0, 2.5]]]
-
-
-@pytest.mark.validate
-def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
-    """Less dopamine, more power of 13-30 Hz: doubled at 0.5; nothing that was fitted."""
-    monkeypatch.setattr(figD5, "LEVELS", (1.0, 0.7, 0.5))
-    table, figure = computed_and_drawn(figD5, tmp_path)
-    assert len(figure.axes) == 6
-    power = table[(table["measure"] == "band") & table["level"].isin(figD5.LEVELS)]
-    by = power.pivot(index=["nucleus", "drive", "level"], columns="by", values="value")
-    assert by["spikes"].to_numpy() == pytest.approx(by["closed form"].to_numpy(), rel=0.2)
-    for _, one in by["spikes"].groupby(level=["nucleus", "drive"]):
-        # Levels rise from 0.5 on.
-        assert one.is_monotonic_decreasing
-        assert one.iloc[0] > 1.8 * one.xs(1.0, level="level").iloc[0]
-    rates = table[table["measure"] == "rate"].pivot(
-        index=["nucleus", "drive"], columns="level", values="value"
-    )
-    leader = rates.filter(like="leader", axis=0)
-    assert (leader[0.5] < 1.3 * leader[1.0]).all()
-
-
-def test_figure_d5_lowers_the_frequency_by_a_slower_loop():
-    table = figD5.frequencies(load_circuit(DEFAULT).dopamine(figD5.LOW))
-    by = table.pivot(index="at", columns="nucleus", values="value")
-    assert (by.diff().iloc[1:] < 0).all(axis=None)
-    assert np.ptp(by.loc[1.0]) == 0
-    assert (by.loc[2.0, "both"] < by.loc[2.0, ["delays", "time constants"]]).all()
-
-
-def test_figure_a2_changes_fast_inhibition_and_no_rate_at_rest():
-    table = load_circuit(DEFAULT, figA2.CHANNELS)
-    assert figA2.with_fast(figA2.DEFAULT_GAIN) == table
-    for gain in figA2.GAINS:
-        assert resting_hz(figA2.with_fast(gain)) == pytest.approx(resting_hz(table))
-
-
-def test_conflict_raises_stn_more_without_fast_inhibition_and_less_than_theory_allows():
-    few = replace(TINY, circuit_trials=60)
-    rises = {}
-    for name in figA2.SHOWN:
-        found = figA2.rise(few, name, figA2.circuits()[name], "population", 1.0)
-        rises[name] = found[(found["nucleus"] == "STN") & found["time_ms"].isna()]["value"].item()
-    default, held, old = rises.values()
-    ceiling = figA2.ceiling(few, 1.0).set_index("circuit")["value"]
-    assert 3 < default < held < ceiling[figA2.EXACT] < ceiling[figA2.LINEAR]
-    assert abs(old) < 2

@@ -4,16 +4,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Rectangle
 
-from bgmodel.support.files import write_table
-from figures import figE2
 from figures.common import FAST
-from tests.helpers import ROOT
-
-TABLES = ROOT / "docs" / "tables"
+from figures.discriminate import draw_E2 as figE2
+from figures.rooms import table_path, write
 
 
 def test_figure_e2_has_a_cell_per_pair_and_value(tmp_path):
-    paths = [TABLES / f"discriminate_{part}.csv" for part in ("axes", "trials")]
+    paths = [table_path(f"discriminate_{part}") for part in ("axes", "trials")]
     figure = figE2.draw(FAST, *paths, output=tmp_path)
     left, right = figure.axes
     cells = [patch for patch in left.patches if isinstance(patch, Rectangle)]
@@ -39,7 +36,7 @@ def test_figure_e2_tells_information_from_none_and_bounds_from_medians(tmp_path)
     )  # fmt: skip
     paths = [tmp_path / "axes.csv", tmp_path / "trials.csv"]
     for path, table in zip(paths, (axes, trials), strict=True):
-        write_table(table, path, seed=1, circuits={})
+        write(table, path, seed=1, circuits={})
     left, right = figE2.draw(FAST, *paths, output=tmp_path).axes
     assert [text.get_text() for text in left.texts] == ["–", "0.2", "–", "–"]
     triangles = [line for line in right.lines if line.get_marker() == ">" and len(line.get_xdata())]
@@ -47,7 +44,7 @@ def test_figure_e2_tells_information_from_none_and_bounds_from_medians(tmp_path)
 
 
 def test_simulated_experiments_have_the_predicted_medians_within_a_fifth():
-    table = pd.read_csv(TABLES / "discriminate_trials.csv").dropna(subset="median")
+    table = pd.read_csv(table_path("discriminate_trials")).dropna(subset="median")
     # Medians are whole numbers: one trial is within the error where few are needed.
     apart = (table["simulated_median"] - table["median"]).abs()
     near = (apart <= np.maximum(0.2 * table["median"], 1.0)).groupby(table["pair"]).all()

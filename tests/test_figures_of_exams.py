@@ -4,13 +4,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Rectangle
 
-from bgmodel.support.files import write_table
 from circuits.anatomy import DEFAULT
-from figures import figE1
 from figures.common import FAST
-from tests.helpers import ROOT
-
-TABLES = ROOT / "docs" / "tables"
+from figures.exam import draw_E1 as figE1
+from figures.rooms import table_path, write
 
 
 def cells(ax):
@@ -22,13 +19,13 @@ def texts(ax):
 
 
 def test_figure_e1_has_a_cell_per_answer_and_per_domain(tmp_path):
-    numbers, domains = TABLES / "exam_numbers.csv", TABLES / "exam_domains.csv"
+    numbers, domains = table_path("exam_numbers"), table_path("exam_domains")
     figure = figE1.draw(FAST, numbers, domains, output=tmp_path)
-    table, whole = pd.read_csv(numbers), pd.read_csv(domains)
+    table, scores = pd.read_csv(numbers), pd.read_csv(domains)
     answers, shares = figure.axes[:2]
     first = table[table["sitting"] == table["sitting"].min()]
     assert len(cells(answers)) == len(first)
-    assert len(cells(shares)) == len(whole[["domain", "examinee"]].drop_duplicates())
+    assert len(cells(shares)) == len(scores[["domain", "examinee"]].drop_duplicates())
     columns = [label.get_text() for label in answers.get_xticklabels()]
     assert columns[0] == DEFAULT
     assert set(columns) == set(table["examinee"])
@@ -44,7 +41,7 @@ def test_figure_e1_writes_z_scores_signs_and_the_range_over_seeds(tmp_path):
     shares = {"examinee": "macaque", "domain": "one", "sitting": [1, 2], "share": [0.25, 0.5]}
     paths = [tmp_path / "numbers.csv", tmp_path / "domains.csv"]
     for path, table in zip(paths, (numbers, pd.DataFrame(shares)), strict=True):
-        write_table(table, path, seed=1, circuits={})
+        write(table, path, seed=1, circuits={})
     figure = figE1.draw(FAST, *paths, output=tmp_path)
     assert texts(figure.axes[0]) == ["+3", "✓", "≫"]
     assert texts(figure.axes[1]) == ["0.25\n0.50"]

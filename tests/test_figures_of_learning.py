@@ -2,17 +2,15 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
 
-from benchmarks.pages import TABLES
-from benchmarks.scores import weights
-from benchmarks.scores.learned import tasks
-from benchmarks.scores.learned.changes import BEGINS, BIN, summaries
-from benchmarks.scores.learned.tasks import mean_se
 from bgmodel.support.files import read_table
-from figures import figL1, figL2, figL3
 from figures.common import FAST
+from figures.learning import draw_L1 as figL1
+from figures.learning import measure_weights as weights
+from figures.learning import tasks
+from figures.learning.tasks import mean_se
+from figures.rooms import table_path
 
 
 def drawn(figure):
@@ -24,7 +22,7 @@ def drawn(figure):
 
 def stored(*names):
     """Return the paths of tables of the score."""
-    return [TABLES / f"weights_{name}.csv" for name in names]
+    return [table_path(f"weights_{name}") for name in names]
 
 
 def test_figure_l1_shows_every_task_and_every_number_of_trials(tmp_path):
@@ -34,41 +32,6 @@ def test_figure_l1_shows_every_task_and_every_number_of_trials(tmp_path):
     assert set(ratios["after"]) == set(figL1.SHADES)
     assert set(course["task"]) == set(figL1.TASKS)
     assert len(figure.axes) == 3
-
-
-def test_figure_l2_shows_every_learner_and_every_rule(tmp_path):
-    paths = stored("course", "rules")
-    figure = drawn(figL2.draw(FAST, *paths, output=tmp_path))
-    course, rules = (read_table(path) for path in paths)
-    assert set(course["rule"]) == set(figL2.LEARNERS)
-    assert set(rules["stopping"]) == set(figL2.STOPPINGS)
-    labels = [text.get_text() for text in figure.axes[3].get_yticklabels()]
-    assert len(labels) == len(weights.RULES)
-
-
-def test_figure_l3_shows_every_critic_and_change(tmp_path):
-    paths = stored("asymmetry", "feedback", "changes")
-    figure = drawn(figL3.draw(FAST, *paths, output=tmp_path))
-    _, feedback, changes = (read_table(path) for path in paths)
-    assert set(feedback["critic"]) == set(figL3.CRITICS)
-    assert set(figL3.DRIFTS) <= set(changes["change"])
-    assert len(figure.axes) == 4
-
-
-def test_a_change_is_compensated_in_the_first_bin_that_is_near():
-    trial = np.arange(0, BEGINS + 1000, BIN)
-    correct = np.where(trial < BEGINS, 0.95, np.where(trial < BEGINS + 200, 0.5, 0.94))
-    never = np.where(trial < BEGINS, 0.95, 0.5)
-    parts = {"soon": correct, "never": never, "none": np.full(len(trial), 0.95)}
-    table = pd.concat(
-        pd.DataFrame({"change": name, "trial": trial, "correct": values, "learning_r": 1.0})
-        for name, values in parts.items()
-    )
-    found = summaries(table).set_index("change")
-    assert found.loc["soon", "recovered_after"] == 200
-    assert found.loc["soon", "lowest"] == 0.5
-    assert np.isnan(found.loc["never", "recovered_after"])
-    assert found.loc["none", "recovered_after"] == 0
 
 
 def test_a_mean_over_runs_is_unknown_if_one_run_is():

@@ -4,17 +4,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from benchmarks.pages import TABLES
-from benchmarks.scores import values
 from bgmodel.support.files import read_table
-from figures import figL4
 from figures.common import FAST
+from figures.learning import draw_L4 as figL4
+from figures.learning import measure_values as values
+from figures.rooms import table_path
 
 NAMES = ("bandit", "reversal", "times", "loop", "courses", "differences")
 
 
 def stored(*names):
-    return [TABLES / f"values_{name}.csv" for name in names]
+    return [table_path(f"values_{name}") for name in names]
 
 
 def test_figure_l4_shows_learners_the_circuit_and_people(tmp_path):
@@ -51,5 +51,5 @@ def test_trials_are_aligned_to_reversals():
 
 def test_the_error_of_a_median_is_that_of_the_normal_law():
     times = np.random.default_rng(1).normal(500, 100, 4000)
-    found = values.median_and_error(times)
-    assert found["median_se"] == pytest.approx(100 * np.sqrt(np.pi / 2) / np.sqrt(4000), rel=0.25)
+    median = values.median_and_error(times)
+    assert median["median_se"] == pytest.approx(100 * np.sqrt(np.pi / 2) / np.sqrt(4000), rel=0.25)

@@ -10,7 +10,11 @@ def test_every_seed_that_scores_or_tunes_is_named():
     seeds = text.partition("## Seeds")[2].partition("## Intervals")[0]
     named = {int(number) for number in re.findall(r"\b\d{3,5}\b", seeds)}
     found = {}
-    for path in [*(ROOT / "benchmarks").rglob("*.py"), *(ROOT / "tests/validation").glob("*.py")]:
+    for path in [
+        *(ROOT / "benchmarks").rglob("*.py"),
+        *(ROOT / "figures").rglob("*.py"),
+        *(ROOT / "tests/validation").glob("*.py"),
+    ]:
         for line in re.findall(r"^[A-Z_]*SEEDS? = .*$", path.read_text(), re.MULTILINE):
             for number in re.findall(r"\b\d[\d_]{2,}\b", line):
                 # The end of a range is not drawn.

@@ -8,13 +8,12 @@ import pandas as pd
 import pytest
 
 from bgmodel.integrators.given import identity
-from bgmodel.support.files import provenance_path, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from figures import figA4
 from figures.common import FAST, OLDER, older, say_if_older
-from tests.helpers import ROOT, told
+from figures.lesions import draw_A4 as figA4
+from figures.rooms import METADATA, read_metadata, table_path, write
+from tests.helpers import told
 
-TABLES = ROOT / "docs" / "tables"
 LOSSES = ("loss_behaviour.csv", "loss_anticipation.csv")
 
 
@@ -23,15 +22,15 @@ def table(tmp_path):
     """Return a table as a score writes it, with today's circuits."""
     made_with = {str(n): identity(load_circuit(DEFAULT, n)) for n in (2, 4)}
     path = tmp_path / "found.csv"
-    write_table(pd.DataFrame({"value": [1.0]}), path, seed=1, trials=10, circuits=made_with)
+    write(pd.DataFrame({"value": [1.0]}), path, seed=1, trials=10, circuits=made_with)
     return path
 
 
 def with_another_hash(path, channels="2"):
     """Change the hash of a table's circuit."""
-    found = json.loads(provenance_path(path).read_text())
-    found["parameters"]["circuits"][channels]["sha256"] = "0" * 64
-    provenance_path(path).write_text(json.dumps(found))
+    every = read_metadata(path.parent)
+    every[path.stem]["parameters"]["circuits"][channels]["sha256"] = "0" * 64
+    path.with_name(METADATA).write_text(json.dumps(every))
 
 
 def written(figure):
@@ -60,9 +59,9 @@ def test_a_table_of_another_circuit_is_said_under_the_figure_and_of_todays_nothi
 
 
 def test_a_figure_of_a_score_says_which_of_its_tables_is_older(tmp_path):
-    for name in LOSSES:
-        for source in (TABLES / name, provenance_path(TABLES / name)):
-            shutil.copyfile(source, tmp_path / source.name)
+    tables = table_path("loss_behaviour").parent
+    for name in (*LOSSES, METADATA):
+        shutil.copyfile(tables / name, tmp_path / name)
     with_another_hash(tmp_path / LOSSES[1], "4")
     with pytest.warns(UserWarning, match=OLDER):
         figure = figA4.draw(FAST, *(tmp_path / name for name in LOSSES), output=tmp_path)

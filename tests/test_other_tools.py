@@ -1,15 +1,16 @@
-"""Comparison with PyDDM, ssm-simulators and psignifit at a few points of the `make score` grid."""
+"""Comparison with PyDDM and ssm-simulators at a few points of the `make score` grid."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.scores import crosschecks, other_tools
-from benchmarks.scores.other_tools import Accumulators
 from bgmodel import stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.theory.first_passage import gaussian_pair
-from bgmodel.theory.sprt import OVERSHOOT, siegmund, sprt
+from bgmodel.theory.sprt import siegmund, sprt
+from figures.tools import measure_crosschecks as crosschecks
+from figures.tools import other_tools
+from figures.tools.other_tools import Accumulators
 
 D = 0.05
 POINT = Accumulators(3, 0.3, 6.0, 0.1, 0.05)
@@ -104,15 +105,6 @@ def test_ssm_simulators_decides_as_we_do(point):
     assert ks_2samp(found.steps, theirs.readings).pvalue > 1e-3
     at_floor = other_tools.by_ssm_simulators(*point.theirs(floor=0.0), trials, 5)
     assert ks_2samp(found.steps, at_floor.readings).pvalue < 1e-6
-
-
-def test_psignifit_finds_the_closed_form_of_the_test_and_so_does_the_fit_of_means():
-    pytest.importorskip("psignifit")
-    found = crosschecks.psychometric(12.0, 0.0, 1, 400).iloc[0]
-    assert found["threshold_low"] < 0 < found["threshold_high"]
-    assert found["width_low"] < found["true_width"] < found["width_high"]
-    assert found["width_low"] < found["own_width"] < found["width_high"]
-    assert found["true_width"] == pytest.approx(np.log(19) / ((12 + OVERSHOOT) * 0.05))
 
 
 def test_without_the_other_tools_there_is_nothing_to_score(monkeypatch):

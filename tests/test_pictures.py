@@ -16,8 +16,8 @@ from circuits import anatomy
 from circuits.plots import PALETTE
 from figures import gallery
 from figures.common import FULL, STYLE
+from figures.rooms import rooms
 from figures.stamps import Stamp
-from tests.helpers import ROOT
 from tests.pictures import covered, under_legends
 
 TIMES = np.linspace(100, 900, 90) ** 1.1
@@ -108,17 +108,16 @@ def test_the_drawing_of_a_circuit_shows_every_name(name):
 
 def from_tables():
     """Yield the figures that are drawn from stored tables alone, and these tables."""
-    text = (ROOT / "figures" / "Snakefile").read_text(encoding="utf-8")
-    plan = {"config": {}}
-    exec(text[: text.index("# One thread a job")], plan)
-    for script, step, reads, _ in plan["STEPS"]:
-        if step == "draw" and all(path.startswith(plan["TABLES"]) for path in reads):
-            yield pytest.param(script, [Path(path) for path in reads], id=script)
+    for room in rooms():
+        for module, step, reads, _ in room.steps():
+            if step == "draw" and reads and all(path.endswith(".csv") for path in reads):
+                name = f"figures.{room.name}.{module}"
+                yield pytest.param(name, [Path(path) for path in reads], id=module)
 
 
 @pytest.mark.parametrize(("script", "tables"), from_tables())
 def test_legends_and_texts_of_a_figure_cover_nothing(script, tables, tmp_path):
-    draw = importlib.import_module(f"figures.{script}").draw
+    draw = importlib.import_module(script).draw
     with plt.style.context(STYLE):
         figure = draw(FULL, *tables, output=tmp_path)
         assert under_legends(figure) == []

@@ -94,20 +94,9 @@ def test_acquisition_draws_the_median_run(ax):
     assert ax.lines[0].get_ydata().tolist() == [2.0, 3.0]
 
 
-def test_human_thresholds_are_drawn_beside_the_reliability(ax):
-    table = pd.DataFrame({"stated": [0.2, 0.8], "observed": [0.25, 0.75], "count": [40, 40]})
-    assert plots.reliability(ax, table, color="k") is ax
-    assert plots.human_thresholds(ax) is ax
-    assert {line.get_label() for line in ax.lines if "human" in str(line.get_label())} == {
-        "human finger",
-        "human lip",
-        "human tongue",
-    }
-
-
 def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_correct(ax):
     """Van Boven & Johnson 1994: finger 0.94, lip 0.51, tongue 0.58 mm, copied a second time."""
-    plots.human_thresholds(ax)
+    assert plots.human_thresholds(ax) is ax
     placed = {line.get_label(): [*line.get_xdata(), *line.get_ydata()] for line in ax.lines}
     assert placed == {
         "human finger": [0.94, 0.75],
@@ -123,15 +112,13 @@ def test_chance_is_a_half_by_default(ax):
 
 
 def test_lines_that_are_no_data_have_one_width():
-    table = pd.DataFrame({"stated": [0.2], "observed": [0.25], "count": [40]})
     z = np.zeros((1, 2))
     drawn = (
         plots.output([0.0], np.zeros((1, 2)), Figure().subplots()).axes[0].lines[-1:],
         plots.accuracy_axis(Figure().subplots()).lines,
         plots.trajectories(Figure().subplots(), z, np.ones(1), 4.0, color="k").lines[-2:],
-        plots.reliability(Figure().subplots(), table).lines[:1],
     )
-    assert [len(lines) for lines in drawn] == [1, 1, 2, 1]
+    assert [len(lines) for lines in drawn] == [1, 1, 2]
     assert len({line.get_linewidth() for lines in drawn for line in lines}) == 1
 
 

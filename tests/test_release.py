@@ -10,9 +10,9 @@ from packaging.requirements import Requirement
 
 import bgmodel
 from bgmodel.support.files import read_table
+from figures.rooms import table_path
 from tests.helpers import ROOT
 
-TABLES = ROOT / "docs" / "tables"
 CONDA = {"matplotlib": "matplotlib-base"}
 """Packages with another name on conda-forge."""
 NEWER = {"brian2"}
@@ -45,7 +45,7 @@ def test_supported_pythons_are_classified(python):
 
 def sentences():
     """Yield what the paper says of each table, from the tables."""
-    table = read_table(TABLES / "raw_decisions.csv")
+    table = read_table(table_path("raw_decisions"))
     row = table.query(
         "evidence == \"Gaussian, d' 0.5, N = 4\" and engine == 'population' and given == 'raw' "
         "and accuracy == 0.9"
@@ -53,17 +53,17 @@ def sentences():
     yield f"in {row.agreement:.1%} of {row.trials:.0f} trials".replace("%", " %")
     yield f"({row.agreement_chance:.1%} expected by chance)".replace("%", " %")
     yield f"r = {row.pearson_r:.3f}, and the circuit took {row.extra_ms:.0f} ms longer"
-    table = read_table(TABLES / "experiments_predictions.csv")
+    table = read_table(table_path("experiments_predictions"))
     of = Counter(table["outcome"])
     yield f"contain {len(table)} predictions"
     yield f"agreed with {of['agrees']} and disagreed with {of['disagrees']}"
     verb = "was" if of["left open"] == 1 else "were"
     lost = of["decides without evidence"]
     yield f"{of['left open']} {verb} left open, and {lost} concerned lesions"
-    row = read_table(TABLES / "crosschecks_grid.csv").set_index("solution").loc["PyDDM"]
+    row = read_table(table_path("crosschecks_grid")).set_index("solution").loc["PyDDM"]
     yield f"at {row.points:.0f} combinations"
     yield f"was {row.z_mean_most:.1f} standard errors"
-    inside = read_table(TABLES / "hssm_check.csv")["inside"]
+    inside = read_table(table_path("hssm_check"))["inside"]
     yield f"{inside.sum()} of {len(inside)} intervals"
 
 

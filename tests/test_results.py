@@ -1,6 +1,5 @@
 """Pages of results: every number from a table, every table from today's circuits or said so."""
 
-import json
 import re
 import sys
 from dataclasses import replace
@@ -9,25 +8,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import pages
-from benchmarks.scores import __main__ as scores
-from benchmarks.scores import pieces
-from benchmarks.scores.pieces import Piece, Score
 from bgmodel.integrators.given import identity
-from bgmodel.support.files import provenance_path, read_table, write_table
+from bgmodel.support.files import read_table
 from circuits.anatomy import load_circuit
-from tests.helpers import ROOT
+from figures import __main__ as runner
+from figures import pages, pieces
+from figures.pieces import Piece, Score
+from figures.rooms import origin, rooms, table_path, write
+from tests.helpers import ROOT, refused
 
-TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
+TEMPLATES = [pytest.param(path, id=pages.page_of(path).name) for path in pages.templates()]
 PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "guides").glob("*.md"))]
-QUESTIONS = [
-    pytest.param(path, id=path.name)
-    for path in pages.templates()
-    if path.name not in {"index.md.j2", "columns.md.j2"}
-]
+QUESTIONS = [pytest.param(room.page, id=room.name) for room in rooms() if room.page.is_file()]
 """Templates of pages that answer a question."""
 MOST_LINES, MOST_COLUMNS = 150, 8
-LINK = r"\]\(\.\./tables/(\w+)\.csv\)"
 FENCED = r"```.*?```|`[^`]*`"
 CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
@@ -35,29 +29,20 @@ CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 def test_there_are_pages():
     made = {pages.page_of(path) for path in pages.templates()}
     assert made == set(pages.RESULTS.glob("*.md"))
-    assert {"index.md", "decisions.md", "columns.md"} <= {path.name for path in made}
+    assert {"index.md", "decisions.md"} <= {path.name for path in made}
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_a_page_is_what_its_template_makes_of_the_tables(template):
     page = pages.page_of(template)
     same = page.read_text() == pages.rendered(template)
-    assert same, f"{page.name} is not what its tables make: run python -m benchmarks.pages"
+    assert same, f"{page.name} is not what its tables make: run python -m figures.pages"
 
 
 @pytest.mark.parametrize("template", QUESTIONS)
-def test_a_page_says_what_each_of_its_tables_was_made_from(template):
-    text = template.read_text()
-    shown = set(re.findall(r'rows?\("(\w+)"', text)) | set(re.findall(LINK, text))
-    kinds = {name.split("_")[0] for name in re.findall(r'measured\("(\w+)"\)', text)}
-    assert {name.split("_")[0] for name in shown} == kinds
-
-
-@pytest.mark.parametrize("template", QUESTIONS)
-def test_a_page_links_to_every_table_that_it_shows_and_to_the_key(template):
-    text = template.read_text()
-    assert set(re.findall(r'rows?\("(\w+)"', text)) <= set(re.findall(LINK, text))
-    assert "](columns.md)" in text
+def test_a_page_ends_with_its_tables_and_the_meaning_of_their_columns(template):
+    assert "{{ tables(" in template.read_text().splitlines()[-1]
+    assert "What each column means: [" in pages.page_of(template).read_text()
 
 
 @pytest.mark.parametrize("template", QUESTIONS)
@@ -83,38 +68,21 @@ def test_a_decimal_or_an_interval_outside_a_placeholder_is_seen():
     assert pages.written_numbers(text) == [".93", "1.5", "[-3, 12]"]
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
+STORED = [pytest.param(p, id=p.stem) for room in rooms() for p in room.tables()]
+
+
+@pytest.mark.parametrize("path", STORED)
 def test_a_table_says_what_it_was_made_from(path):
-    behind = json.loads(provenance_path(path).read_text())
-    assert set(behind) == {"parameters", "seed", "versions"}
-    assert {"trials", "circuits"} <= set(behind["parameters"])
+    assert set(origin(path)) == {"parameters", "seed", "versions"}
+    assert {"trials", "circuits"} <= set(origin(path)["parameters"])
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.TABLES.glob("*.csv")])
-def test_a_table_is_written_by_a_score_and_named_by_a_page(path):
-    assert path.stem.split("_")[0] in {module.SCORE.name for module in scores.MODULES}
-    text = "".join(template.read_text() for template in pages.templates())
-    assert path.stem in re.findall(LINK, text)
-
-
-def test_every_column_of_every_table_is_described_once():
-    described = pages.columns()
-    assert len(described) > 300
-    assert all(meaning.strip() == meaning != "" for _, meaning in described)
-
-
-def test_a_column_without_a_description_and_a_description_without_a_column_are_named(tmp_path):
-    write_table(pd.DataFrame({"a": [1], "a_low": [0], "b": [2]}), tmp_path / "y.csv")
-    key = tmp_path / pages.KEY
-    key.write_text('[columns]\na = "one"\n')
-    with pytest.raises(ValueError, match=r"^columns.toml does not describe the column b of y$"):
-        pages.columns(tmp_path)
-    key.write_text('[columns]\na = "one"\nb = "two"\nc = "three"\n')
-    with pytest.raises(ValueError, match=r"no table has: \[\('columns', 'c'\)\]$"):
-        pages.columns(tmp_path)
-    key.write_text('[columns]\na = "one"\n[y]\nb = "two"\na_low = "a bound"\n')
-    found = {("a", "one"): ["y"], ("a_low", "a bound"): ["y"], ("b", "two"): ["y"]}
-    assert pages.columns(tmp_path) == found
+@pytest.mark.parametrize("path", STORED)
+def test_a_table_is_written_by_a_score_of_its_room_and_named_by_a_page(path):
+    [room] = [room for room in rooms() if room.folder == path.parents[1]]
+    assert path.stem.split("_")[0] in {score.name for score in runner.scores([room])}
+    text = "".join(page.read_text() for page in pages.RESULTS.glob("*.md"))
+    assert pages.link(path) in text
 
 
 def test_a_table_of_another_circuit_says_so():
@@ -134,12 +102,24 @@ def test_each_of_several_circuits_of_a_table_is_held_to_its_own_of_today():
     assert "another circuit than today's**: gpr, N = 2 (00000000)" in pages.said(behind)
 
 
-def test_a_page_made_from_a_table_of_another_circuit_says_so(tmp_path):
+@pytest.fixture
+def place(tmp_path):
+    """Return where tables of a page under test are."""
+    (tmp_path / "tables").mkdir()
+    return lambda name: tmp_path / "tables" / f"{name}.csv"
+
+
+def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_path, place):
     template = tmp_path / "x.md.j2"
-    template.write_text('{{ measured("y") }}')
-    write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv", trials=5, circuits=CIRCUITS)
-    assert "5 trials" in pages.rendered(template, tmp_path)
-    assert "**measured with another circuit than today's**" in pages.rendered(template, tmp_path)
+    template.write_text('{{ rows("y")[0].a }} {{ rows("y")[0].a }}\n{{ tables("z", "w") }}')
+    for name in ("y", "z"):
+        write(pd.DataFrame({"a": [1]}), place(name), trials=5, circuits={})
+    write(pd.DataFrame({"a": [1]}), place("w"), trials=7, circuits=CIRCUITS)
+    same, other, _, key = pages.rendered(template, place).splitlines()[1:]
+    assert same.startswith(f"- {pages.link(place('y'))}, {pages.link(place('z'))}: 5 trials")
+    assert other.startswith(f"- {pages.link(place('w'))}: 7 trials")
+    assert "**measured with another circuit than today's**" in other
+    assert key.startswith(f"What each column means: [{tmp_path.name}]")
 
 
 def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
@@ -149,43 +129,40 @@ def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
     assert "coarse (`make score FAST=1`)" in said
 
 
-def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path):
+def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path, place):
     template = tmp_path / "x.md.j2"
     template.write_text('{{ rows("y")[0].no }}')
-    with pytest.raises(ValueError, match=r"^x.md.j2 needs the table y: `make score` writes it$"):
-        pages.rendered(template, tmp_path)
-    write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv")
-    with pytest.raises(
-        ValueError, match=r"^x.md.j2 uses values that its tables do not contain .* again$"
-    ):
-        pages.rendered(template, tmp_path)
+    with refused("table"):
+        pages.rendered(template, place)
+    write(pd.DataFrame({"a": [1]}), place("y"))
+    with pytest.raises(ValueError, match=r"^x.md.j2 uses values that its tables do not"):
+        pages.rendered(template, place)
 
 
-def test_a_row_is_found_by_its_values_and_must_be_the_only_one(tmp_path):
+def test_a_row_is_found_by_its_values_and_must_be_the_only_one(tmp_path, place):
     template = tmp_path / "x.md.j2"
-    table = pd.DataFrame({"name": ["one", "two", "two"], "a": [1, 2, 3]})
-    write_table(table, tmp_path / "y.csv")
+    write(pd.DataFrame({"name": ["one", "two", "two"], "a": [1, 2, 3]}), place("y"))
     template.write_text('{{ row("y", name="one").a }} {{ rows("y", name="two") | length }}')
-    assert pages.rendered(template, tmp_path) == "1 2"
+    assert pages.rendered(template, place) == "1 2"
     template.write_text('{{ row("y", name="two").a }}')
     with pytest.raises(ValueError, match=r"^x.md.j2: 2 rows of y match \{'name': 'two'\}, not 1$"):
-        pages.rendered(template, tmp_path)
+        pages.rendered(template, place)
 
 
-def test_a_page_needs_the_provenance_of_its_table(tmp_path):
+def test_a_page_needs_the_origin_of_its_table(tmp_path, place):
     template = tmp_path / "x.md.j2"
     template.write_text('{{ rows("y")[0].a }}')
-    (tmp_path / "y.csv").write_text("a\n1\n")
-    with pytest.raises(ValueError, match="needs the table y"):
-        pages.rendered(template, tmp_path)
+    place("y").write_text("a\n1\n")
+    with refused("table"):
+        pages.rendered(template, place)
 
 
 def test_r_of_times_is_what_noise_leaves_of_r_without_noise():
-    """Attenuation of a correlation (Spearman 1904), which the page of limits states.
+    """Attenuation of a correlation (Spearman 1904), which the page of decisions states.
 
     Its factor is that of linear noise; thresholds of the circuit and of rates differ a little.
     """
-    table = read_table(pages.TABLES / "limits_times.csv").dropna()
+    table = read_table(table_path("limits_times")).dropna()
     assert len(table) > 15
     np.testing.assert_allclose(table["as_it_is"], table["attenuated"], atol=0.02)
     # Noise of cells and delays both take something, and together what is missing.
@@ -210,9 +187,10 @@ def score(tmp_path, monkeypatch):
             yield Piece("kind", name, trials, 60, lambda name=name: make(name))
 
     monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
-    monkeypatch.setattr(pieces, "TABLES", tmp_path / "results")
     monkeypatch.setattr(sys, "argv", ["scores"])
-    found = Score("test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])})
+    found = Score(
+        "test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])}, room=tmp_path
+    )
     return found, computed, tmp_path
 
 
@@ -221,12 +199,12 @@ def test_a_score_goes_on_where_it_was_stopped(score, capsys):
     with pytest.raises(KeyboardInterrupt):
         pieces.main(one)
     assert capsys.readouterr().out.startswith("2 of 2 pieces are left: about 2 minutes of CPU.")
-    assert not (folder / "results").exists()
+    assert not (folder / "tables").exists()
     pieces.main(one)
     assert capsys.readouterr().out.startswith("1 of 2 pieces are left: about 1 minutes of CPU.")
     pieces.main(one)
     assert computed == ["one", "two", "two"]
-    assert read_table(folder / "results" / "test_all.csv")["name"].tolist() == ["one", "two"]
+    assert read_table(folder / "tables" / "test_all.csv")["name"].tolist() == ["one", "two"]
 
 
 def test_a_coarse_score_leaves_the_pieces_of_a_whole_one(score, monkeypatch):
@@ -236,7 +214,7 @@ def test_a_coarse_score_leaves_the_pieces_of_a_whole_one(score, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["scores", "--fast"])
     pieces.main(one)
     assert len(computed) == 5
-    assert pages.read_provenance(folder / "results" / "test_all.csv")["parameters"]["fast"]
+    assert origin(folder / "tables" / "test_all.csv")["parameters"]["fast"]
     assert one.finished(next(iter(one.pieces(False, 1))), folder / "out", False)
 
 
@@ -252,7 +230,7 @@ def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):
 
 def test_every_piece_of_every_score_has_a_file_of_its_own():
     for fast in (False, True):
-        every = [(m.SCORE, p) for m in scores.MODULES for p in m.SCORE.pieces(fast, 1)]
+        every = [(s, p) for s in runner.scores(rooms()) for p in s.pieces(fast, 1)]
         paths = [score.path(piece, pieces.OUT) for score, piece in every]
         assert len(set(paths)) == len(paths)
         assert all(piece.seconds > 0 for _, piece in every)

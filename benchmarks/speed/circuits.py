@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from benchmarks import OUT
+from figures.rooms import OUT
 
 STEP_MS, STEPS, SETTLE_MS = 50.0, 10, 0.0
 REPEATS = 3

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks import OUT
 from benchmarks.speed.circuits import machine
 from benchmarks.speed.circuits import measure as measured_circuit
+from figures.rooms import OUT
 
 BUDGET_S, WHOLE = 60.0, 1_000_000
 POSTERIOR, D_PRIME, STEP_MS, READINGS = 0.85, 0.7, 50.0, 60

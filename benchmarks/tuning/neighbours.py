@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.tuning.neighbours [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for
 every variant, its resting rates and a comparison with the MSPRT at its gain. These seeds are used
-only for tuning, those of ``benchmarks.scores.agreement`` only for scores. Among variants with a
+only for tuning, those of ``figures.decisions.kinds`` only for scores. Among variants with a
 latency of at most 65 ms and the animal's resting rates, the one with the highest correlation of
 decision times was kept; many are equally good within the error of 500 trials. The filters before
 OUT and the default gain were tuned with ``benchmarks.tuning.filters``, the cortical code with

@@ -7,7 +7,7 @@ printed shares of correct responses (0.956, 0.923), and as many trials without a
 are in the training of all people, a share of 0.097 that was seen when the columns of the table were
 read. The value of the test is that at which a difference of 0.6 gives the share of 0.752 that other
 people have with items rewarded in 80 and in 20 % of trials (the set of HDDM's example of learning).
-It then writes what the circuit predicts to ``benchmarks/scores/medication.toml``.
+It then writes what the circuit predicts to ``figures/dopamine/medication.toml``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from benchmarks.methods.simon_model import (
+from bgmodel.deciding.decision import UNDECIDED
+from bgmodel.integrators.sprt import threshold_from_posterior
+from bgmodel.support.arrays import Array
+from figures.dopamine.simon_model import (
     DEADLINE_MS,
     Simon,
     circuit_at,
@@ -25,7 +28,7 @@ from benchmarks.methods.simon_model import (
     crossings,
     items,
 )
-from benchmarks.methods.simon_predictions import (
+from figures.dopamine.simon_predictions import (
     KINDS,
     MAIN,
     TOLD,
@@ -35,9 +38,6 @@ from benchmarks.methods.simon_predictions import (
     predictions,
     written,
 )
-from bgmodel.deciding.decision import UNDECIDED
-from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.support.arrays import Array
 
 SEED, PREDICTION_SEED = 92_101, 92_201
 """Of the fits, and of the simulated people of the predictions."""

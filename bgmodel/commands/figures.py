@@ -14,13 +14,11 @@ from circuits.errors import InputError
 
 LOCKS = Path(".snakemake/locks")
 """Where Snakemake locks the files of a run; a killed run leaves its locks behind."""
-MINUTES = {True: 6.0, False: 25.0}
-"""CPU time of all figures, minutes, coarse (True) or full; measured on two cores of an AMD EPYC."""
 
 
 def _names() -> list[str]:
     """Return the names of all figures."""
-    return sorted(path.stem for path in Path("figures").glob("fig*.py"))
+    return sorted(f"fig{path.stem[5:]}" for path in Path("figures").glob("*/draw_*.py"))
 
 
 def _check_unlocked() -> None:
@@ -77,7 +75,7 @@ def figures(
     fast
         A coarse run with few trials, into figures/fast.
     recordings
-        Folder of real taps for figures R1 and T1; BGMODEL_RECORDINGS by default.
+        Folder of real taps for figure T1; BGMODEL_RECORDINGS by default.
     unlock
         Draw nothing, but remove the lock and the unfinished files of a killed run.
     workers
@@ -93,16 +91,9 @@ def figures(
     folder = Path("figures/fast" if fast else "figures/out")
     _check_targets(targets, folder)
     found = find_recordings(recordings)
-    if found is None:
-        if "figR1" in targets:
-            raise InputError(
-                "figR1 needs recordings: --recordings or BGMODEL_RECORDINGS", "recordings"
-            )
-        if not targets:
-            print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
     if not unlock:
         _check_unlocked()
-        _say(targets, folder, fast, found is not None)
+        _say(targets, folder)
     remove_partial_files(folder)
     # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
     os.environ["BGMODEL_RECORDINGS"] = str(found or "")
@@ -123,20 +114,18 @@ def _arguments(targets: tuple[str, ...], fast: bool, unlock: bool, workers: int)
     return [*arguments, "--", *(targets or ["all"])]
 
 
-def _say(targets: tuple[str, ...], folder: Path, fast: bool, recordings: bool) -> None:
-    """Report what is drawn and about how long it takes."""
-    names = [name for name in _names() if recordings or name != "figR1"]
+def _say(targets: tuple[str, ...], folder: Path) -> None:
+    """Report what is drawn."""
     asked = [
         name
-        for name in names
+        for name in _names()
         if not targets
         or {name, *(str(folder / f"{name}{end}") for end in (".png", ".pdf"))} & {*targets}
     ]
     there = [name for name in asked if (folder / f"{name}.png").is_file()]
-    took = f", about {MINUTES[fast]:g} minutes of CPU" if not (there or targets) else ""
     print(
-        f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}{took}; each "
-        "is named when it is drawn",
+        f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}; each is named "
+        "when it is drawn",
         flush=True,
     )
 

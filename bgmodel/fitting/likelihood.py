@@ -93,6 +93,8 @@ class Likelihood:
     freedom: ParameterSpace
     rough: ClassVar[bool] = False
     """Whether it has steps, as with simulated trials, so that no search may follow its slope."""
+    scored: ClassVar[bool] = False
+    """Whether ``scores`` costs less than differences of ``each``, so that a search uses it."""
     sized: ClassVar[tuple[str, ...]] = ()
     """Parameters that can't be near 0: a fit says if the data hardly identify them."""
 

@@ -22,8 +22,9 @@ STEP = 1e-4
 """Step of derivatives, as a share of a parameter's scale."""
 SHORT, LONG = 30, 200
 """Iterations along slopes from each start, and from the best of the points reached."""
-POLISHED, MOST_DAMPING, GAINED_NATS = 20, 1e3, 1e-3
-"""Most steps along the scores, their largest damping, and the gain below which they end."""
+POLISHED, MOST_DAMPING, GAINED_NATS, SCORED_NATS = 20, 1e3, 1e-3, 0.1
+"""Most steps along the scores, their largest damping, and the gain below which they end: a larger
+one if the search is along scores alone, of hundreds of numbers."""
 SINGULAR = 1e-10
 
 
@@ -130,6 +131,12 @@ def _scales(likelihood: Likelihood, first: Array) -> Array:
 
 def _along_slopes(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
     """Return the best point reached along slopes, and the number of evaluations."""
+    if likelihood.scored:
+        first = _within(likelihood, starts[0])
+        vector, value, count = _polished(likelihood, first, likelihood.height(first), LONG)
+        if tell is not None:
+            tell(count, value)
+        return vector, count
     tried = [_climbed(likelihood, _within(likelihood, start), SHORT) for start in starts]
     vector, value, _ = max(tried, key=lambda each: each[1])
     vector, value, last = _climbed(likelihood, vector, LONG)
@@ -174,12 +181,14 @@ def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Arr
     return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
 
 
-def _polished(likelihood: Likelihood, vector: Array, value: float) -> tuple[Array, float, int]:
+def _polished(
+    likelihood: Likelihood, vector: Array, value: float, most: int = POLISHED
+) -> tuple[Array, float, int]:
     """Return the end of steps by the outer product of scores, damped until they lead uphill."""
     freed = likelihood.freedom
     low, high = freed.low, freed.high
     evaluations, damping = 0, 1e-3
-    for _ in range(POLISHED):
+    for _ in range(most):
         inside = ~freed.at_bound(vector)
         scores = likelihood.scores(vector)[:, inside]
         pull, precision = (each[inside] for each in freed.prior_slope(vector))
@@ -196,6 +205,6 @@ def _polished(likelihood: Likelihood, vector: Array, value: float) -> tuple[Arra
             damping *= 10 if gained <= 0 else 0.1
         if gained > 0:
             vector, value = there, value + gained
-        if gained < GAINED_NATS:
+        if gained < (SCORED_NATS if likelihood.scored else GAINED_NATS):
             break
     return vector, value, evaluations

@@ -1,8 +1,7 @@
-"""Effects of an edit on OUT under steady evidence: in theory, and measured in spikes."""
+"""OUT under steady evidence, at the fixed point and in spikes, and resting activity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,8 +34,8 @@ def leader_out(circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
     odds = np.asarray(log_odds, dtype=np.float64)
     # Drop the record of edits: those that the fixed point ignores should not warn here.
     model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws), gain=1.0)
-    found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
-    return np.asarray(found[:, 0, 0].reshape(odds.shape))
+    out_nats = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
+    return np.asarray(out_nats[:, 0, 0].reshape(odds.shape))
 
 
 def out_shift(
@@ -71,67 +70,8 @@ def steady_out(
     drive = leader_drive(np.repeat(odds, trials), circuit.channels)
     model = BasalGanglia(circuit, Ensemble(rates=False, sample_ms=5.0), seed=seed)
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
-    found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
-    return np.asarray(found.reshape(len(odds), trials))
-
-
-def steady_shifts(
-    circuit: Circuit,
-    edited: Mapping[str, Circuit],
-    log_odds: npt.ArrayLike,
-    *,
-    seed: int,
-    trials: int = 40,
-) -> pd.DataFrame:
-    """Measure the shift of OUT by edits in the spiking circuit and compare it with theory.
-
-    One row per variant and log odds: out_nats (before the edit), exact_nats (the shift of the
-    algebraic fixed point), own_laws_nats and finite_nats (with the cells' f-I laws, and also with
-    the noise of their finite number), value, low, high (the measured shift and its 95 % interval,
-    trials paired by their noise).
-    """
-    # Importing scipy.stats takes half a second: only when shifts are measured.
-    from scipy.stats import ttest_1samp
-
-    odds = np.asarray(log_odds, dtype=np.float64)
-    out = np.log1p((circuit.channels - 1) * np.exp(-odds))
-    before = steady_out(circuit, odds, seed=seed, trials=trials)
-    parts = []
-    for name, table in edited.items():
-        shift = steady_out(table, odds, seed=seed, trials=trials) - before
-        interval = ttest_1samp(shift, 0.0, axis=1).confidence_interval()
-        columns = {
-            "variant": name,
-            "log_odds": odds,
-            "out_nats": before.mean(axis=1),
-            "exact_nats": out_shift(circuit, table, out),
-            "own_laws_nats": out_shift(circuit, table, out, laws="cells"),
-            "finite_nats": out_shift(circuit, table, out, laws="finite"),
-            "value": shift.mean(axis=1),
-            "low": interval.low,
-            "high": interval.high,
-        }
-        parts.append(pd.DataFrame(columns))
-    return pd.concat(parts, ignore_index=True)
-
-
-def lesions(table: Circuit) -> dict[str, Circuit]:
-    """Return ten lesions of a circuit by name; "clamped": lost output replaced by its resting rate.
-
-    They are used in figure C5 and its score.
-    """
-    return {
-        "STN 10 %": table.lesion("STN", 0.1),
-        "STN 20 %": table.lesion("STN", 0.2),
-        "STN 50 %, clamped": table.clamp("STN", 0.5),
-        "GPe 10 %": table.lesion("GPe", 0.1),
-        "GPe 20 %": table.lesion("GPe", 0.2),
-        "GPe, clamped": table.clamp("GPe"),
-        "D1 10 %": table.lesion("D1", 0.1),
-        "D1 20 %": table.lesion("D1", 0.2),
-        "D2": table.lesion("D2"),
-        "hyperdirect 3 %": table.scale("ctx", "STN", 0.97),
-    }
+    means = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
+    return np.asarray(means.reshape(len(odds), trials))
 
 
 def resting_activity(
@@ -145,11 +85,11 @@ def resting_activity(
     names = tuple(row.name for row in circuit.populations if row.spiking)
     model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)
     # The first second is left out: the circuit settles.
-    found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    activity = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
     rows = []
-    for name, spikes in (found.spikes or {}).items():
+    for name, spikes in (activity.spikes or {}).items():
         late = spikes.query("time_ms >= 1000")
-        size = trials * circuit.population(name).neurons * found.rates_hz[name].shape[2]
+        size = trials * circuit.population(name).neurons * activity.rates_hz[name].shape[2]
         ordered = late.sort_values(["trial", "channel", "neuron", "time_ms"])
         cells = ordered.groupby(["trial", "channel", "neuron"])["time_ms"]
         intervals = cells.diff().groupby([ordered[k] for k in ("trial", "channel", "neuron")])

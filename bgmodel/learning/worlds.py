@@ -16,7 +16,6 @@ from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import whole
 from circuits.errors import require
 
 
@@ -69,15 +68,15 @@ class LevelOutcomes:
         require(np.all(np.diff(self.levels) > 0), "levels", "must rise", self.levels)
 
     @classmethod
-    def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
+    def of(cls, swept: Tradeoff, evidence: Evidence) -> LevelOutcomes:
         """Return the outcomes of decisions, given the truth."""
         truth = needed_truth(evidence)
-        same = f"must be of {found.trials} trials, as the decisions"
-        require(evidence.trials == found.trials, "evidence", same, evidence.trials)
-        steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
-        correct = found.choice == truth
-        forced = found.forced.mean(axis=1)
-        return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
+        same = f"must be of {swept.trials} trials, as the decisions"
+        require(evidence.trials == swept.trials, "evidence", same, evidence.trials)
+        steps = np.maximum(swept.time_ms, 0.0) / evidence.step_ms
+        correct = swept.choice == truth
+        forced = swept.forced.mean(axis=1)
+        return cls(swept.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
 
     @property
     def trials(self) -> int:
@@ -105,9 +104,9 @@ class LevelOutcomes:
         place = np.interp(level, self.levels, np.arange(len(self.levels)))
         low = min(int(place), max(len(self.levels) - 2, 0))
         high = min(low + 1, len(self.levels) - 1)
-        own = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
+        mean = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
         best = means.max(axis=1)
-        return np.asarray(100 * (best - own) / np.abs(best))
+        return np.asarray(100 * (best - mean) / np.abs(best))
 
     def at_edge(self, xi: float) -> str:
         """Return "lower" or "upper" if the best level is the first or the last, otherwise ""."""
@@ -143,14 +142,3 @@ class LevelOutcomes:
             return np.asarray(table[row, (chance[:, 1] * trials).astype(np.intp)])
 
         return rewards
-
-
-def switching(worlds: Sequence[Environment], every: int) -> Environment:
-    """Return a changing environment: ``every`` trials of each in turn, cyclically."""
-    require(worlds, "worlds", "must hold one or more", worlds)
-    whole("every", every, 1)
-
-    def rewards(episode: int, played: Array) -> Array:
-        return worlds[(episode // every) % len(worlds)](episode, played)
-
-    return rewards

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 MOST_DELAYS, STEP_MS = 12, 50.0
-"""Most delays that are drawn as they are, and the steps to which more are pooled."""
+"""Largest number of delays drawn one by one, and the steps to which more are pooled."""
 
 
 @styled
@@ -39,7 +39,7 @@ def draw(
     of a race with a constant SSRT is drawn.
     """
     with quiet(DataWarning):  # few trials are in the title
-        found = estimate_ssrt(trials, checked=False)
+        ssrt = estimate_ssrt(trials, checked=False)
     go = trials.rt_ms[~trials.stop]
     failed = trials.rt_ms[trials.stop]
     figure, ((left, right),) = panels(1, 2, size=(6.4, 2.8))
@@ -72,7 +72,7 @@ def draw(
     title = f"{len(go)} go trials, {stops} stop trials; bars: 95 % Wilson intervals"
     title += ", delays to the nearest 50 ms" if shown is not trials else ""
     title = f"{heading}: {title}" if heading else title
-    refused = f"\nThe consensus guide accepts no SSRT: {found.refusal}" if found.refusal else ""
+    refused = f"\nThe consensus guide accepts no SSRT: {ssrt.refusal}" if ssrt.refusal else ""
     figure.suptitle(title + refused, x=0.01, ha="left")
     return figure
 

@@ -16,7 +16,9 @@ STOP_SET = "stop_signal_cnp"
 SIMON_SET = "parkinson_simon_2018"
 """A Simon task of patients on and off medication; its trials without a response have different
 deadlines, so that ``read_trials`` does not read it."""
-OTHERS = (STOP_SET, SIMON_SET)
+CELLS_SET = "striatum_clicks"
+"""Choices by clicks with the spikes of striatal cells, which are in a second table."""
+OTHERS = (STOP_SET, SIMON_SET, CELLS_SET)
 """Sets that are no choices with one deadline."""
 
 

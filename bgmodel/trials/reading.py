@@ -51,18 +51,19 @@ from bgmodel.tables.columns import (
     withholding,
 )
 from bgmodel.tables.foreign import renamed
-from bgmodel.tables.shipped import SETS, STOP_SET, shipped_table
+from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
 from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.restored import restored_delays
+from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from circuits.errors import DataWarning, InputError, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
 """If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
-READ = (*SETS, STOP_SET)
+READ = (*SETS, STOP_SET, CELLS_SET)
 """Shipped sets of trials, by name."""
 
 
@@ -150,12 +151,14 @@ def read_trials(
     evidence: Source | None = None,
     step_ms: float | None = None,
     forced: bool = False,
+    spikes: Source | None = None,
 ) -> Trials:
     """Read a table of trials; none is left out.
 
     The columns say what kind of trials they are. With ``ssd`` they are stop-signal trials; with
     ``pair`` and ``reward`` they are choices between the items of a pair that are rewarded; others
-    are choices and their times. With ``evidence`` the readings of each trial are known.
+    are choices and their times. With ``evidence`` the readings of each trial are known, and with
+    ``spikes`` those of recorded cells as well.
 
     Strengths that differ by less than a millionth are merged, with a warning. Other warnings report
     possible errors: units of time, a deadline far beyond all responses, coarse times,
@@ -191,6 +194,11 @@ def read_trials(
         Time between readings, ms, if the evidence has steps instead of times.
     forced : bool
         Whether the last reading of a trial forces a response.
+    spikes : path or DataFrame, optional
+        One row per spike: ``cell``, ``trial``, ``time_s`` (s from the onset of the trial) and, if
+        the table of trials has it too, ``session``. ``rt`` is then the time at which the evidence
+        ended, and clicks may be columns of lists of times, such as ``left_s`` and ``right_s``. An
+        .nwb file as ``source`` has trials and spikes.
 
     Returns
     -------
@@ -210,15 +218,20 @@ def read_trials(
     if not isinstance(conditions, (str, list, tuple)):
         raise InputError.of("conditions", "must be names of columns", conditions)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
-    name, table = _table(source, columns)
+    name, table, spikes = _tables(source, columns, spikes)
     try:
         named = {"rt": columns.rt, "response": columns.response}
         if evidence is None:
             named["ssd"] = columns.ssd
         table = renamed(table, **named, participant=columns.participant)
+        if spikes is not None:
+            table = in_sessions(table)
+            evidence = clicks_of(table) if evidence is None else evidence
         if evidence is not None:
-            check_effect("known evidence", columns, strength)
-            found = _known(table, wanted, participant, columns, (evidence, step_ms, forced))
+            kind = "known evidence" if spikes is None else "spikes and choices"
+            check_effect(kind, columns, strength)
+            asked = (evidence, step_ms, forced)
+            found = _known(table, wanted, participant, columns, asked, spikes)
         elif "ssd" in table:
             check_effect("stop-signal trials", columns, strength)
             found = _stop_signals(table, wanted, participant, columns)
@@ -240,6 +253,7 @@ USED = {
     "stop-signal trials": NAMES | {"ssd", "trial_type", "deadline_s", "restore_delays"},
     "rewarded choices": NAMES,
     "known evidence": NAMES | {"upper"},
+    "spikes and choices": NAMES | {"upper"},
 }
 """Settings that have an effect on each kind of trials."""
 
@@ -380,9 +394,9 @@ def _rewarded(
 
 def _known(
     table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns,
-    asked: tuple[Source, float | None, bool],
+    asked: tuple[Source, float | None, bool], spikes: Source | None,
 ) -> Trials:  # fmt: skip
-    """Return trials of which the readings are known."""
+    """Return trials of which the readings are known, and perhaps the spikes of cells."""
     table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
@@ -396,9 +410,12 @@ def _known(
     choice = np.asarray(readings.choice)
     favoured = 1 if len(readings.names) == 2 else seen_sums(readings, rt_s).argmax(axis=1)
     response = np.where(choice < 0, NO_RESPONSE, choice == favoured).astype(np.int8)
-    return Trials(
+    found = Trials(
         who, rt_s, response, None, held, alternatives=len(readings.names), readings=readings
     )
+    if spikes is None:
+        return found
+    return replace(found, spikes=spikes_of(spikes, [trial for _, trial in readings.ids], rt_s))
 
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
@@ -434,6 +451,18 @@ def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
             "restore_delays=True), at the terminal --columns restore_delays=true, infers the "
             "delays from the staircases"
         )
+
+
+def _tables(
+    source: str | Path | pd.DataFrame, columns: Columns, spikes: Source | None
+) -> tuple[str, pd.DataFrame, Source | None]:
+    """Return the name of a source, its table, and the spikes of an .nwb file or those given."""
+    if is_nwb(source) and spikes is None:
+        path = path_of(str(source), "source")
+        return path.name, *read_nwb(path)
+    if isinstance(source, str) and source == CELLS_SET and spikes is None:
+        spikes = shipped_table(f"{CELLS_SET}_spikes")[0]
+    return *_table(source, columns), spikes
 
 
 def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd.DataFrame]:

@@ -106,7 +106,7 @@ def read_readings(
         plain = path.suffix in SEPARATORS and path.is_file()
         table = read_csv_table(path) if plain else read_rows(path).reset_index(drop=True)
     if participant is not None and "participant_id" in table:
-        table = table[table["participant_id"].map(_text) == participant].reset_index(drop=True)
+        table = table[table["participant_id"].map(as_written) == participant].reset_index(drop=True)
     try:
         return readings_of(table, step_ms)
     except ValueError as error:
@@ -207,7 +207,7 @@ def _numbered(table: pd.DataFrame, time_s: Array | None, step_ms: float = 1.0) -
     """Return the readings of a table with log-likelihoods, by time, or else by step."""
     keys = [name for name in KEYS if name in table.columns]
     if time_s is not None:
-        by = [table[name].map(_text) for name in keys]
+        by = [table[name].map(as_written) for name in keys]
         place = pd.Series(time_s).groupby(by, sort=False)
         table = table.assign(step=place.rank(method="first").astype(int))
         twice = pd.DataFrame({"t": time_s}).assign(**dict(zip(keys, by, strict=True))).duplicated()
@@ -216,7 +216,9 @@ def _numbered(table: pd.DataFrame, time_s: Array | None, step_ms: float = 1.0) -
     evidence, first = trials.evidence, trials.columns["row"].to_numpy()
     values = np.asarray(evidence.log_likelihood, dtype=np.float64)
     who = table["participant_id"] if "participant_id" in keys else None
-    ids = [("" if who is None else _text(who[k]), _text(table["trial"][k])) for k in first]
+    ids = [
+        ("" if who is None else as_written(who[k]), as_written(table["trial"][k])) for k in first
+    ]
     read = np.arange(evidence.steps) < evidence.readings[:, None]
     when = np.where(read, step_ms / 1000 * (1.0 + np.arange(evidence.steps)), np.inf)
     if time_s is not None:
@@ -234,7 +236,7 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
     if "value" in table:
         refuse(np.isnan(value), table["value"], "given for every cue")
     if "side" in table:
-        side = np.array([_text(each) for each in table["side"]])
+        side = np.array([as_written(each) for each in table["side"]])
         refuse((side == "") | (side == "nan"), table["side"], "given for every cue")
         names = sorted(set(side.tolist()))
         said = "cues must be on two sides or more, or have a sign and no side"
@@ -262,11 +264,12 @@ def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:
         said = "several participants share ids of trials: both tables need participant_id"
         raise InputError(f"in the evidence, {said}", "participant_id")
     place = {each if person else ("", each[1]): k for k, each in enumerate(readings.ids)}
-    who = table["participant_id"].map(_text) if person else [""] * len(table)
-    keys = [(str(p), _text(t)) for p, t in zip(who, table["trial"], strict=True)]
-    twice = next((key for k, key in enumerate(keys) if key in set(keys[:k])), None)
-    if len(set(keys)) < len(keys) and twice is not None:
-        raise InputError(f"each trial may occur once, got trial {twice[1]} twice", "trial")
+    who = table["participant_id"].map(as_written) if person else [""] * len(table)
+    keys = [(str(p), as_written(t)) for p, t in zip(who, table["trial"], strict=True)]
+    twice = pd.Series(keys, dtype=object).duplicated()
+    if twice.any():
+        first = keys[int(twice.argmax())][1]
+        raise InputError(f"each trial may occur once, got trial {first} twice", "trial")
     lacking = [trial for *_, trial in (key for key in keys if key not in place)]
     if lacking:
         count = f" ({len(lacking)} such trials)" if len(lacking) > 1 else ""
@@ -284,7 +287,7 @@ def _choices(
     column: pd.Series, missing: npt.NDArray[np.bool_], names: Sequence[str], upper: str | None
 ) -> Integers:
     """Return the index of each response among the alternatives, -1 without a response."""
-    said = np.array([_text(each) for each in column], dtype=object)
+    said = np.array([as_written(each) for each in column], dtype=object)
     if upper is not None:
         if len(names) != 2 or upper not in names:
             must = f"must be one of two alternatives of the evidence, {', '.join(names)}"
@@ -299,7 +302,7 @@ def _choices(
     return np.where(missing, -1, index).astype(np.int64)
 
 
-def _text(value: object) -> str:
+def as_written(value: object) -> str:
     """Return an id or a name as written; 1.0, from a column with empty cells, is 1."""
     text = str(value)
     return text[:-2] if PLAIN_FLOAT.fullmatch(text) else text

@@ -1,4 +1,4 @@
-"""One row per trial: choices and their times, stop signals, rewards."""
+"""One row per trial: choices and their times, stop signals, rewards, spikes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,16 @@ from bgmodel.support.reprs import Facts, span
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
 from bgmodel.trials.readings import Readings
+from bgmodel.trials.spikes import Spikes, joined_spikes
 from circuits.errors import InputError, require
 
-KINDS = ("choices", "known evidence", "stop-signal trials", "rewarded choices")
+KINDS = (
+    "choices",
+    "spikes and choices",
+    "known evidence",
+    "stop-signal trials",
+    "rewarded choices",
+)
 """Kinds of trials: by the columns that they have in addition to choices and times."""
 MOST_LEVELS = 30
 """A condition with more values than this, all of them numbers, is a covariate."""
@@ -66,6 +73,8 @@ class Trials(Facts):
         alternative; of more than two it is the one that the readings before the response favour.
     withheld : int, optional
         The response, 1 or 0, that is given by waiting until the deadline, as in go/no-go tasks.
+    spikes : Spikes, optional
+        Spikes of recorded cells in each trial.
 
     Attributes
     ----------
@@ -91,12 +100,14 @@ class Trials(Facts):
     reward: Array | None = None
     readings: Readings | None = None
     withheld: int | None = None
+    spikes: Spikes | None = None
     checksum: str = field(init=False)
 
     def __post_init__(self) -> None:
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
         lengths += [len(each) for each in self._more.values() if each is not None]
         lengths += [len(self.readings.ids)] if self.readings is not None else []
+        lengths += [len(self.spikes.recorded)] if self.spikes is not None else []
         if len(set(lengths)) > 1:
             raise InputError(f"choices need one value per trial, got {lengths}", "response")
         coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
@@ -123,7 +134,7 @@ class Trials(Facts):
     @property
     def kind(self) -> str:
         """What was done in these trials; a name in ``KINDS``."""
-        given = (self.readings, self.ssd_s, self.reward)
+        given = (self.spikes, self.readings, self.ssd_s, self.reward)
         return next((k for k, x in zip(KINDS[1:], given, strict=True) if x is not None), KINDS[0])
 
     @property
@@ -161,7 +172,8 @@ class Trials(Facts):
         own = ("participant", "rt_s", "response", *self._more)
         given = {name: getattr(self, name) for name in own}
         parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in given.items()}
-        parts["readings"] = None if self.readings is None else self.readings.where(mask)
+        for name, each in (("readings", self.readings), ("spikes", self.spikes)):
+            parts[name] = None if each is None else each.where(mask)
         return replace(self, conditions=self.conditions.loc[mask].reset_index(drop=True), **parts)
 
     def people(self) -> list[str]:
@@ -241,6 +253,9 @@ class Trials(Facts):
             read = self.readings
             columns += [read.log_likelihood, read.time_s, read.choice, np.array([read.forced])]
             digest.update(json.dumps([read.names, read.ids]).encode())
+        if self.spikes is not None:
+            columns += [self.spikes.time_s, self.spikes.trial, self.spikes.cell]
+            digest.update(json.dumps(self.spikes.names).encode())
         for values in columns:
             if values is not None:
                 # One NaN and one zero.
@@ -264,5 +279,7 @@ def joined(parts: Sequence[Trials]) -> Trials:
         made["readings"] = replace(
             first.readings, ids=[one for each in read for one in each.ids], **of
         )
+    if first.spikes is not None:
+        made["spikes"] = joined_spikes([part.spikes for part in parts if part.spikes is not None])
     conditions = pd.concat([part.conditions for part in parts], ignore_index=True)
     return replace(first, conditions=conditions, **made)

@@ -33,8 +33,8 @@ def restored_delays(trials: Trials, step_ms: float = STEP_MS, *, use_times: bool
     path with the fewest contradictions is found by dynamic programming (Viterbi): a contradiction
     is a recorded delay that neither staircase has, or (with ``use_times``) a restored delay before
     the response; more than a tenth of a participant's are warned of. Without ``use_times``,
-    response times are a test of the restored delays. Only responses on stop
-    trials with a delay of exactly 0 are restored.
+    response times are a test of the restored delays. Only responses on stop trials with a delay of
+    exactly 0 are restored.
     """
     require(step_ms > 0, "step_ms", "must be > 0", step_ms)
     if trials.ssd_s is None:

@@ -137,8 +137,8 @@ def test_learning_that_is_alike_changes_nothing():
 
 
 def test_the_guide_has_every_key_with_its_default():
-    page = (ROOT / "docs/guides/learning_weights.md").read_text()
-    part = page.split("## In an experiment")[1].split("\n## ")[0]
+    page = (ROOT / "docs/guides/learning.md").read_text()
+    part = page.split("### In an experiment")[1].split("\n##")[0]
     rows = re.findall(r"^\| (`\w+`.*?) \| (.+?) \|", part, re.MULTILINE)
     told = {name: text for names, text in rows for name in re.findall(r"`(\w+)`", names)}
     assert set(told) == {field.name for field in fields(Learning)}

@@ -18,7 +18,6 @@ from bgmodel.learning.dopamine_learner import (
     CRITERION,
     LEVEL,
     CircuitLearned,
-    after_errors,
     check_decided,
     criterion_outcomes,
     learn_in_circuit,
@@ -229,7 +228,7 @@ def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, 
     assert learned.prediction_error[:, late].std(axis=1).min() > 1
 
 
-def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
+def test_what_the_last_error_carries_over_lowers_the_next_level(tactile):
     """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
     found = {}
     for carried in (0.0, 0.5):
@@ -242,24 +241,14 @@ def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
             name=carried,
             learner=Learner(episodes=8000, rate=0.001, half_episodes=np.inf, carried=carried),
         )
-        found[carried] = after_errors(learned, XI)["slower"]
+        wrong, level = learned.reward[:, 4000:-1] <= -XI, learned.played[:, 4001:]
+        runs = zip(level, wrong, strict=True)
+        found[carried] = np.array(
+            [each[after].mean() - each[~after].mean() for each, after in runs]
+        )
     error = found[0.0].std() / np.sqrt(8)
-    assert abs(found[0.0].mean()) < 4 * error + 0.05
-    assert found[0.5].min() > found[0.0].max()
-
-
-def test_after_errors_takes_slow_drifts_off_and_nothing_else():
-    rng = stream(SEED, "drift")
-    steps = np.linspace(5, 25, 4000) + rng.normal(0, 1, (2, 4000))
-    wrong = rng.random((2, 4000)) < 0.2
-    steps += 5.0 * wrong  # errors are slow themselves: no reason for the next to be
-    for slower in (0.0, 2.0):
-        steps[:, 1:] += slower * wrong[:, :-1]
-        learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
-        found = after_errors(learned, XI)["slower"].to_numpy()
-        assert found == pytest.approx(slower, abs=0.25)
-    with refused("xi"):
-        after_errors(learned, 20.0)
+    assert abs(found[0.0].mean()) < 4 * error
+    assert found[0.5].max() < found[0.0].min()
 
 
 def test_reward_needs_the_truth(swept, level_evidence):
@@ -288,28 +277,6 @@ def test_learning_of_a_level_without_sense_is_refused(call, says):
         call()
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong", "too_long"),
-    [(0.85, 0.85, False), (0.95, 0.5, True), (0.5, 0.95, True), (0.5, 0.5, False)],
-)
-def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cost(
-    right, wrong, too_long
-):
-    """Of times as shares of xi, the longest of right choices and of errors."""
-    steps = np.full((1, 400), 0.3 * XI)
-    error = np.zeros((1, 400), bool)
-    error[0, ::7] = True
-    steps[0, 302], steps[0, 350] = right * XI, wrong * XI
-    assert error[0, 350]
-    assert not error[0, 302]
-    learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
-    if too_long:
-        with refused("xi"):
-            after_errors(learned, XI)
-    else:
-        assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()
-
-
 def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_range(monkeypatch):
     """The share is 0.08: with 0.05, as for gaps, an optimum near an edge is reached late."""
     asked = []
@@ -318,22 +285,6 @@ def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_rang
     (policy,) = asked
     assert policy.bounds == PLAYED
     assert policy.sd(10**12) == pytest.approx(0.08 * (PLAYED[1] - PLAYED[0]))
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_error(side):
-    """One long trial 25 away is one of the 49 that the trial after the error is held to."""
-    found = {}
-    for away in (25, 26):
-        steps, error = np.zeros((1, 400)), np.zeros((1, 400), bool)
-        after = 300
-        steps[0, after + side * 26] = 9.0
-        after += side * (26 - away)
-        error[0, after - 1] = True
-        learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
-        found[away] = after_errors(learned, XI)["slower"].item()
-    # The other 198 trials after a right choice have one more or less of these.
-    assert found[25] - found[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))
 
 
 def pool(errors, steps, trials, seed):

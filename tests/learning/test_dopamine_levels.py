@@ -63,15 +63,15 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
         assert exact.isna().tolist() == sorted(exact.isna(), reverse=True)
         assert 1 <= exact.isna().sum() <= 3
         gaps = part[part["measure"] == "accuracy_gap"]
-        own = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
-        assert own.abs().max() < 0.03, channels
+        at_gain = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
+        assert at_gain.abs().max() < 0.03, channels
     assert set(table["channels"]) == {2, 4}
 
 
 @pytest.mark.parametrize("channels", levels.LATENCY_MS)
 def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
     """The time that the default circuit takes more than its test, in a table of the results."""
-    table = pd.read_csv(ROOT / "docs/tables/raw_decisions.csv")
+    table = pd.read_csv(ROOT / "figures/decisions/tables/raw_decisions.csv")
     table = table[table["evidence"].eq(f"Gaussian, d' 1, N = {channels}")]
     table = table[table["engine"].eq("population") & table["given"].eq("raw")]
     extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]

@@ -1,17 +1,17 @@
-"""Worlds that give trials and rewards, one or several in turn."""
+"""Worlds that give trials and rewards."""
 
 import numpy as np
 import pytest
 
 from bgmodel import Evidence, stream
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
+from bgmodel.learning.worlds import LevelOutcomes, trials_of
 from tests.helpers import refused
 from tests.learning.helpers import XI, draw
 
 
-def test_worlds_that_switch_draw_trials_of_their_own():
-    """Blocks that do not begin where a switch does: no trial comes twice."""
+def test_trials_asked_for_later_are_other_ones():
+    """Blocks that do not begin where a request does: no trial comes twice."""
     world = trials_of([draw(stream(9, "switch"))], XI, block=50)
     gaps = np.array([2.0])
     first = [world(k, gaps)[0] for k in range(10, 40)]
@@ -19,20 +19,13 @@ def test_worlds_that_switch_draw_trials_of_their_own():
     assert first != again
 
 
-def test_a_world_switches_and_each_has_its_trials():
-    world = switching([lambda k, x: x, lambda k, x: -x], every=3)
-    assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
-    world = switching([lambda k, x: x, lambda k, x: -x], every=1)
-    assert [world(k, np.array([1.0]))[0] for k in range(4)] == [1, -1, 1, -1]
-
-
 def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     """Two levels, three trials: times by hand; what comes before the onset takes no reading."""
     evidence = Evidence(np.zeros((3, 2, 2)), np.array([0, 1, 1]), step_ms=50.0)
     choice, time_ms = np.array([[0, 0, 1], [1, 1, 1]]), np.array([[50.0, 25, -9], [100, 75, 150]])
     late = np.array([[False] * 3, [False, False, True]])
-    found = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
-    made = LevelOutcomes.of(found, evidence)
+    decisions = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
+    made = LevelOutcomes.of(decisions, evidence)
     assert made.levels.tolist() == [0.9, 1.4]
     assert made.correct.tolist() == [[False, True, True], [True, False, True]]
     assert made.steps.tolist() == [[2, 1.5, 3], [1, 0.5, 0]]
@@ -40,7 +33,7 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     assert made.rewards(10.0).tolist() == [[-12, -1.5, -3], [-1, -10.5, 0]]
     assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
     with refused("evidence"):
-        LevelOutcomes.of(found, evidence[:2])
+        LevelOutcomes.of(decisions, evidence[:2])
 
 
 TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
@@ -49,8 +42,6 @@ TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: switching([], 3), "worlds"),
-        (lambda: switching([lambda k, x: x], 0), "every"),
         (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
         (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
         (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),

@@ -60,7 +60,7 @@ COMMANDS = {
         --accuracies 0, --accuracies x, --task trials=99, --gain inf""",
     "experiment small.toml --trials 220 --save here/out.csv": """--trials 99, --trials x, --seed -1,
         --workers 0, --trials 1e13, more, --no-such""",
-    "figures «|fig4a|fig3 figC1|--fast»": """fig99, --workers 0, --workers x, --recordings absent,
+    "figures «|fig4a|fig3 figC3|--fast»": """fig99, --workers 0, --workers x, --recordings absent,
         figR1, fig4, --no-such""",
 }
 """Lines of every command, with options that make each of them wrong."""

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from benchmarks.methods.group_recovery import RANGES, group, model_of, scale_of, trials_of
 from bgmodel.fitting.checks.group_misfit import group_misfit
 from bgmodel.fitting.checks.misfit import BEYOND_CHANCE
+from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.seeds import stream
+from tests.validation.groups import RANGES, group, names_of, scale_of, trials_of
 
 pytestmark = pytest.mark.validate
 SEED, GROUPS, PEOPLE, EACH = 47_811, 300, 20, 50
@@ -17,14 +18,15 @@ SEED, GROUPS, PEOPLE, EACH = 47_811, 300, 20, 50
 
 def of_group(number):
     """Return the misfit of a group at its true parameters."""
-    model, names = model_of("test", 0)
-    any_trials = trials_of("test", {name: RANGES[name][0] for name in names}, SEED, number, -1, 1)
+    model = GapModel()
+    names = names_of(model)
+    any_trials = trials_of({name: RANGES[name][0] for name in names}, SEED, number, -1, 1)
     scale = scale_of(likelihood_of(model, any_trials, free=names))
     truth = group(scale, names, stream(SEED, "group", "test", number), PEOPLE)
     found = {}
     for who, vector in enumerate(scale.back(truth.scaled)):
         values = dict(zip(names, vector.tolist(), strict=True))
-        design = trials_of("test", values, SEED, number, who, EACH)
+        design = trials_of(values, SEED, number, who, EACH)
         found[f"{who}"] = Optimum(likelihood_of(model, design, free=names), vector, 0.0, 0)
     return group_misfit(found)
 

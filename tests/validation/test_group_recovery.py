@@ -1,7 +1,6 @@
 """Calibration of the sampler of hierarchical fits: make validate.
 
-Groups are drawn from the prior. People have Gaussian errors here, so that a data set takes
-seconds; the score ``group_recovery`` repeats this with trials.
+Groups are drawn from the prior. People have Gaussian errors, so that a data set takes seconds.
 """
 
 from dataclasses import replace
@@ -10,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from benchmarks.methods.group_recovery import MOST_SD, RANGES, group
 from bgmodel.fitting.hierarchy.approximation import Expansion
 from bgmodel.fitting.hierarchy.group import group_of
 from bgmodel.fitting.hierarchy.sampler import Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.support.seeds import stream
+from tests.validation.groups import MOST_SD, RANGES, group
 
 pytestmark = pytest.mark.validate
 SEED, SETS, PEOPLE, WARM_UP, SWEEPS = 47_802, 80, 20, 300, 1200
@@ -53,16 +52,16 @@ def ranks(number, shift=0.0):
     low, high = SCALE.to(np.array([RANGES[name] for name in NAMES]).T)
     inside = (draws.mean >= low) & (draws.mean <= high) & (draws.sd <= MOST_SD)
     inside = inside.all(axis=1)
-    found = (draws.mean, truth.mean), (draws.sd, truth.sd), (draws.scaled[:, 0], truth.scaled[0])
-    return np.concatenate([(each[inside] < true).mean(axis=0) for each, true in found])
+    pairs = (draws.mean, truth.mean), (draws.sd, truth.sd), (draws.scaled[:, 0], truth.scaled[0])
+    return np.concatenate([(each[inside] < true).mean(axis=0) for each, true in pairs])
 
 
 @pytest.mark.timeout(3600)
 def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
-    found = np.array([ranks(number) for number in range(SETS)])
-    p = np.array([kstest(each, "uniform").pvalue for each in found.T])
+    shares = np.array([ranks(number) for number in range(SETS)])
+    p = np.array([kstest(each, "uniform").pvalue for each in shares.T])
     assert p.min() * len(p) > 0.01, p
-    held = ((found > 0.05) & (found < 0.95)).mean(axis=0)
+    held = ((shares > 0.05) & (shares < 0.95)).mean(axis=0)
     assert 0.86 < held.mean() < 0.94, held
     # Less often than this, one of the numbers would hold by chance in a hundredth of runs.
     assert held.min() >= binom.ppf(0.01 / len(held), SETS, 0.9) / SETS, held
@@ -70,6 +69,6 @@ def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
 
 @pytest.mark.timeout(3600)
 def test_ranks_of_shifted_data_are_not():
-    found = np.array([ranks(number, shift=0.5) for number in range(SETS // 4)])
-    p = [kstest(each, "uniform").pvalue for each in found[:, : len(NAMES)].T]
+    shares = np.array([ranks(number, shift=0.5) for number in range(SETS // 4)])
+    p = [kstest(each, "uniform").pvalue for each in shares[:, : len(NAMES)].T]
     assert min(p) < 0.01 / len(p)

@@ -6,12 +6,12 @@ import pytest
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
-from bgmodel.integrators.steady import steady_shifts
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.engines import Ensemble
 from tests.circuits.helpers import run_brian2, run_ensemble
+from tests.integrators.helpers import shifts
 
 pytestmark = pytest.mark.validate
 
@@ -91,9 +91,9 @@ def test_lesions_are_met_by_the_laws_of_a_finite_number_of_cells():
             "GPe": table.lesion("GPe", 0.2),
             "D2": table.lesion("D2"),
         }
-        found = steady_shifts(table, edited, (1.75, 2.25, 2.75), seed=32, trials=trials)
+        found = shifts(table, edited, (1.75, 2.25, 2.75), seed=32, trials=trials)
         left = {
-            name: np.abs(found["value"] - found[f"{name}_nats"]).mean()
+            name: np.abs(found["value"] - found[name]).mean()
             for name in ("exact", "own_laws", "finite")
         }
         print(neurons, left)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.integrators.steady import steady_shifts
 from circuits.anatomy import load_circuit
+from tests.integrators.helpers import shifts
 
 pytestmark = pytest.mark.validate
 SEED = 51
@@ -13,7 +13,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 
 def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number():
     edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.clamp("GPe")}
-    found = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
-    assert (np.abs(found["value"] - found["finite_nats"]) < 0.005).all()
-    line_misses = np.abs(found["value"] - found["exact_nats"])
+    found = shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
+    assert (np.abs(found["value"] - found["finite"]) < 0.005).all()
+    line_misses = np.abs(found["value"] - found["exact"])
     assert line_misses.max() > 0.03

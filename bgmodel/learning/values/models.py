@@ -38,7 +38,7 @@ FURTHEST = 5.0
 """Distance of the ends of a parameter's range from its prior median, in sd of the prior."""
 STARTS = ((-1.0, 0.2), (1.0, 0.01), (1.0, 0.2), (0.0, 0.05))
 """Starting points: special parameters, sd of the prior from its median, and the quantile of times
-of which the non-decision time is ``SHARE``: a single fast response may have a maximum of its own.
+of which the non-decision time is ``SHARE``: a single fast response may create a local maximum.
 """
 SHARE = 0.8
 
@@ -127,12 +127,12 @@ class ValueModel:
 def value_differences(learner: Learner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
     """Return the value of the better item minus the other before every trial, (..., trials)."""
     state = learner.start((*shape, len(pairs.names)))
-    found = np.empty((len(pairs.reward), *shape, len(pairs.names)))
+    differences = np.empty((len(pairs.reward), *shape, len(pairs.names)))
     for k, (chosen, reward) in enumerate(zip(pairs.chosen, pairs.reward, strict=True)):
         values = learner.values(state)
-        found[k] = values[..., 1] - values[..., 0]
+        differences[k] = values[..., 1] - values[..., 0]
         state = learner.learn(state, chosen, reward)
-    return np.moveaxis(found[pairs.within, ..., pairs.pair], 0, -1)
+    return np.moveaxis(differences[pairs.within, ..., pairs.pair], 0, -1)
 
 
 @dataclass(frozen=True)
@@ -158,20 +158,20 @@ class ValueLikelihood(TrialLikelihood):
 
     def starts(self) -> list[Array]:
         """Return starting points of a search; see ``STARTS``."""
-        special, found = {each.name for each in self.model.special}, []
+        special, starts = {each.name for each in self.model.special}, []
         for away, quantile in STARTS:
             at, t0_s = (
                 self.freedom.start,
                 SHARE * np.quantile(np.nan_to_num(self.design.observed.rt_s), quantile),
             )
             for k, each in enumerate(self.freedom.moved):
-                own = each.parameter
-                if own.name == "t0_s" and not each.effect:
-                    at[k] = np.clip(t0_s, own.low, own.high)
-                elif own.name in special and own.prior and not each.effect:
-                    at[k] = own.natural(own.scaled(at[k]) + away * own.prior[1])
-            found.append(at)
-        return found
+                parameter = each.parameter
+                if parameter.name == "t0_s" and not each.effect:
+                    at[k] = np.clip(t0_s, parameter.low, parameter.high)
+                elif parameter.name in special and parameter.prior and not each.effect:
+                    at[k] = parameter.natural(parameter.scaled(at[k]) + away * parameter.prior[1])
+            starts.append(at)
+        return starts
 
 
 def likelihood(
@@ -195,8 +195,8 @@ def likelihood(
     named = [column.partition("/")[0] for column in vary.values()]
     named += [column for each in formulas for column in each.columns]
     design = design_of(trials, sorted({"pair", *named}), rt_window=EVERY_TIME)
-    given = likelihood_of(model, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
-    return ValueLikelihood(model, design, given.freedom, design.observed.cell)
+    choices = likelihood_of(model, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
+    return ValueLikelihood(model, design, choices.freedom, design.observed.cell)
 
 
 def _scale(median: float) -> Parameter:

@@ -68,7 +68,7 @@ def read_pairs(
     source: str | Path | pd.DataFrame = SET, *, conditions: Sequence[str] = ()
 ) -> Trials:
     """Return the trials of people who learn pairs, checked by ``pairs_of``."""
-    found = read_trials(source, conditions=["pair", *conditions])
-    for each in found.by_participant().values():
+    trials = read_trials(source, conditions=["pair", *conditions])
+    for each in trials.by_participant().values():
         pairs_of(each)
-    return found
+    return trials

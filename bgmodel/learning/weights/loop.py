@@ -71,17 +71,16 @@ class Loop:
         count = self.number - (self.learner.trials - self.learner.last)
         return self._total / count if count > 0 else self.weights
 
-    def trial(self, criterion: Array | None = None) -> tuple[Trial, Truths, Array]:
+    def trial(self) -> tuple[Trial, Truths, Array]:
         """Run one trial of every run, and learn from it.
 
-        ``criterion``, (runs,), replaces that of the decider. Returns also whether choices were
-        right, whatever the feedback, and the number of readings before them, (runs,) each.
+        Returns also whether choices were right, whatever the feedback, and the number of readings
+        before them, (runs,) each.
         """
         at = self.number % BLOCK
         if at == 0:
             self._draw()
-        if criterion is None:
-            criterion = np.full(self.runs, self.decider.criterion)
+        criterion = np.full(self.runs, self.decider.criterion)
         part, chance = self._parts[at], self._chance[:, at]
         chosen = self.decider.choose(part, self.weights, criterion, self._noise[:, at], self.number)
         label = self.feedback.label(part.truth, len(self.names), self.number)
@@ -127,10 +126,10 @@ class Loop:
         moved = self._parameters + step * change
         self._parameters = self.rule.bounded(moved)
         if not np.isfinite(self._parameters).all():
-            said = (
+            reason = (
                 f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
             )
-            raise InputError(said, "rate", self.learner.rate)
+            raise InputError(reason, "rate", self.learner.rate)
         known = np.nan_to_num(surprise, nan=0.0)
         self._state = self.critic.learn(self._state, trial, known)
 
@@ -141,15 +140,15 @@ def side_by_side(drawn: list[Features]) -> list[Features]:
     values = np.stack([part.values for part in drawn], axis=1)
     truth = np.stack([part.truth for part in drawn], axis=1)
     lengths = np.stack([part.readings for part in drawn], axis=1)
-    found = []
+    by_trial = []
     for k in range(len(values)):
         part = object.__new__(Features)  # already checked
         of_trial = {"values": values[k], "truth": truth[k], "lengths": lengths[k]}
         same = {"names": first.names, "step_ms": first.step_ms, "removed": first.removed}
         for name, value in (of_trial | same | {"log_likelihood": None}).items():
             object.__setattr__(part, name, value)
-        found.append(part)
-    return found
+        by_trial.append(part)
+    return by_trial
 
 
 def _check_together(rule: Rule, critic: Critic, feedback: Feedback) -> None:

@@ -4,9 +4,8 @@ A trial begins in the state of the circuit after ``settle_ms`` at rest. Without 
 in all trials. With noise, trials share states, and trial t has number ``t % n``, where n grows with
 t from ``FEWEST`` to ``MOST_STATES`` (``number_of``). The noise of a state depends only on the seed
 and on its number, so that circuits are compared from the same noise, and no trial depends on its
-neighbours. Trials that share a state have separate noise and evidence from the onset on; the
-correlation of their decisions is measured by ``benchmarks/scores/settled.py``. The first ``FEWEST``
-states of a circuit and a seed are also kept between runs.
+neighbours. Trials that share a state have separate noise and evidence from the onset on. The first
+``FEWEST`` states of a circuit and a seed are also kept between runs.
 """
 
 from __future__ import annotations

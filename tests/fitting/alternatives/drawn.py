@@ -3,11 +3,40 @@
 import numpy as np
 import pandas as pd
 
-from benchmarks.methods.many import person
+from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.support.seeds import stream
+from bgmodel.trials.record import Trials
 
 NAMES = np.array(list("abcdefghijkl"))
 TRUTH = {"sensitivity": 2.0, "threshold_nats": 0.2}
+
+RESPONSE = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
+"""Non-decision time and lapses of all simulated people."""
+
+
+def person(model, alternatives, strengths, trials, seed, *, seconds=3.0, **values):
+    """Return trials drawn from a model, the same number at each strength; one is left out."""
+    grid, strength = Grid(round(seconds / BIN_S)), np.array(strengths, float)
+    every = {name: np.full(len(strength), x) for name, x in {**RESPONSE, **values}.items()}
+    decided = model.decided(every, strength, grid)
+    own = {name: every[name] for name in RESPONSE}
+    density = responded(decided, grid, **own, alternatives=alternatives)
+    rng = stream(seed, "person")
+    below = density.reshape(len(strength), -1).cumsum(axis=1)
+    below *= BIN_S
+    place = np.concatenate([np.searchsorted(each, rng.random(trials)) for each in below])
+    missed, count = place >= 2 * grid.bins, len(place)
+    response, bins = np.divmod(place, grid.bins)
+    return Trials(
+        np.full(count, "all"),
+        np.where(missed, np.nan, (bins + rng.random(count)) * BIN_S),
+        np.where(missed, -1, response).astype(np.int8),
+        np.repeat(strength, trials) if len(strength) > 1 else None,
+        pd.DataFrame(index=range(count)),
+        seconds,
+        alternatives=alternatives,
+    )
 
 
 def design(model, alternatives, trials, seed=5, strengths=(1.0,)):

@@ -6,8 +6,6 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import hssm_check
-from benchmarks.scores import likelihood
 from bgmodel import stream
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
@@ -16,6 +14,8 @@ from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.integrators.given import identity
 from circuits.anatomy import DEFAULT, load_circuit
+from figures.data import measure_hssm_check as hssm_check
+from figures.data import measure_likelihood as likelihood
 from tests.helpers import refused
 
 pytest.importorskip("onnx")

@@ -1,1 +1,0 @@
-"""Performance of the model on held-out seeds."""

@@ -1,1 +1,0 @@
-"""Parts of the scores of learned weights."""

@@ -1,0 +1,1 @@
+"""Spikes of recorded cells and choices in one likelihood, over the noise of a sum of clicks."""

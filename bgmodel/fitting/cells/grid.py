@@ -1,0 +1,192 @@
+"""The exact density of a session's spikes and choices under a noisy sum of clicks.
+
+The sum x(t) = m(t) + n(t) has a part m that follows from the clicks and a noise n, an
+Ornstein-Uhlenbeck process that is the same for all clicks. Given x, spikes are Poisson and the
+choice is the sign of x at the end. The density of a trial is the mean of p(choice | x)
+prod p(spikes | x) over paths of n: n is one-dimensional, so that a sum over a grid (the forward
+algorithm) gives it without an error of simulation. Its derivatives are means over the paths given
+the data (Fisher's identity), from the forward and the backward pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from bgmodel.fitting.cells.reading import Reading
+from bgmodel.fitting.cells.sessions import BIN_S, Session
+from bgmodel.support.arrays import Array
+
+FEWEST, MOST, WIDTH_SD = 40, 160, 4.5
+"""Least and largest number of values of the noise, and their range in standard deviations."""
+SPACING = 1.2
+"""Largest distance of values in standard deviations of a step of the noise."""
+STEP = 1e-4
+"""Step of derivatives, as a share of a parameter."""
+SUMS = ("leak_per_s", "adaptation", "recovery_s")
+"""Parameters that move the sum of clicks."""
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Passed:
+    """The result of a forward and a backward pass: per trial."""
+
+    log_density: Array  # (trials,), nats
+    shared: dict[str, Array]  # derivatives by shared parameters, (trials,)
+    cells: list[Array]  # by each cell's course, past and gain, (trials, numbers)
+
+
+def moved(leak_per_s: float, noise: float, time_s: Array | float) -> tuple[Array, Array]:
+    """Return the share of the noise that is left after a time, and the variance that is added."""
+    time_s = np.asarray(time_s, float)
+    left = np.exp(-leak_per_s * time_s)
+    if abs(leak_per_s) < 1e-6:
+        return left, noise**2 * time_s
+    return left, noise**2 * -np.expm1(-2 * leak_per_s * time_s) / (2 * leak_per_s)
+
+
+def p_right(session: Session, values: Values) -> Array:
+    """Return the probability of response 1 without regard to spikes, in closed form, (trials,)."""
+    left, added = moved(values["leak_per_s"], values["noise"], session.end_s)
+    var = left**2 * values["start_noise"] ** 2 + added + values["choice_noise"] ** 2
+    mean = session.sums(*(values[name] for name in SUMS))[:, -1] + values["bias"]
+    return np.asarray((1 - values["lapse"]) * ndtr(mean / np.sqrt(var)) + values["lapse"] / 2)
+
+
+def chosen(p: Array, session: Session) -> Array:
+    """Return the probability of each choice, from that of response 1; 1 without a choice."""
+    choice = session.choice.reshape(-1, *[1] * (p.ndim - 1))
+    return np.where(choice < 0, 1.0, np.where(choice == 1, p, 1 - p))
+
+
+def noise_grid(session: Session, values: Values) -> Array:
+    """Return values of the noise that cover its range with enough resolution."""
+    left, added = moved(values["leak_per_s"], values["noise"], session.end_s.max())
+    start = values["start_noise"] ** 2
+    sd = float(np.sqrt(np.maximum(start, left**2 * start + added)))
+    step = np.sqrt(moved(values["leak_per_s"], values["noise"], BIN_S)[1])
+    count = np.clip(np.ceil(2 * WIDTH_SD * sd / (SPACING * step)), FEWEST, MOST)
+    return np.asarray(np.linspace(-WIDTH_SD * sd, WIDTH_SD * sd, int(count)))
+
+
+def _pieces(session: Session, values: Values, n: Array, sums: Array) -> tuple[Array, Array, Array]:
+    """Return the distribution of the first noise, transitions, and p(choice) by trial and noise."""
+    leak, noise = values["leak_per_s"], values["noise"]
+    left, added = moved(leak, noise, BIN_S / 2)
+    first = np.exp(-(n**2) / 2 / (left**2 * values["start_noise"] ** 2 + added))
+    left, added = moved(leak, noise, BIN_S)
+    # Where a step adds little noise, it is as wide as the grid resolves.
+    wide = np.maximum(added, (0.35 * (n[1] - n[0])) ** 2)
+    steps = np.exp(-((n - left * n[:, None]) ** 2) / 2 / wide)
+    rest_s = np.maximum(session.end_s - session.middles_s[session.bins - 1], 0.0)
+    left, added = moved(leak, noise, rest_s)
+    sd = np.sqrt(added + values["choice_noise"] ** 2)
+    right = ndtr((left[:, None] * n + sums[:, -1:] + values["bias"]) / sd[:, None])
+    right = (1 - values["lapse"]) * right + values["lapse"] / 2
+    return first / first.sum(), steps / steps.sum(axis=1, keepdims=True), chosen(right, session)
+
+
+@dataclass(frozen=True)
+class _Forward:
+    """The forward pass over a session."""
+
+    n: Array  # (values,), noise
+    sums: Array  # (trials, bins + 1)
+    steps: Array  # (values, values), transitions
+    choice: Array  # (trials, values)
+    spikes: Array  # (trials, bins, values), probability of spikes up to a factor
+    ahead: Array  # (trials, bins, values), noise given the spikes so far
+    size: Array  # (trials, bins), probability of a bin's spikes given those before
+    end: Array  # (trials,), probability of the choice given all spikes
+
+
+def passed(
+    session: Session, values: Values, cells: Sequence[Array], reading: Reading,
+    free: Sequence[str] | None = None,
+) -> Passed:  # fmt: skip
+    """Return the log density of each trial and, with names of shared parameters, its derivatives.
+
+    Each cell is (course, ..., past, gain), see ``Session``. Without ``free`` there is no backward
+    pass.
+    """
+    n, on = noise_grid(session, values), session.on
+    bins, scale = session.counts.shape[2], values.get("nats_per_click", 1.0)
+    sums = session.sums(*(values[name] for name in SUMS))
+    first, steps, choice = _pieces(session, values, n, sums)
+    x = sums[:, :bins, None] + n
+    read, slope = reading.read(scale * x)
+    log_spikes, pulls = np.zeros(x.shape), []
+    for count, past, cell in zip(session.counts, session.past, cells, strict=True):
+        base = session.basis @ cell[:-2] + cell[-2] * past
+        rate, rise = reading.rate(base[:, :, None] + cell[-1] * read)
+        log_spikes += count[:, :, None] * np.log(rate * BIN_S) - rate * BIN_S
+        if free is not None:
+            pulls.append((count[:, :, None] / rate - BIN_S) * rise)
+    top = log_spikes.max(axis=2)
+    spikes = np.exp((log_spikes - top[:, :, None]) * on[:, :, None])
+    ahead, size = np.empty(x.shape), np.ones(on.shape)
+    for k in range(bins):
+        now = np.where(on[:, k, None], ahead[:, k - 1] @ steps, ahead[:, k - 1]) if k else first
+        now = now * spikes[:, k]
+        size[:, k] = now.sum(axis=1)
+        ahead[:, k] = now / size[:, k, None]
+    end = (ahead[:, -1] * choice).sum(axis=1)
+    log_density = (top * on).sum(axis=1) + np.log(size).sum(axis=1) + np.log(end)
+    if free is None:
+        return Passed(log_density, {}, [])
+    forward = _Forward(n, sums, steps, choice, spikes, ahead, size, end)
+    behind, weighted = _backward(session, forward)
+    paths = ahead * behind * on[:, :, None]
+    by_sum, by_scale, of_cells = np.zeros(sums.shape), np.zeros(len(x)), []
+    for pull, past, cell in zip(pulls, session.past, cells, strict=True):
+        pull *= paths
+        base = pull.sum(axis=2)
+        gain = (pull * read).sum(axis=(1, 2))
+        of_cells.append(np.column_stack([base @ session.basis, (base * past).sum(axis=1), gain]))
+        pull *= cell[-1] * slope
+        by_sum[:, :bins] += scale * pull.sum(axis=2)
+        by_scale += (pull * x).sum(axis=(1, 2))
+    shared = {
+        name: by_scale if name == "nats_per_click"
+        else _by_shared(session, values, name, forward, behind, weighted, by_sum)
+        for name in free
+    }  # fmt: skip
+    return Passed(log_density, shared, of_cells)
+
+
+def _backward(session: Session, forward: _Forward) -> tuple[Array, Array]:
+    """Return the backward pass: later data given the noise of each bin, and scaled spikes."""
+    weighted = forward.spikes / forward.size[:, :, None]
+    behind = np.empty(weighted.shape)
+    behind[:, -1] = forward.choice / forward.end[:, None]
+    for k in range(session.counts.shape[2] - 1, 0, -1):
+        back = (behind[:, k] * weighted[:, k]) @ forward.steps.T
+        behind[:, k - 1] = np.where(session.on[:, k, None], back, behind[:, k])
+    return behind, weighted
+
+
+def _by_shared(
+    session: Session, values: Values, name: str, forward: _Forward, behind: Array,
+    weighted: Array, by_sum: Array,
+) -> Array:  # fmt: skip
+    """Return the derivative of each trial's log density by a parameter of the sum or the choice."""
+    step = STEP * max(abs(values[name]), 0.1)
+
+    def pieces(away: float) -> list[Array]:
+        there = {**values, name: values[name] + away}
+        sums = session.sums(*(there[each] for each in SUMS)) if name in SUMS else forward.sums
+        return [*_pieces(session, there, forward.n, sums), sums]
+
+    both = zip(pieces(step), pieces(-step), strict=True)
+    first, steps, choice, sums = ((above - below) / (2 * step) for above, below in both)
+    found: Array = (first * weighted[:, 0] * behind[:, 0]).sum(axis=1)
+    if steps.any():
+        for k in range(1, behind.shape[1]):
+            moved_to = (forward.ahead[:, k - 1] @ steps) * weighted[:, k] * behind[:, k]
+            found += session.on[:, k] * moved_to.sum(axis=1)
+    found += (forward.ahead[:, -1] * choice).sum(axis=1) / forward.end
+    return np.asarray(found + (sums * by_sum).sum(axis=1))

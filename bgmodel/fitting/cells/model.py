@@ -1,0 +1,304 @@
+"""Models of recorded cells and choices: the likelihood of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from bgmodel.fitting.cells.grid import SUMS, Passed, Values, chosen, moved, p_right, passed
+from bgmodel.fitting.cells.reading import Reading, reading_of
+from bgmodel.fitting.cells.sessions import (
+    BIN_S,
+    KNOTS,
+    LAG_S,
+    PAST_S,
+    Session,
+    recent,
+    seen_share,
+    sessions_of,
+)
+from bgmodel.fitting.known.trials import known_trials
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.parameters import Parameter, ParameterSpace
+from bgmodel.fitting.trials.design import Design
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.trials.record import Trials
+from circuits.circuit import Circuit
+from circuits.errors import InputError
+
+SHARED = (
+    Parameter("noise", 0.02, 30.0, 5.0, "noise of the sum, clicks per sqrt(s)", scale="log"),
+    Parameter("start_noise", 0.02, 20.0, 2.0, "noise at the onset, clicks", scale="log"),
+    Parameter("leak_per_s", -3.0, 8.0, 1.0, "leak of the sum, 1/s"),
+    Parameter("bias", -10.0, 10.0, 0.0, "bias of the choice, clicks"),
+    Parameter("lapse", 0.001, 0.4, 0.05, "share of choices at random", scale="log"),
+    Parameter(
+        "choice_noise", 0.02, 50.0, 0.1, "noise of the choice alone, clicks", free=False,
+        scale="log",
+    ),
+    Parameter("adaptation", 0.0, 1.0, 0.13, "share of its effect to which a click reduces the next",
+              free=False),
+    Parameter("recovery_s", 0.01, 1.0, 0.1, "time constant of its recovery", free=False),
+)  # fmt: skip
+"""Parameters that all cells share; those of adaptation are from Brunton et al. (2013)."""
+SCALE = Parameter(
+    "nats_per_click", 0.005, 2.0, 0.1, "input to a circuit per click, nats", scale="log"
+)
+WARM = 12
+"""Iterations of the regression from which a search starts."""
+
+
+@dataclass(frozen=True)
+class CellsLikelihood(Likelihood):
+    """The likelihood of one person's choices and of the spikes of cells recorded meanwhile.
+
+    The numbers of a fit are shared parameters and, for each cell, its course (``KNOTS`` numbers),
+    the effect of its recent rate, and its gain.
+    """
+
+    model: RecordedCells
+    sessions: tuple[Session, ...] = ()
+    scored: ClassVar[bool] = True
+
+    @cached_property
+    def _columns(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.freedom.names)}
+
+    def values(self, vector: Array) -> dict[str, float]:
+        """Return all parameters by name."""
+        return {name: float(each[0]) for name, each in self.freedom.values(vector).items()}
+
+    def _passed(
+        self, vector: Array, free: Sequence[str] | None
+    ) -> Iterator[tuple[Session, Passed]]:
+        """Return the sessions with the passes of their trials."""
+        values, reading = self.values(vector), self.model.reading
+        for session in self.sessions:
+            cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
+            yield session, passed(session, values, cells, reading, free)
+
+    def each(self, vector: Array) -> Array:
+        """Return the log density of each trial's choice and spikes, nats."""
+        return self._ordered([done.log_density for _, done in self._passed(vector, None)])
+
+    def _ordered(self, parts: list[Array]) -> Array:
+        """Return what sessions have for their trials in the order of the trials of the design."""
+        order = np.argsort(np.concatenate([each.trials for each in self.sessions]))
+        return np.concatenate(parts)[order]
+
+    def choices(self, vector: Array) -> Array:
+        """Return the log probability of each choice without regard to spikes, (trials,), nats."""
+        values = self.values(vector)
+        return self._ordered([np.log(chosen(p_right(s, values), s)) for s in self.sessions])
+
+    def scores(self, vector: Array) -> Array:
+        """Return the derivative of each trial's log likelihood, (trials, parameters)."""
+        at, shared = self._columns, [each.name for each in self.model.shared]
+        parts = []
+        for session, done in self._passed(vector, [name for name in shared if name in at]):
+            found = np.zeros((len(session.trials), len(at)))
+            for name, column in done.shared.items():
+                found[:, at[name]] = column
+            for cell, columns in zip(session.names, done.cells, strict=True):
+                for name, column in zip(numbers_of(cell), columns.T, strict=True):
+                    if name in at:
+                        found[:, at[name]] = column
+            parts.append(found)
+        return self._ordered(parts)
+
+    def part(self, trials: Array | Integers) -> Self:
+        """Return the likelihood of a subset of the trials."""
+        every = np.sort(np.concatenate([each.trials for each in self.sessions]))
+        kept = every[np.asarray(trials)]
+        parts = [each.where(np.isin(each.trials, kept)) for each in self.sessions]
+        return replace(
+            self, design=self.design.part(trials),
+            sessions=tuple(each for each in parts if len(each.trials)),
+        )  # fmt: skip
+
+    @property
+    def groups(self) -> Integers:
+        """Session of each trial."""
+        own = [np.full(len(each.trials), k) for k, each in enumerate(self.sessions)]
+        return self._ordered(own).astype(np.int64)
+
+    def density(self, vector: Array) -> Array:
+        """Return the predicted density of choices at the end of their clicks, (1, 2, bins), 1/s."""
+        values, grid = self.values(vector), self.design.grid
+        found = np.zeros((2, grid.bins))
+        for session in self.sessions:
+            right = p_right(session, values)
+            bins = np.minimum((session.end_s / grid.width_s).astype(np.int64), grid.bins - 1)
+            answered = session.choice >= 0
+            for response, p in enumerate((1 - right, right)):
+                np.add.at(found[response], bins[answered], p[answered])
+        return np.asarray(found[None] / (self.design.trials.sum() * grid.width_s))
+
+    def starts(self) -> list[Array]:
+        """Return the start of a search: each cell from its regression on the sum of clicks."""
+        start, at = self.freedom.start.copy(), self._columns
+        values = self.values(start)
+        for session in self.sessions:
+            for cell, numbers in zip(session.names, self._regressed(session, values), strict=True):
+                for name, number in zip(numbers_of(cell), numbers, strict=True):
+                    if name in at:
+                        k = at[name]
+                        start[k] = np.clip(number, self.freedom.low[k], self.freedom.high[k])
+        return [start]
+
+    def _regressed(self, session: Session, values: Values) -> list[Array]:
+        """Return each cell's numbers without noise of the sum: Poisson regression, by scoring."""
+        on, reading = session.on, self.model.reading
+        sums = session.sums(*(values[name] for name in SUMS))[:, :-1]
+        read = reading.read(values.get(SCALE.name, 1.0) * sums)[0][on]
+        basis = np.broadcast_to(session.basis, (*on.shape, KNOTS))[on]
+        found = []
+        for count, past in zip(session.counts, session.past, strict=True):
+            design, spikes = np.column_stack([basis, past[on], read]), count[on]
+            mean = max(float(spikes.mean()) / BIN_S, 0.1)
+            numbers = np.zeros(design.shape[1])
+            numbers[:KNOTS] = mean if reading.linear else np.log(mean)
+            for _ in range(WARM):
+                rate, rise = reading.rate(design @ numbers)
+                weight = BIN_S * rise**2 / rate
+                slope = design.T @ ((spikes / rate - BIN_S) * rise)
+                step = np.linalg.solve(
+                    (design.T * weight) @ design + 0.1 * np.eye(len(numbers)), slope
+                )
+                numbers = numbers + np.clip(step, *((-8, 8) if reading.linear else (-1, 1)))
+            found.append(numbers)
+        return found
+
+    def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
+        """Return all trials of the person with new choices and spikes."""
+        trials = self.design.choices
+        if trials is None or trials.spikes is None or (read := trials.readings) is None:
+            raise InputError("trials are simulated for a design with its choices", "design")
+        values, choice = self.values(vector), np.array(read.choice)
+        spikes = trials.spikes
+        place = {name: k for k, name in enumerate(spikes.names)}
+        made = [spikes.time_s[spikes.time_s < LAG_S]]
+        of = [np.stack([spikes.trial, spikes.cell])[:, spikes.time_s < LAG_S]]
+        for session in self.sessions:
+            cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
+            right, counts = drawn(session, values, cells, self.model.reading, rng)
+            choice[session.trials] = np.where(session.choice < 0, -1, right)
+            for name, each in zip(session.names, counts, strict=True):
+                at = np.argwhere(each > 0)
+                many = np.repeat(at, each[each > 0], axis=0)
+                made.append(LAG_S + BIN_S * (many[:, 1] + rng.random(len(many))))
+                of.append(np.stack([session.trials[many[:, 0]], np.full(len(many), place[name])]))
+        trial, cell = np.concatenate(of, axis=1)
+        new = replace(spikes, trial=trial, cell=cell, time_s=np.concatenate(made))
+        response = np.where(choice < 0, -1, choice == 1).astype(np.int8)
+        readings = replace(read, choice=choice)
+        return replace(trials, response=response, readings=readings, spikes=new)
+
+
+def drawn(
+    session: Session, values: Values, cells: Sequence[Array], reading: Reading,
+    rng: np.random.Generator,
+) -> tuple[Integers, list[Integers]]:  # fmt: skip
+    """Return new choices (trials,) and counts (trials, bins) of each cell."""
+    count, bins = session.counts.shape[1:]
+    sums = session.sums(*(values[name] for name in SUMS))
+    n, past_s = np.asarray(values["start_noise"] * rng.standard_normal(count)), 0.0
+    edges_s = np.asarray(np.arange(bins) * BIN_S + LAG_S, np.float64)
+    share = seen_share(edges_s)
+    level = [(np.expm1(past[:, 0] - recent(np.zeros(1)))) * share[0] for past in session.past]
+    found: list[Integers] = [np.zeros((count, bins), dtype=np.int64) for _ in cells]
+    final = np.empty(count)
+    for k in range(bins + 1):
+        last = session.bins == k
+        if last.any():
+            left, added = moved(values["leak_per_s"], values["noise"], session.end_s - past_s)
+            final = np.where(last, left * n + np.sqrt(added) * rng.standard_normal(count), final)
+        if k == bins:
+            break
+        left, added = moved(values["leak_per_s"], values["noise"], session.middles_s[k] - past_s)
+        n, past_s = (
+            left * n + np.sqrt(added) * rng.standard_normal(count),
+            float(session.middles_s[k]),
+        )
+        read = reading.read(values.get(SCALE.name, 1.0) * (sums[:, k] + n))[0]
+        for own, cell, now in zip(level, cells, found, strict=True):
+            past = recent(own / share[k])
+            rate = reading.rate(session.basis[k] @ cell[:-2] + cell[-2] * past + cell[-1] * read)[0]
+            now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
+            own *= np.exp(-BIN_S / PAST_S)
+            own += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
+    decided = final + sums[:, -1] + values["bias"]
+    right = decided + values["choice_noise"] * rng.standard_normal(count) > 0
+    lapsed = rng.random(count) < values["lapse"]
+    return np.where(lapsed, rng.random(count) < 0.5, right).astype(np.int64), found
+
+
+def numbers_of(cell: str) -> list[str]:
+    """Return the names of a cell's numbers in the order of ``grid.passed``."""
+    return [*(f"{cell} course {k + 1}" for k in range(KNOTS)), f"{cell} past", f"{cell} gain"]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCells:
+    """Cells recorded with choices, which all read one noisy sum of clicks in the same way.
+
+    Parameters
+    ----------
+    reading : Reading
+        The reading.
+    trials : Trials
+        One person's trials, with spikes.
+    """
+
+    reading: Reading
+    trials: Trials
+
+    @property
+    def name(self) -> str:
+        """Name of the reading."""
+        return self.reading.name
+
+    @property
+    def shared(self) -> tuple[Parameter, ...]:
+        """Parameters of the sum and of the choice."""
+        return SHARED if self.reading.curve is None else (*SHARED, SCALE)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters: shared ones and those of each cell."""
+        most, sd, start = (400.0, 30.0, 5.0) if self.reading.linear else (15.0, 3.0, 1.0)
+        own = []
+        for session in sessions_of(self.trials):
+            for cell in session.names:
+                *course, past, gain = numbers_of(cell)
+                own += [Parameter(x, -most, most, start, "Hz, or its log", prior=(start, sd))
+                        for x in course]  # fmt: skip
+                own += [
+                    Parameter(x, -most, most, 0.0, "", prior=(0.0, sd / 3)) for x in (past, gain)
+                ]
+        return (*self.shared, *own)
+
+    def identity(self) -> dict[str, Any]:
+        """Return all that its predictions depend on; see ``likelihood.identity_of``."""
+        return self.reading.identity()
+
+    def likelihood(self, design: Design, freedom: ParameterSpace) -> CellsLikelihood:
+        """Return the likelihood of all trials."""
+        return CellsLikelihood(self, design, freedom, sessions_of(self.trials))
+
+
+def cells_model(name: Any, trials: Trials) -> RecordedCells:
+    """Return the model of a name on one person's trials."""
+    if isinstance(name, Circuit):
+        raise InputError.of("models", "must name a nucleus too, such as 'macaque D1'", name.name)
+    return RecordedCells(reading_of(str(name) if isinstance(name, Path) else name), trials)
+
+
+def cells_design(trials: Trials) -> Design:
+    """Return the design of one person's trials: a single cell."""
+    return replace(known_trials(trials).design, choices=trials)

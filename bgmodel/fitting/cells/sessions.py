@@ -1,0 +1,161 @@
+"""Sessions of recorded cells: clicks, choices, spikes in bins, and the recent rate of each cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.trials.record import Trials
+from bgmodel.trials.spikes import BEFORE_S, without_silent
+from circuits.errors import InputError, require
+
+BIN_S = 0.05
+"""Width of the bins in which spikes are counted, s."""
+LAG_S = 0.05
+"""Time from the sum of clicks to the spikes that it drives, s."""
+KNOTS = 6
+"""Number of cubic splines of a cell's course during the clicks."""
+PAST_S, PAST_LOG = 0.3, 2.0
+"""Time constant of a cell's recent rate, s; and the log of that rate + 1 Hz that has no effect."""
+FEWEST_SPIKES = 50
+"""Least number of spikes of a cell that is fitted."""
+LONGEST_S = 10.0
+"""Longest evidence, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """The trials in which the same cells were recorded.
+
+    Spikes are counted in bins from ``LAG_S`` after the onset; the last bin of a trial ends at most
+    ``LAG_S`` after its clicks. A trial shorter than a bin has one.
+    """
+
+    trials: Integers  # (trials,), index among all trials
+    names: tuple[str, ...]  # of the cells
+    end_s: Array  # (trials,), end of the clicks
+    choice: Integers  # (trials,), 1 or 0; -1 without a choice
+    click_s: Array  # (trials, clicks), infinite after the last
+    click: Array  # (trials, clicks), weight for response 1 minus that for response 0
+    counts: Array  # (cells, trials, bins)
+    past: Array  # (cells, trials, bins), recent rate before each bin on a logarithmic scale
+    basis: Array  # (bins, KNOTS)
+
+    @property
+    def bins(self) -> Integers:
+        """Number of bins of each trial, (trials,)."""
+        return np.maximum((self.end_s / BIN_S + 1e-9).astype(np.int64), 1)
+
+    @property
+    def on(self) -> Truths:
+        """Whether a bin belongs to a trial, (trials, bins)."""
+        return np.asarray(np.arange(self.counts.shape[2]) < self.bins[:, None])
+
+    @property
+    def middles_s(self) -> Array:
+        """Time of the sum of clicks that drives the spikes of each bin, (bins,)."""
+        return np.asarray((np.arange(self.counts.shape[2]) + 0.5) * BIN_S)
+
+    def where(self, kept: Truths) -> Self:
+        """Return some of the trials."""
+        own = ("trials", "end_s", "choice", "click_s", "click")
+        parts = {name: getattr(self, name)[kept] for name in own}
+        return replace(self, counts=self.counts[:, kept], past=self.past[:, kept], **parts)
+
+    def sums(self, leak_per_s: float, adaptation: float, recovery_s: float) -> Array:
+        """Return the sum of clicks in each bin and, last, at the end, (trials, bins + 1).
+
+        Each click reduces the effect of the next ones to a share, ``adaptation``, from which it
+        recovers (Brunton et al. 2013).
+        """
+        effect = self.click * _effects(self.click_s, adaptation, recovery_s)
+        bins = self.counts.shape[2]
+        when = np.column_stack([np.tile(self.middles_s, (len(self.end_s), 1)), self.end_s])
+        found = np.zeros((len(self.end_s), bins + 1))
+        for k in range(self.click.shape[1]):
+            since = (
+                when - np.where(np.isfinite(self.click_s[:, k]), self.click_s[:, k], 1e9)[:, None]
+            )
+            seen = since >= 0
+            decay = np.exp(-leak_per_s * np.where(seen, since, 0.0))
+            found += np.where(seen, decay, 0.0) * effect[:, k, None]
+        return found
+
+
+def _effects(click_s: Array, adaptation: float, recovery_s: float) -> Array:
+    """Return the effect of each click after those before it, (trials, clicks)."""
+    found = np.ones(click_s.shape)
+    click_s = np.where(np.isfinite(click_s), click_s, 1e9)
+    for k in range(1, click_s.shape[1]):
+        apart = click_s[:, k] - click_s[:, k - 1]
+        found[:, k] = 1 - (1 - adaptation * found[:, k - 1]) * np.exp(-apart / recovery_s)
+    return found
+
+
+def courses(bins: int) -> Array:
+    """Return the splines of a cell's course, (bins, KNOTS)."""
+    from scipy.interpolate import BSpline
+
+    ends = max(bins * BIN_S, 4 * BIN_S)
+    knots = np.concatenate([[0.0] * 3, np.linspace(0, ends, KNOTS - 2), [ends] * 3])
+    at = (np.arange(bins) + 0.5) * BIN_S
+    return np.asarray(BSpline.design_matrix(at, knots, 3).toarray())
+
+
+def recent(rate_hz: Array) -> Array:
+    """Return a recent rate on the scale on which it moves a cell."""
+    return np.asarray(np.log1p(rate_hz) - PAST_LOG)
+
+
+def seen_share(edges_s: Array) -> Array:
+    """Return the share of the recent past that was recorded, by times from the onset."""
+    return np.asarray(1 - np.exp(-(edges_s + BEFORE_S) / PAST_S))
+
+
+@lru_cache(maxsize=16)
+def sessions_of(trials: Trials) -> tuple[Session, ...]:
+    """Return the sessions of one person's trials; ValueError without spikes or clicks."""
+    readings = trials.readings
+    if trials.spikes is None or readings is None or readings.choice is None:
+        raise InputError("these trials have no spikes: give read_trials spikes", "spikes")
+    require(len(readings.names) == 2, "evidence", "must have two sides", readings.names)
+    end_s = np.where(np.isnan(trials.rt_s), _last_s(readings.time_s), trials.rt_s)
+    require(end_s.max() <= LONGEST_S, "rt", f"must be at most {LONGEST_S:g} s", float(end_s.max()))
+    spikes = without_silent(trials.spikes, FEWEST_SPIKES)
+    click = readings.log_likelihood[:, :, 1] - readings.log_likelihood[:, :, 0]
+    patterns, which = np.unique(spikes.recorded, axis=0, return_inverse=True)
+    found = []
+    for number, pattern in enumerate(patterns):
+        if not pattern.any():
+            continue
+        own, cells = np.flatnonzero(which.ravel() == number), np.flatnonzero(pattern)
+        some = np.isin(spikes.trial, own)
+        trial = np.searchsorted(own, spikes.trial[some])
+        cell = np.searchsorted(cells, spikes.cell[some])
+        bins = max(int(end_s[own].max() / BIN_S + 1e-9), 1)
+        shape = (len(cells), len(own), bins)
+        time_s = spikes.time_s[some]
+        counts, past = np.zeros(shape), np.zeros(shape)
+        place = np.floor((time_s - LAG_S) / BIN_S).astype(np.int64)
+        inside = (place >= 0) & (place < bins)
+        np.add.at(counts, (cell[inside], trial[inside], place[inside]), 1.0)
+        edges_s = np.asarray(np.arange(bins) * BIN_S + LAG_S, np.float64)
+        for k, edge in enumerate(edges_s):
+            before = time_s < edge
+            weight = np.exp(-(edge - time_s[before]) / PAST_S) / PAST_S
+            np.add.at(past[:, :, k], (cell[before], trial[before]), weight)
+        made = Session(
+            own, tuple(spikes.names[k] for k in cells), end_s[own], readings.choice[own],
+            readings.time_s[own], click[own], counts, recent(past / seen_share(edges_s)),
+            courses(bins),
+        )  # fmt: skip
+        found.append(replace(made, counts=counts * made.on))
+    return tuple(found)
+
+
+def _last_s(time_s: Array) -> Array:
+    return np.asarray(np.where(np.isfinite(time_s), time_s, 0.0).max(axis=1))

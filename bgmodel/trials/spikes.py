@@ -1,0 +1,264 @@
+"""The spikes of recorded cells in each trial, from tables and from NWB files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import path_of
+from bgmodel.tables.columns import check_columns, numbers, refuse
+from bgmodel.tables.text_files import read_rows
+from bgmodel.trials.readings import Source, as_written
+from circuits.errors import DataWarning, InputError, require, within
+
+CLICKS = "_s"
+"""Ends the names of columns that hold the times of the clicks on one side, s."""
+LATEST_S = 20.0
+"""Spikes further than this from the onset of their trial have another unit or another clock."""
+BEFORE_S, AFTER_S = 0.5, 0.5
+"""Spikes of a continuous recording belong to a trial from this long before its start to this long
+after its stop."""
+APART = "."
+"""Between a session and the name of a trial or cell that belongs to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spikes:
+    """Spike times of recorded cells.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The cells, as "session.cell" if there are sessions.
+    trial, cell : int arrays (spikes,)
+        Index of the trial and of the cell of each spike.
+    time_s : array (spikes,), s
+        Its time from the onset of the trial; negative before.
+    recorded : bool array (trials, cells)
+        Whether a cell was recorded in a trial: in all trials of its session.
+    """
+
+    names: tuple[str, ...]
+    trial: Integers
+    cell: Integers
+    time_s: Array
+    recorded: Truths
+
+    def where(self, mask: Truths | Integers) -> Spikes:
+        """Return the spikes of some trials, and the cells that were recorded in these."""
+        kept = np.arange(len(self.recorded))[mask]
+        cells = np.flatnonzero(self.recorded[kept].any(axis=0))
+        trial, cell = np.full(len(self.recorded), -1), np.full(len(self.names), -1)
+        trial[kept], cell[cells] = np.arange(len(kept)), np.arange(len(cells))
+        some = (trial[self.trial] >= 0) & (cell[self.cell] >= 0)
+        return Spikes(
+            tuple(self.names[k] for k in cells), trial[self.trial[some]], cell[self.cell[some]],
+            self.time_s[some], self.recorded[np.ix_(kept, cells)],
+        )  # fmt: skip
+
+
+def joined_spikes(parts: Sequence[Spikes]) -> Spikes:
+    """Return the spikes of trials that follow one another."""
+    names = list(dict.fromkeys(name for part in parts for name in part.names))
+    recorded = np.zeros((sum(len(part.recorded) for part in parts), len(names)), bool)
+    trial, cell, first = [], [], 0
+    for part in parts:
+        place = np.array([names.index(name) for name in part.names], dtype=np.int64)
+        last = first + len(part.recorded)
+        recorded[first:last, place] = part.recorded
+        trial.append(part.trial + first)
+        cell.append(place[part.cell])
+        first = last
+    time_s = np.concatenate([part.time_s for part in parts])
+    return Spikes(tuple(names), np.concatenate(trial), np.concatenate(cell), time_s, recorded)
+
+
+def is_nwb(source: object) -> bool:
+    """Whether trials and spikes are in one file of Neurodata Without Borders."""
+    return isinstance(source, (str, Path)) and Path(source).suffix == ".nwb"
+
+
+def spike_table(spikes: Source) -> pd.DataFrame:
+    """Return one row per spike: cell, trial, time_s, and session if there are several."""
+    if isinstance(spikes, pd.DataFrame):
+        return spikes.reset_index(drop=True)
+    return read_rows(path_of(spikes, "spikes")).reset_index(drop=True)
+
+
+def in_sessions(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table in which the names of trials tell their session, if there are sessions."""
+    if "session" not in table or "trial" not in table:
+        return table
+    pairs = zip(table["session"], table["trial"], strict=True)
+    return table.assign(trial=[f"{as_written(s)}{APART}{as_written(k)}" for s, k in pairs])
+
+
+def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per click from columns of lists, such as left_s and right_s."""
+    sides = [
+        name for name in map(str, table) if name.endswith(CLICKS) and _holds_lists(table[name])
+    ]
+    if len(sides) < 2:
+        raise InputError(
+            "trials with spikes need the times of their clicks: two columns of lists, such as "
+            f"left_s and right_s, or evidence; got {', '.join(map(str, table))}", "evidence",
+        )  # fmt: skip
+    keys = [name for name in ("participant_id", "trial") if name in table]
+    parts = []
+    for name in sides:
+        rows = table[[*keys, name]].rename(columns={name: "time"}).explode("time")
+        parts.append(rows.assign(side=name.removesuffix(CLICKS)).dropna(subset="time"))
+    return pd.concat(parts, ignore_index=True)
+
+
+def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> Spikes:
+    """Return the spikes of trials by their names, which end at some time from their onset.
+
+    Parameters
+    ----------
+    spikes : path or DataFrame
+        One row per spike with cell, trial, time_s (s from the onset of the trial) and, if the names
+        of trials tell it, session.
+    trials : sequence of str
+        Names of the trials, as ``in_sessions`` makes them.
+    end_s : (trials,), s
+        When each trial ended.
+
+    Raises
+    ------
+    ValueError
+        For columns that are missing, times in another unit, and spikes of no cell in these trials.
+
+    Warns
+    -----
+    UserWarning
+        If there are spikes of trials that are not in the table of trials, which are left out.
+    """
+    try:
+        table = spike_table(spikes)
+        check_columns(table, ["cell", "trial", "time_s"])
+        return _matched(table, trials, end_s)
+    except InputError as error:
+        raise within("the spikes", error, "spikes") from None
+
+
+def _matched(table: pd.DataFrame, trials: Sequence[str], end_s: Array) -> Spikes:
+    time_s = numbers(table["time_s"])
+    hint = ": s from the onset of the trial are needed, not ms, samples or times of the session"
+    last_s = float(np.nanmax(end_s, initial=0.0)) + LATEST_S
+    wrong = ~((time_s >= -LATEST_S) & (time_s <= last_s))
+    refuse(wrong, table["time_s"], f"within {-LATEST_S:g} to {last_s:.3g} s", hint)
+    by_session = "session" in table
+    sessions = [as_written(each) for each in table["session"]] if by_session else [""] * len(table)
+    code, place = pd.factorize(pd.Index(in_sessions(table)["trial"].map(as_written)))
+    trial = pd.Index(trials).get_indexer(place)[code]
+    known = trial >= 0
+    if not known.any():
+        must = "must name trials of the table of trials, and their sessions in both or in neither"
+        raise InputError.of("trial", must, place[0])
+    if not known.all():
+        DataWarning.warn(
+            f"{(~known).sum()} of {len(known)} spikes are of trials that are not in the table of "
+            "trials: they are left out"
+        )
+    cells = [as_written(each) for each in table["cell"]]
+    full = [f"{s}{APART}{c}" if by_session else c for s, c in zip(sessions, cells, strict=True)]
+    cell, names = pd.factorize(np.array(full, dtype=object)[known], sort=True)
+    of_cell = np.array([name.rpartition(APART)[0] if by_session else "" for name in names])
+    of_trial = np.array([name.rpartition(APART)[0] if by_session else "" for name in trials])
+    recorded = of_trial[:, None] == of_cell
+    return Spikes(tuple(names), trial[known], cell, time_s[known], recorded)
+
+
+def _holds_lists(column: pd.Series) -> bool:
+    first = column.dropna()
+    return len(first) > 0 and isinstance(first.iloc[0], (list, tuple, np.ndarray))
+
+
+def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the trials and the spikes of an NWB file.
+
+    Trials have the columns of the file's trial table, and ``stimulus_s``, from start to stop, s;
+    a ragged column becomes one of lists, of times from the start of the trial if its name ends in
+    ``_s``. Spikes are those of its units, from the start of their trial.
+
+    Raises
+    ------
+    ImportError
+        Without h5py.
+    ValueError
+        If there are no trials or no units, trials overlap, or spikes come after the end of the
+        observed time.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise ImportError('NWB needs h5py: pip install ".[nwb]"') from error
+    require(path.is_file(), "source", "must be a file", str(path))
+    with h5py.File(path) as file:
+        for name, what in (("intervals/trials", "a table of trials"), ("units", "units")):
+            require(name in file, "source", f"must have {what} ({name})", sorted(file))
+        trials, units = _columns(file["intervals/trials"]), _columns(file["units"])
+    start, stop = (np.asarray(trials[name], np.float64) for name in ("start_time", "stop_time"))
+    if (start[1:] < stop[:-1]).any():
+        at = int(np.argmax(start[1:] < stop[:-1]))
+        raise InputError(
+            f"trials must not overlap: trial {at + 1} starts at {start[at + 1]:g} s, before trial "
+            f"{at} stops at {stop[at]:g} s", "start_time",
+        )  # fmt: skip
+    rows = []
+    observed = units.get("obs_intervals", [np.empty((0, 2))] * len(units["id"]))
+    for name, times, seen in zip(units["id"], units["spike_times"], observed, strict=True):
+        late = seen.size and (times > seen.max()).any()
+        if late:
+            raise InputError(
+                f"spikes of unit {name} come after the end of its recording, {seen.max():g} s",
+                "spike_times",
+            )
+        first, last = (np.searchsorted(times, x) for x in (start - BEFORE_S, stop + AFTER_S))
+        own = [(k, times[a:b] - start[k]) for k, (a, b) in enumerate(zip(first, last, strict=True))]
+        count = [len(each) for _, each in own]
+        if sum(count) == 0:
+            DataWarning.warn(f"unit {name} has no spikes in any trial: it is left out")
+        found = {"cell": str(name), "trial": np.repeat(np.arange(len(own)), count)}
+        rows.append(pd.DataFrame({**found, "time_s": np.concatenate([x for _, x in own])}))
+    table = pd.DataFrame(trials).assign(trial=np.arange(len(start)), stimulus_s=stop - start)
+    return table, pd.concat(rows, ignore_index=True)
+
+
+def _columns(group: Any) -> dict[str, Any]:
+    """Return the columns of a table in HDMF's form; ragged ones as lists of arrays."""
+    found: dict[str, Any] = {}
+    for name in group:
+        if name.endswith("_index") or not hasattr(group[name], "shape"):
+            continue
+        values = group[name].asstr()[:] if group[name].dtype.kind == "O" else group[name][:]
+        if f"{name}_index" in group:
+            values = np.split(values, group[f"{name}_index"][:-1].astype(np.int64))
+        found[name] = list(values)
+    return found
+
+
+def without_silent(spikes: Spikes, least: int) -> Spikes:
+    """Return the cells that have enough spikes; warn of the others."""
+    count = np.bincount(spikes.cell, minlength=len(spikes.names))
+    few = count < least
+    if not few.any():
+        return spikes
+    names = ", ".join(np.array(spikes.names)[few][:4])
+    DataWarning.warn(f"{few.sum()} cells with fewer than {least} spikes are left out: {names}")
+    if few.all():
+        raise InputError.of("spikes", f"must be of a cell with {least} spikes or more", names)
+    cell = np.cumsum(~few) - 1
+    some = ~few[spikes.cell]
+    kept = tuple(np.array(spikes.names)[~few].tolist())
+    return replace(
+        spikes, names=kept, cell=cell[spikes.cell[some]], trial=spikes.trial[some],
+        time_s=spikes.time_s[some], recorded=spikes.recorded[:, ~few],
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Does it account for monkeys, people and patients?"""

@@ -1,0 +1,137 @@
+"""Fits to monkeys and people.
+
+The models are the sequential test with a constant gap and with one that falls, and the default
+circuit as populations: with a threshold alone, with dopamine that rises within a trial, and with
+cells of STN that are driven at onset and decay. Left-out trials say which predicts best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+import pandas as pd
+
+from bgmodel.fitting.exact.algorithms import GapModel, Model
+from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.predicted import Better, better_by, predicted
+from bgmodel.fitting.simulated.circuit import (
+    MECHANISMS,
+    NONE,
+    SIMULATION_SEED,
+    CircuitModel,
+    Mechanism,
+)
+from bgmodel.fitting.trials.design import Design, design_of
+from bgmodel.trials.reading import read_trials
+from circuits.anatomy import DEFAULT, load_circuit
+from figures.data.means import fit_means
+from figures.pieces import Made, Piece, Score, main
+from figures.rooms import OUT
+
+TRIALS, COARSE_TRIALS = 128_000, 400
+"""Trials that a fitted circuit is simulated with, at each drift."""
+FEWER = 0.0234375
+"""Share of them where it is simulated at many values of its mechanism."""
+PREDICTED = [
+    "log_likelihood", "log_likelihood_simulation_error",
+    "better_nats", "error_nats", "simulation_error_nats",
+]  # fmt: skip
+
+
+def fitted_circuit(
+    mechanism: Mechanism, trials: int, seconds: float, noise_nats: float = 2.0
+) -> CircuitModel:
+    """Return the default circuit as a model; its simulations are stored with the pieces."""
+    return CircuitModel(
+        load_circuit(DEFAULT, 2), mechanism=mechanism, seconds=seconds, trials=trials,
+        noise_nats=noise_nats, folder=OUT / "stored",
+    )  # fmt: skip
+
+
+def models(trials: int, seconds: float) -> dict[str, Model]:
+    """Return the models by the names that tables have for them."""
+    fewer = round(FEWER * trials)
+    return {
+        "constant gap": GapModel(),
+        "falling gap": GapModel(EXPONENTIAL),
+        "circuit": fitted_circuit(NONE, trials, seconds),
+        "circuit, rising dopamine": fitted_circuit(MECHANISMS["rising_dopamine"], fewer, seconds),
+        "circuit, STN driven at onset": fitted_circuit(MECHANISMS["onset_stn"], fewer, seconds),
+    }
+
+
+def person(data: str, who: str, trials: int) -> pd.DataFrame:
+    """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
+    choices = read_trials(data, strength="coherence", participant=who)
+    design = design_of(choices)
+    found = [_means(design).assign(model="closed form", kind="cells")]
+    left_out = {}
+    for name, model in models(trials, 3.0).items():
+        likelihood = likelihood_of(model, design)
+        made = fit_likelihood(likelihood)
+        left_out[name] = predicted(likelihood, start=made.optimum.vector)
+        found.append(made.parameters().assign(model=name, kind="parameters"))
+        found.append(made.cells().assign(model=name, kind="cells"))
+        better = better_by(left_out[name], left_out["constant gap"])
+        row = {"model": name, "kind": "predicted", **difference(better)}
+        row["log_likelihood"] = made.optimum.log_likelihood
+        row["log_likelihood_simulation_error"] = made.simulation.log_likelihood
+        found.append(pd.DataFrame([row]))
+    return pd.concat(found, ignore_index=True).assign(data=data, participant=who)
+
+
+def difference(better: Better) -> dict[str, float]:
+    """Return a difference of left-out predictions as columns."""
+    return {
+        "better_nats": better.nats, "error_nats": better.error,
+        "simulation_error_nats": better.simulation_error,
+    }  # fmt: skip
+
+
+def _means(design: Design) -> pd.DataFrame:
+    """Return the cells of Palmer's fit to accuracy and mean times, its numbers in each row."""
+    found = fit_means(design)
+    seen = design.observed
+    rt = [seen.rt_s[seen.cell == cell] for cell in range(design.cells)]
+    columns = {
+        "strength": design.strength, "trials": design.trials,
+        "mean_s": [each.mean() for each in rt], "sd_s": [each.std() for each in rt],
+        "model_mean_s": found.mean_s, "model_sd_s": found.sd_s, "model_accuracy": found.accuracy,
+        "bound": found.bound, "sensitivity": found.sensitivity, "t0_s": found.t0_s,
+    }  # fmt: skip
+    return pd.DataFrame(columns)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Go through what the score is made of."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
+        choices = read_trials(data, strength="coherence")
+        for who in choices.people():
+            count = int((choices.participant == who).sum())
+            yield Piece("people", who, count, 600, partial(person, data, who, trials))
+
+
+def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
+    """Return the tables that pages and figures read."""
+    people = made["people"]
+    found: dict[str, tuple[str, pd.DataFrame]] = {}
+    who = ["data", "participant", "model"]
+    for kind, columns in (
+        ("parameters", ["parameter", "value", "standard_error", "simulation_error", "at_bound"]),
+        ("predicted", PREDICTED),
+    ):
+        found[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
+    cells = people[people["kind"] == "cells"]
+    empty = [name for name in cells if cells[name].isna().all()]
+    found["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
+    return found
+
+
+SCORE = Score("fits", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

@@ -1,0 +1,1 @@
+"""Does the circuit decide optimally?"""

@@ -1,0 +1,120 @@
+"""The default circuit on raw evidence, with a control and the noise ceiling: make score.
+
+Each channel receives its own evidence. For comparison: the same circuit with the mean over channels
+subtracted outside (the control), chance, and the circuit with other noise (the noise ceiling).
+Populations decide on every kind of evidence; spikes on all but one, together with a decoder of
+their cortical spikes. Evaluated on held-out seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import pandas as pd
+
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import ACCURACIES, OTHER_NOISE
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import gain_of
+from bgmodel.integrators.deciding import CIRCUIT, sample_ms
+from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
+from figures.decisions.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds
+from figures.pieces import Made, Piece, Score, main, wide
+
+TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
+SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
+"""Evidence that no circuit of spikes reads 20 times a second is read twice a second too."""
+LOWER = (0.8, 0.85, 0.9)
+"""Accuracies that are reached on it: its likelihoods are too sure for more."""
+FASTER, SLOWER = 60, 8
+"""Times that populations are faster than spikes in ``kinds``, and this table is slower."""
+MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
+BESIDE = ("agreement", "within_50_ms", "pearson_r")
+"""What the decoder of cortex is shown with."""
+
+
+def decisions(
+    kind: Kind,
+    engine: str,
+    centred: bool,
+    trials: int,
+    workers: int,
+    *,
+    step_ms: float = 50.0,
+    accuracies: Sequence[float] = ACCURACIES,
+) -> pd.DataFrame:
+    """Return the comparison of the circuit on a kind of evidence, raw or centred."""
+    table = load_circuit(DEFAULT, kind.channels)
+    chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
+    model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
+    found = compare(
+        model,
+        drawn(kind, trials, step_ms),
+        seed=SCORING_SEED,
+        baselines=(),
+        noise_ceiling=not centred,
+        groups=groups_of(kind.name, trials),
+        accuracies=accuracies,
+    ).table
+    name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
+    given = "mean subtracted" if centred else "raw"
+    return found.assign(evidence=name, engine=engine, given=given, trials=trials)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield populations on raw and centred evidence of every kind, and spikes on raw evidence."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for kind in kinds():
+        for centred in (False, True):
+            make = partial(decisions, kind, "population", centred, trials, workers)
+            name = f"{kind.name}, population{', mean subtracted' if centred else ''}"
+            # Most of it is the bootstrap.
+            seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
+            yield Piece("decisions", name, trials, seconds, make)
+            if kind.name == SLOW and not fast:
+                slow = partial(
+                    decisions, kind, "population", centred, SLOW_TRIALS, workers,
+                    step_ms=SLOW_MS, accuracies=LOWER,
+                )  # fmt: skip
+                seconds = 0.3 * SLOW_TRIALS
+                yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, slow)
+        if kind.name != SLOW:
+            few = COARSE_SPIKING if fast else SPIKING_TRIALS
+            make = partial(decisions, kind, "ensemble", False, few, workers)
+            seconds = kind.seconds * few / 100 * SLOWER
+            yield Piece("decisions", f"{kind.name}, ensemble", few, seconds, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return a row per evidence, engine, what it was given, and accuracy; and the decoder's."""
+    found = made["decisions"]
+    found = found[found["accuracy"].notna()]
+    spiking = found[(found["engine"] == "ensemble") & (found["reference"] == MSPRT_AT_GAIN)]
+    spiking = spiking[spiking["measure"].isin(BESIDE)]
+    named = spiking["measure"].where(spiking["model"] == CIRCUIT, "decoder_" + spiking["measure"])
+    found = found[found["model"] == CIRCUIT]
+    beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
+    kept = found[
+        (found["reference"] == MSPRT_AT_GAIN)
+        & found["measure"].isin([*beside, "r_noise_corrected"])
+    ]
+    self = found[
+        (found["reference"] == OTHER_NOISE)
+        & found["measure"].isin(["agreement_corrected", "pearson_r"])
+    ]
+    self = self.assign(measure="ceiling_" + self["measure"])
+    by = ["evidence", "engine", "given", "trials", "accuracy"]
+    beside_decoder = wide(spiking.assign(measure=named), ["evidence", "trials", "accuracy"])
+    return {
+        "decisions": ("decisions", wide(pd.concat([kept, self]), by)),
+        "decoder": ("decisions", beside_decoder),
+    }
+
+
+SCORE = Score("raw", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

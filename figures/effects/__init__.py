@@ -1,0 +1,1 @@
+"""Does it reproduce published effects of lesions, stimulation and dopamine?"""

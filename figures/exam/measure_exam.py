@@ -1,0 +1,154 @@
+"""All shipped circuits, and four broken controls, under one exam of published numbers.
+
+The list, its tasks and the domain in which each control must rank last were written before these
+runs, the domain after a trial on another seed. Each examinee sits three times.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.exam.drawing import FAILS
+from bgmodel.exam.exam import Exam
+from bgmodel.exam.exam import Model as Examinee
+from bgmodel.exam.exam import model_of as examinee
+from bgmodel.exam.numbers import SEED, shipped_list
+from bgmodel.exam.record import MOST_Z, totals
+from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
+from circuits.circuit import Circuit
+from circuits.laws.controls import shuffled_stn
+from figures.pieces import Made, Piece, Score, main
+
+SEEDS = (SEED, SEED + 1, SEED + 2)
+COARSE = 0.2
+"""Share of trials in the coarse form."""
+SECONDS = 40
+ROUNDING = 1e-9
+FAINT = 1e-9
+"""Factor of cortical pathways in noise alone; a circuit without a path is refused."""
+
+
+def _held(name: str) -> Callable[[Circuit], Circuit]:
+    return lambda table: table.clamp(name)
+
+
+def noise_alone(table: Circuit) -> Circuit:
+    """Return the circuit whose nuclei hear nothing of the evidence, and rest as before."""
+    deaf = table
+    for target in {row.target: None for row in table.projections if row.source == table.input}:
+        deaf = deaf.scale(table.input, target, FAINT)
+    return deaf.compensate(table)
+
+
+CONTROLS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
+    "no GPe": ("optimality", _held("GPe")),
+    "shuffled STN->SNr": ("optimality", shuffled_stn),
+    "no D1": ("optimality", _held("D1")),
+    "noise alone": ("optimality", noise_alone),
+}
+"""Broken circuits, edits of the default one, and the domain in which each must rank last. Held
+nuclei fire at their resting rates."""
+
+
+def examinees() -> dict[str, Examinee]:
+    """Return every examinee by name."""
+    found = {name: examinee(name) for name in CIRCUITS}
+    for name, (_, edit) in CONTROLS.items():
+        found[name] = Examinee(name, partial(_edited, edit))
+    return found
+
+
+def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
+    return edit(load_circuit(DEFAULT, channels))
+
+
+def sat(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
+    """Return the rows of an exam, and the CPU time that it took."""
+    begun = time.process_time()
+    record = Exam.shipped().take(examinees()[name], seed=seed, share=share, workers=workers)
+    taken = time.process_time() - begun
+    engine = record.parameters.get("engine", "")
+    return record.table.assign(examinee=name, sitting=seed, engine=engine, cpu_s=taken)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per examinee and seed."""
+    for seed in SEEDS[: 1 if fast else None]:
+        for name in examinees():
+            share = COARSE if fast else 1.0
+            make = partial(sat, name, seed, share, workers)
+            file = name.replace("->", " to ")
+            yield Piece("exam", f"{file}, seed {seed}", round(1000 * share), SECONDS, make)
+
+
+def judged(table: pd.DataFrame) -> pd.Series:
+    """Return whether each number differs, over all seeds, in the same way, or agrees in all."""
+    values = table.groupby(["examinee", "id"], sort=False)
+
+    def same(part: pd.DataFrame) -> str:
+        far = part["z"].abs() > MOST_Z
+        if far.any():
+            signs = np.sign(part["z"].dropna())
+            return "same sign" if signs.nunique() == 1 else "other sign"
+        return "same outcome" if part["outcome"].nunique() == 1 else "other outcome"
+
+    return values.apply(same)
+
+
+def ranks(domains: pd.DataFrame) -> pd.DataFrame:
+    """Return where each control ranks in its domain, by the mean share over seeds."""
+    mean = domains.groupby(["domain", "examinee"], sort=False)["share"].mean()
+    rows = []
+    for name, (domain, _) in CONTROLS.items():
+        here = mean[domain].drop([other for other in CONTROLS if other != name]).dropna()
+        row = {"control": name, "domain": domain, "share": here[name]}
+        others = here.drop(name)
+        row |= {
+            "worse": int((others < here[name]).sum()),
+            "tied": int((others == here[name]).sum()),
+        }
+        whole = mean.unstack("examinee")
+        kept = whole.index[whole[name] >= whole[DEFAULT] - ROUNDING].tolist()
+        rows.append(row | {"of": len(here), "as_good_as_default": "; ".join(kept)})
+    return pd.DataFrame(rows)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the list, every answer, domains, stability over seeds, controls, and cost."""
+    whole = made["exam"]
+    about = [
+        (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
+         one.source, one.weight, one.how)
+        for one in shipped_list().numbers
+    ]  # fmt: skip
+    names = ["id", "domain", "about", "published", "unit", "species", "mark", "source", "weight"]
+    kept = ["examinee", "sitting", "id", "domain", "value", "se", "z", "outcome", "set_by"]
+    parts = []
+    for (name, seed), part in whole.groupby(["examinee", "sitting"], sort=False):
+        parts.append(totals(part).assign(examinee=name, sitting=seed))
+    domains = pd.concat(parts, ignore_index=True)
+    stable = judged(whole).rename("stability").reset_index()
+    cost = whole.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
+    reasons = whole[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
+    reasons = reasons[reasons["sitting"] == SEED].drop(columns="sitting")
+    return {
+        "list": ("exam", pd.DataFrame(about, columns=[*names, "how"])),
+        "numbers": ("exam", whole[kept]),
+        "domains": ("exam", domains),
+        "stability": ("exam", stable),
+        "controls": ("exam", ranks(domains)),
+        "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, "not answered"])]),
+        "cost": ("exam", cost.reset_index()),
+    }
+
+
+OTHERS = tuple(name for name in CIRCUITS if name != DEFAULT)
+SCORE = Score("exam", SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT, others=OTHERS)
+
+if __name__ == "__main__":
+    main(SCORE)

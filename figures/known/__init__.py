@@ -1,0 +1,1 @@
+"""Which model decided, if all evidence is known?"""

@@ -1,0 +1,1 @@
+"""What can reward teach: caution, the meaning of evidence, values?"""

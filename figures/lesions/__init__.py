@@ -1,0 +1,1 @@
+"""What do lesions do, and conflict?"""

@@ -1,0 +1,195 @@
+"""Shared by all measurements: stored pieces, estimates of the remaining time, and tables.
+
+A score consists of pieces, one condition each. A finished piece is stored in ``benchmarks/out``
+with its trials, seed and circuits, and is computed again only if one of these changes. Once all
+pieces are finished, the tables are written to the room of the score. ``--fast`` is the coarse form,
+with fewer trials, stored in ``benchmarks/out/fast``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bgmodel.integrators.given import identity
+from bgmodel.support.files import is_result, read_provenance, read_table, write_table
+from circuits.anatomy import load_circuit
+from figures.rooms import OUT, write
+
+TABLE = "spiking_msprt"
+"""The circuit that most scores are of."""
+Made = dict[str, pd.DataFrame]
+"""What was found, by kind of piece."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One condition of a score.
+
+    Parameters
+    ----------
+    kind, name : str
+        Which of the score's tables it goes into, and its own name.
+    trials : int
+        What it is made from.
+    seconds : float
+        CPU time, about: an estimate that is printed before it starts.
+    make : function
+        Computes it.
+    """
+
+    kind: str
+    name: str
+    trials: int
+    seconds: float
+    make: Callable[[], pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score: its pieces, and what pages show of them.
+
+    Parameters
+    ----------
+    name : str
+        First word of its files.
+    seed : int, optional
+        One that tuned nothing; None where each piece has its own.
+    channels : sequence of int
+        Numbers of alternatives of its circuits.
+    pieces : function
+        Takes whether the coarse form is asked for, and the number of threads.
+    tables : function
+        Takes what was found; returns each table of the pages with the kind that it comes from.
+    circuit : str
+        The table that is scored; "" where others alone are.
+    others : tuple of str
+        Names of further tables that are.
+    partial : bool
+        Whether tables are written from the pieces that are finished, before all of them are.
+    room : path, optional
+        The folder whose ``tables`` it writes: that of the function ``pieces`` by default.
+    """
+
+    name: str
+    seed: int | None
+    channels: Sequence[int]
+    pieces: Callable[[bool, int], Iterable[Piece]]
+    tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]]
+    circuit: str = TABLE
+    others: tuple[str, ...] = ()
+    partial: bool = False
+    room: Path | None = None
+
+    def behind(self, trials: Sequence[int], fast: bool) -> dict[str, Any]:
+        """Return the parameters of a table: trials (the fewest and the most) and circuits."""
+        span = sorted({min(trials), max(trials)})
+        named = [(self.circuit, "")] * bool(self.circuit) + [(n, f"{n} ") for n in self.others]
+        circuits = {
+            f"{begun}{n}": identity(load_circuit(name, n))
+            for name, begun in named
+            for n in self.channels
+        }
+        found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
+        return found | ({"fast": True} if fast else {})
+
+    def path(self, piece: Piece, folder: Path) -> Path:
+        """Return the file of a piece."""
+        return folder / f"{self.name} {piece.kind} {piece.name.replace('/', ' ')}.csv"
+
+    def finished(self, piece: Piece, folder: Path, fast: bool) -> bool:
+        """Whether a piece is there, from its trials, this seed and these circuits."""
+        path = self.path(piece, folder)
+        if not is_result(path):
+            return False
+        found = read_provenance(path)
+        return found["parameters"] == self.behind([piece.trials], fast) and (
+            found["seed"] == self.seed
+        )
+
+
+def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
+    """Compute what is left of a score, and write its tables once all of it is there."""
+    for piece in pieces:
+        path = score.path(piece, folder)
+        if only in path.name and not score.finished(piece, folder, fast):
+            print(f"{path.stem}, {piece.trials} trials", end=" ", flush=True)
+            begun = time.process_time()
+            found = piece.make()
+            write_table(found, path, seed=score.seed, **score.behind([piece.trials], fast))
+            print(f"{time.process_time() - begun:.0f} s (said: {piece.seconds:.0f})", flush=True)
+    there = [piece for piece in pieces if score.finished(piece, folder, fast)]
+    left = [piece.name for piece in pieces if piece not in there]
+    if left:
+        tables = "tables of what is there" if score.partial and there else "no tables yet"
+        print(f"{score.name}: {tables}, what is left is {'; '.join(left)}")
+        if tables == "no tables yet":
+            return
+    write_tables(score, there, folder, fast)
+
+
+def write_tables(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool) -> None:
+    """Write the tables of a score from some of its pieces."""
+    made: dict[str, list[pd.DataFrame]] = {}
+    for piece in pieces:
+        made.setdefault(piece.kind, []).append(read_table(score.path(piece, folder)))
+    whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
+    for name, (kind, found) in score.tables(whole).items():
+        behind = score.behind([piece.trials for piece in pieces if piece.kind == kind], fast)
+        room = score.room or Path(inspect.getfile(score.pieces)).parent
+        path = write(found, room / "tables" / f"{score.name}_{name}.csv", seed=score.seed, **behind)
+        print(f"\n{path.name}\n{found.round(3).to_string(index=False)}", flush=True)
+
+
+def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
+    """Say how long it takes, then compute what is left of some scores."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--fast", action="store_true", help="the coarse form: fewer trials")
+    parser.add_argument("--only", default="", help="pieces whose file's name contains this")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args(arguments)
+    folder = OUT / "fast" if given.fast else OUT
+    every = {score: list(score.pieces(given.fast, given.workers)) for score in scores}
+    left = [
+        piece.seconds
+        for score, pieces in every.items()
+        for piece in pieces
+        if given.only in score.path(piece, folder).name
+        and not score.finished(piece, folder, given.fast)
+    ]
+    print(
+        f"{len(left)} of {sum(map(len, every.values()))} pieces are left: about "
+        f"{sum(left) / 60:.0f} minutes of CPU. What is finished stays in {folder}.",
+        flush=True,
+    )
+    for score, pieces in every.items():
+        if pieces:
+            run(score, pieces, folder, given.fast, given.only)
+
+
+def wide(found: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
+    """Return a table with one row per index and one column per measure.
+
+    Parameters
+    ----------
+    found : DataFrame
+        The columns of the index, measure, value, low and high.
+    index : names
+        What tells rows apart; their order stays.
+
+    Returns
+    -------
+    DataFrame
+        The index, and per measure its value, ``<measure>_low`` and ``<measure>_high``.
+    """
+    order = found[list(index)].drop_duplicates()
+    by = found.pivot(index=list(index), columns="measure", values=["value", "low", "high"])
+    by.columns = [name if end == "value" else f"{name}_{end}" for end, name in by.columns]
+    return order.merge(by.reset_index(), on=list(index))

@@ -1,0 +1,1 @@
+"""How do other published circuits decide?"""

@@ -1,0 +1,1 @@
+"""Can it stop, and do people stop as a race does?"""

@@ -1,0 +1,322 @@
+"""The stop-signal task in people: estimates, violations, and a stop process in closed form.
+
+The 126 healthy adults of the shipped set are analysed twice: with delays as recorded, where a delay
+of 0 means that the signal was never given because the response came first, and with these delays
+restored from the staircases. A stop process is fitted to all, by the test and by the circuit, and
+to odd and even stop trials to predict the other half. Simulated participants, for whom the model is
+right, give the size of each measure that would be expected; others have a known stop-signal
+reaction time.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from functools import cache, partial
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import stream
+from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.stops.data import FEWEST_GO, go_process, laid
+from bgmodel.fitting.stops.model import TEST, circuit_stop
+from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
+from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.inputs import MOST_NATS
+from bgmodel.stopping.people import estimates_of, read_people
+from bgmodel.stopping.trials import StopTrials
+from bgmodel.stopping.violations import AFTER, slowing_of, violations_of
+from bgmodel.support.arrays import Array
+from bgmodel.trials.reading import Columns
+from circuits.anatomy import DEFAULT
+from figures.pieces import Made, Piece, Score, main
+from figures.stopping.stopped import (
+    StopValues,
+    counted_ssrt,
+    known_people,
+    late_delays,
+    like,
+    mean_and_error,
+    predictions,
+    sequence,
+    slopes,
+)
+
+SCORING_SEED = 91_001
+"""Seed of simulated participants."""
+COARSE = 20
+"""Number of participants in the coarse form."""
+KINDS = ("recorded", "restored", "simulated")
+"""Delays as in the set, restored, and those of simulated participants."""
+NUMBERS = ("ssrt_ms", "ssrt_sd_ms", "failures")
+"""Parameters of a fit."""
+FITS = {"test": (), "test, same in all": NUMBERS, "test, same after stops": (), "circuit": ()}
+"""Models, and the parameters that people share in addition to the standard deviation of SSRT."""
+STRENGTHS, MULTIPLES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0), (1.1, 1.25, 1.5, 2.0, 2.5, 3.0)
+"""Strengths of the stop signal that are tried: quantiles of people's thresholds and, since the
+latency of a circuit depends on it, multiples of the largest."""
+FALL_NATS, ALIKE_NATS = 1.92, 0.01
+"""Fall of the log likelihood at the end of a 95 % interval (half of chi-squared, 1 d.f.), and how
+close those of strengths are that count as alike: the strongest of them is reported."""
+KNOWN = StopValues(220.0, 0.0, 20.0, 0.0, 0.0)
+"""The stop process of simulated participants whose stop-signal reaction time is known."""
+SETS = 4
+"""Number of simulated sets of participants to which the fit is repeated."""
+SIMULATED, GO, STOPS = 40, 300, 100
+"""Their number, and the numbers of go and stop trials."""
+
+
+@cache
+def people_of(kind: str, people: int) -> dict[str, StopTrials]:
+    """Return the first participants, with delays of a kind."""
+    if kind == "simulated":
+        return simulated(people, SCORING_SEED)
+    columns = Columns(restore_delays=kind == "restored")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return dict(list(read_people(columns=columns).items())[:people])
+
+
+def simulated(people: int, seed: int) -> dict[str, StopTrials]:
+    """Return simulated participants with the parameters of the fit to the restored delays."""
+    every = likelihoods_of("test", "restored", people)
+    data = {who: laid(each.trials, each.model.slowing_ms) for who, each in every.items()}
+    return like(people_of("restored", people), data, true_values(people), seed)
+
+
+@cache
+def true_values(people: int) -> StopValues:
+    """Return the stop processes of simulated participants: medians of a posterior."""
+    drawn = draws_of(_fit("test", "restored", people))
+    return StopValues(*(float(np.median(each)) for each in drawn.values()))
+
+
+@cache
+def go_of(people: int) -> dict[str, dict[str, float]]:
+    """Return the go process of each participant."""
+    return {
+        who: go_process(each.to_trials()) for who, each in people_of("restored", people).items()
+    }
+
+
+def estimates(kind: str, people: int) -> pd.DataFrame:
+    """Return pooled estimates: measure, value, error (over participants), people."""
+    chosen = people_of(kind, people)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        table = estimates_of(chosen)
+    ssrt = table["ssrt_ms"].dropna()
+    again = [counted_ssrt(chosen[who]) for who in table.loc[ssrt.index, "participant_id"]]
+    names = ("go_ms", "failed_ms", "ssd_ms", "p_respond", "omissions", "ssrt_ms", "ssrt_mean_ms")
+    rows = [(name, *mean_and_error(table[name])) for name in names]
+    rows.append(("failed_minus_go_ms", *mean_and_error(table["failed_ms"] - table["go_ms"])))
+    spread = float(ssrt.std())
+    rows.append(("ssrt_sd_ms", spread, spread / np.sqrt(2 * len(ssrt) - 2), len(ssrt)))
+    apart = float(np.abs(ssrt.to_numpy() - again).max())
+    rows.append(("ssrt_apart_ms", apart, np.nan, len(ssrt)))
+    rows.append(("refused", (table["refusal"] != "").sum(), np.nan, len(table)))
+    zero = sum(((t.ssd_ms == 0) & t.responded).sum() for t in chosen.values())
+    rows.append(("delays_of_zero", zero, np.nan, len(table)))
+    if kind == "recorded":
+        rows.append(("late_delays", *mean_and_error(late_delays(chosen))))
+    rows.append(("inhibition_slope", *mean_and_error(slopes(chosen))))
+    shuffled = slopes(chosen, stream(SCORING_SEED, "shuffled"))
+    rows.append(("inhibition_slope_shuffled", *mean_and_error(shuffled)))
+    rows += slowing_of(chosen).itertuples(index=False, name=None)
+    order = sequence(chosen)
+    rows += [(str(name), *mean_and_error(order[name])) for name in order]
+    found = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
+    return found.assign(delays=kind)
+
+
+def violated(kind: str, people: int) -> pd.DataFrame:
+    """Return violations of independence by delay."""
+    return violations_of(people_of(kind, people)).assign(delays=kind)
+
+
+def likelihoods_of(name: str, kind: str, people: int) -> dict[str, StopLikelihood]:
+    """Return the likelihood of each participant's trials under one of ``FITS``."""
+    return likelihoods(name, people_of(kind, people), people)
+
+
+def likelihoods(
+    name: str, chosen: dict[str, StopTrials], people: int, strength: float = MOST_NATS
+) -> dict[str, StopLikelihood]:
+    """Return likelihoods with the mean slowing after stop trials, for people with go responses."""
+    chosen = {
+        who: one for who, one in chosen.items() if (one.responded & ~one.stop).sum() >= FEWEST_GO
+    }
+    process = circuit_stop(DEFAULT) if name == "circuit" else TEST
+    table = slowing_of(chosen).set_index("measure")["value"]
+    slowing = tuple(float(table[f"after_{each.replace(' ', '_')}_ms"]) for each in AFTER)
+    if name == "test, same after stops":
+        slowing = (0.0, 0.0)
+    go = go_of(people) if name == "circuit" or strength < MOST_NATS else {}
+    return {
+        who: likelihood(
+            StopRace(process, go.get(who, {}), slowing), one.to_trials(who),
+            fixed={STRENGTH: strength},
+        )
+        for who, one in chosen.items()
+    }  # fmt: skip
+
+
+def draws_of(fit: GroupFit) -> dict[str, Array]:
+    """Return draws of the group by name; people differ in the logit of failures."""
+    mean, between = (
+        dict(zip(NUMBERS, np.moveaxis(each, 2, 0), strict=True))
+        for each in (fit.group, fit.between)
+    )
+    f = mean["failures"]
+    return {
+        "ssrt_ms": mean["ssrt_ms"], "ssrt_people_sd_ms": between["ssrt_ms"],
+        "ssrt_trial_sd_ms": mean["ssrt_sd_ms"], "failures": f,
+        "failures_people_sd": between["failures"] / (f * (1 - f)),
+    }  # fmt: skip
+
+
+def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
+    """Return the group of a fit to all stop trials, and the strength of the stop signal."""
+    fit = _fit(name, kind, people)
+    rows = [
+        {"parameter": each, "value": np.median(drawn), "error": drawn.std(),
+         "low": np.quantile(drawn, 0.025), "high": np.quantile(drawn, 0.975)}
+        for each, drawn in draws_of(fit).items()
+    ]  # fmt: skip
+    if kind == "restored" and name in ("test", "circuit"):
+        rows.append(strength(name, people))
+    most = np.array([MOST_NATS])
+    every = likelihoods_of(name, kind, people).values()
+    latency = float(np.median([each.model.latency_ms(most)[0] for each in every]))
+    stops = sum(each.stop.sum() for each in people_of(kind, people).values())
+    log = float(fit.log_likelihood.sum(axis=2).mean())
+    return pd.DataFrame(rows).assign(
+        model=name, delays=kind, log_likelihood=log, people=len(fit.people), stop_trials=stops,
+        latency_ms=latency,
+    )  # fmt: skip
+
+
+def strength(name: str, people: int) -> dict[str, float | str]:
+    """Return the strength of the stop signal from its profile: the best of each person's trials."""
+    chosen = people_of("restored", people)
+    races = [each.model for each in likelihoods(name, chosen, people, 0.0).values()]
+    known = np.array([race.threshold for race in races])
+    tried = np.quantile(known, STRENGTHS)
+    if name == "circuit":
+        tried = np.append(tried, np.array(MULTIPLES) * tried[-1])
+    tried = np.unique([0.0, *tried[tried < MOST_NATS], MOST_NATS])[::-1]
+    log = np.array([
+        sum(optimum(each).log_likelihood for each in likelihoods(name, chosen, people, at).values())
+        for at in tried.tolist()
+    ])  # fmt: skip
+    inside = tried[log > log.max() - FALL_NATS]
+    best = tried[np.argmax(log > log.max() - ALIKE_NATS)]
+    return {
+        "parameter": STRENGTH, "value": best, "low": inside.min(), "high": inside.max(),
+        "threshold_median": np.median(known), "threshold_most": known.max(),
+    }  # fmt: skip
+
+
+@cache
+def _fit(name: str, kind: str, people: int) -> GroupFit:
+    return _grouped(name, likelihoods_of(name, kind, people))
+
+
+def _grouped(name: str, each: dict[str, StopLikelihood]) -> GroupFit:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return fit_group(each, shared=FITS[name] or None)
+
+
+def predicted(name: str, kind: str, people: int) -> pd.DataFrame:
+    """Return the predictions of each half of the stop trials from the other, in three parts."""
+    every, rows = likelihoods_of(name, kind, people), []
+    for first, half in enumerate(("odd", "even")):
+        stops = {who: np.flatnonzero(np.isfinite(one.trials.ssd_s)) for who, one in every.items()}
+        left = {who: each[1 - first :: 2] for who, each in stops.items()}
+        some = {
+            who: one.part(np.setdiff1d(np.arange(one.trials.trials), left[who]))
+            for who, one in every.items()
+        }
+        parts = predictions(_grouped(name, some), every, left)
+        rows += [table.assign(part=part, half=half) for part, table in parts.items()]
+    return pd.concat(rows, ignore_index=True).assign(model=name, delays=kind)
+
+
+def refitted(people: int, sets: int) -> pd.DataFrame:
+    """Return the parameters found in simulated sets of participants, next to the true ones."""
+    every = []
+    for number in range(sets):
+        chosen = simulated(people, SCORING_SEED + number)
+        every.append(draws_of(_grouped("test", likelihoods("test", chosen, people))))
+    rows = []
+    for name, true in vars(true_values(people)).items():
+        found = np.array([np.median(drawn[name]) for drawn in every])
+        stated = np.mean([drawn[name].std() for drawn in every])
+        sd = found.std(ddof=1)
+        rows.append(
+            {"parameter": name, "true": true, "mean": found.mean(), "error": sd / np.sqrt(sets),
+             "sd": sd, "stated": stated, "sets": sets}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def recovered(failures: float, people: int) -> pd.DataFrame:
+    """Return the bias of estimators for participants with a known stop-signal reaction time."""
+    values = StopValues(KNOWN.ssrt_ms, 0.0, KNOWN.ssrt_trial_sd_ms, failures, 0.0)
+    found: dict[str, list[float]] = {"integration": [], "mean": [], "likelihood": []}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for trials in known_people(SCORING_SEED, people, GO, STOPS, values).values():
+            estimate = estimate_ssrt(trials, checked=False)
+            found["integration"].append(estimate.ssrt_ms)
+            found["mean"].append(estimate.ssrt_mean_ms)
+            fit = optimum(likelihood(StopRace(slowing_ms=(0.0, 0.0)), trials.to_trials()))
+            found["likelihood"].append(fit.values["ssrt_ms"])
+    rows = []
+    for method, each in found.items():
+        mean, error, count = mean_and_error(np.array(each))
+        apart = {"bias_ms": mean - KNOWN.ssrt_ms, "error": error, "sd_ms": float(np.std(each))}
+        rows.append({"failures": failures, "method": method, **apart, "people": count})
+    return pd.DataFrame(rows)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the analyses of people, fits, predictions and simulated participants."""
+    people = COARSE if fast else 126
+    trials = 128 * people
+    for kind in KINDS:
+        yield Piece("people", kind, trials, 3, partial(estimates, kind, people))
+        yield Piece("delays", kind, trials, 2, partial(violated, kind, people))
+    for name, kind in (*((name, "restored") for name in FITS), ("test", "recorded")):
+        make = partial(fitted, name, kind, people)
+        yield Piece("fits", f"{name} {kind}", trials, 360, make)
+    for name, kind in (*((name, "restored") for name in FITS), ("test", "simulated")):
+        make = partial(predicted, name, kind, people)
+        yield Piece("predicted", f"{name} {kind}", trials, 600, make)
+    make = partial(refitted, people, 2 if fast else SETS)
+    yield Piece("refitted", "test", trials, 1500, make)
+    some = COARSE if fast else SIMULATED
+    for failures in (0.0, 0.1):
+        make = partial(recovered, failures, some)
+        yield Piece("simulated", f"failures {failures:g}", some * (GO + STOPS), 20, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the tables of pages."""
+    found = {"people": "people", "people_delays": "delays", "people_fits": "fits",
+             "people_simulated": "simulated", "people_refitted": "refitted"}  # fmt: skip
+    every = {name: (kind, made[kind]) for name, kind in found.items()}
+    for part in ("halves", "deciles", "times"):
+        rows = made["predicted"]
+        rows = rows[rows["part"] == part].dropna(axis=1, how="all").drop(columns="part")
+        every[f"people_{part}"] = ("predicted", rows)
+    return every
+
+
+SCORE = Score("stopping", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

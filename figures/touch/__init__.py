@@ -1,0 +1,1 @@
+"""How does a tap become a learned decision?"""

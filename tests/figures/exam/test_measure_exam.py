@@ -1,0 +1,45 @@
+"""The score of the exam: controls rest as the circuit they are edits of, ranks, and stability."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.exam.numbers import shipped_list
+from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
+from circuits.dynamics.fixed_point import resting_hz
+from figures.exam.measure_exam import CONTROLS, examinees, judged, noise_alone, ranks
+
+
+def test_every_circuit_and_four_controls_are_examined():
+    assert list(examinees()) == [*CIRCUITS, *CONTROLS]
+    assert {domain for domain, _ in CONTROLS.values()} <= set(shipped_list().domains)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_noise_alone_rests_as_the_circuit(channels):
+    circuit = load_circuit(DEFAULT, channels)
+    before, after = resting_hz(circuit), resting_hz(noise_alone(circuit))
+    assert after == pytest.approx(before, rel=1e-6, abs=1e-6)
+
+
+def test_differences_keep_their_sign_or_do_not():
+    rows = [
+        ("x", "a", 3.0, "disagrees"), ("x", "a", 2.5, "disagrees"), ("x", "a", 1.0, "agrees"),
+        ("x", "b", 3.0, "disagrees"), ("x", "b", -0.5, "agrees"),
+        ("x", "c", np.nan, "agrees"), ("x", "c", np.nan, "agrees"),
+        ("x", "d", 0.5, "agrees"), ("x", "d", np.nan, "fails"),
+    ]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["examinee", "id", "z", "outcome"])
+    found = judged(table)["x"]
+    assert found.tolist() == ["same sign", "other sign", "same outcome", "other outcome"]
+
+
+def test_a_control_is_ranked_among_circuits_and_not_among_controls():
+    names = [DEFAULT, "gpr", *CONTROLS]
+    shares = [0.8, 0.1, 0.3, 0.0, 0.1, 0.0]
+    one = pd.DataFrame({"examinee": names, "share": shares, "domain": "optimality"})
+    other = one.assign(domain="resting rates", share=0.4)
+    found = ranks(pd.concat([one, other])).set_index("control")
+    assert found.loc["no GPe", ["worse", "tied", "of"]].tolist() == [1, 0, 3]
+    assert found.loc["no D1", ["worse", "tied"]].tolist() == [0, 1]
+    assert set(found["as_good_as_default"]) == {"resting rates"}

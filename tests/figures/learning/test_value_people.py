@@ -1,0 +1,97 @@
+"""Summaries of people who learn values: what is simulated is found in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.optimum import optimum
+from bgmodel.learning.values.models import MODELS, likelihood
+from bgmodel.learning.values.simulated import simulated
+from figures.learning.value_people import (
+    GROUP,
+    LAST,
+    by_difference,
+    courses,
+    from_prior,
+    like,
+    log_ratio,
+    mean_and_error,
+    natural,
+    predicted,
+    recovered,
+    rises,
+    slow_errors,
+)
+
+MODEL = MODELS["q"]
+TRUE = {"rate": 0.2, "scale": 3.0, "bound": 0.9, "t0_s": 0.4, "stickiness": 0.05}
+AT = np.array([float(each.scaled(TRUE[each.name])) for each in MODEL.parameters])
+
+
+@pytest.fixture(scope="module")
+def people():
+    made = simulated(MODEL, natural(MODEL, np.tile(AT, (12, 1))), trials=LAST, seed=11)
+    return made.by_participant()
+
+
+@pytest.fixture(scope="module")
+def fits(people):
+    return {who: optimum(likelihood(MODEL, person)) for who, person in people.items()}
+
+
+def test_mean_and_error_leave_out_what_is_unknown():
+    assert mean_and_error([1.0, np.nan, 3.0]) == pytest.approx((2.0, 1.0))
+
+
+def test_the_right_model_predicts_choices_and_times_within_their_errors(fits):
+    table = courses(fits, seed=1)
+    assert len(table) == 3 * LAST // GROUP
+    for name, at_least in (("share", 0.02), ("median_s", 0.05)):
+        away = (table[name] - table[f"{name}_model"]) / np.hypot(table[f"{name}_se"], at_least)
+        assert (away.abs() < 4).all()
+    first, last = (table[table["trial"] == t].set_index("pair") for t in (2.0, LAST - 3.0))
+    assert (last["share"]["AB"] - first["share"]["AB"]) > 0.05
+
+
+def test_larger_differences_are_decided_better_and_sooner(fits):
+    table = by_difference(fits, seed=1)
+    assert table["drift"].is_monotonic_increasing
+    assert table["share"].iloc[-1] > table["share"].iloc[0] + 0.1
+    assert table["median_s"].iloc[-1] < table["median_s"].iloc[0]
+    _, p, times = predicted(fits["0"], 1, "0")
+    assert np.array_equal(times, predicted(fits["0"], 1, "0")[2])
+    assert ((p > 0) & (p < 1)).all()
+
+
+def test_rises_and_slow_errors_are_those_of_each_person(people):
+    person = list(people.values())[3]
+    of_pair = person.response[person.conditions["pair"] == "AB"]
+    assert rises(people, "AB")[3] == pytest.approx(of_pair[-10:].mean() - of_pair[:10].mean())
+    later = {
+        who: replace(one, rt_s=one.rt_s + 0.5 * (one.response == 0)) for who, one in people.items()
+    }
+    assert slow_errors(later) == pytest.approx(np.array(slow_errors(people)) + 0.5)
+
+
+def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):
+    drawn = like(list(fits.values()), 2000, seed=1)
+    at = np.stack([fit.likelihood.freedom.to_scale(fit.vector) for fit in fits.values()])
+    middle = np.median(at, axis=0)
+    spread = 1.4826 * np.median(np.abs(at - middle), axis=0)
+    assert np.abs(drawn.mean(axis=0) - middle) == pytest.approx(0, abs=0.1 * spread.max())
+    assert drawn.std(axis=0) == pytest.approx(spread, rel=0.1)
+    sd = [each.prior[1] for each in MODEL.parameters]
+    assert from_prior(MODEL, 2000, seed=1).std(axis=0) == pytest.approx(sd, rel=0.1)
+
+
+def test_intervals_contain_the_truth_of_most_people_and_not_another():
+    true = np.tile(AT, (4, 1))
+    found, inside = recovered(MODEL, true, seed=2)
+    assert found.shape == inside.shape == (4, 5)
+    assert inside.mean() > 0.7
+    assert np.abs(found[:, 2] - AT[2]).max() < 0.3  # the bound
+
+
+def test_the_log_ratio_is_that_of_the_rates():
+    assert np.exp(log_ratio({"rate": 0.3, "rate_minus": 0.1})) == pytest.approx(3)

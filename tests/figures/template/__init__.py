@@ -1,0 +1,1 @@
+"""What is six times seven?"""

@@ -1,0 +1,154 @@
+"""The exact density of spikes and choices: closed forms, paths of the noise, derivatives."""
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from scipy.stats import norm, poisson
+
+from bgmodel.fitting.cells.grid import moved, noise_grid, p_right, passed
+from bgmodel.fitting.cells.model import SHARED
+from bgmodel.fitting.cells.reading import READINGS
+from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
+
+DEFAULT = {each.name: each.start for each in SHARED}
+
+
+def session(trials=6, bins=8, cells=2, seed=3):
+    """Return a session with random clicks, spikes and choices."""
+    rng = np.random.default_rng(seed)
+    end_s = rng.uniform(0.5, 1.0, trials) * bins * BIN_S
+    click_s = np.sort(rng.uniform(0, bins * BIN_S, (trials, 10)), axis=1)
+    click_s[click_s > end_s[:, None]] = np.inf
+    made = Session(
+        np.arange(trials), tuple(map(str, range(cells))), end_s, rng.integers(0, 2, trials),
+        click_s, rng.choice([-1.0, 1.0], (trials, 10)),
+        rng.poisson(0.6, (cells, trials, bins)).astype(float),
+        rng.normal(0, 0.5, (cells, trials, bins)), courses(bins),
+    )  # fmt: skip
+    made.counts[:] *= made.on
+    return made
+
+
+def numbers(count, gain, linear=False, seed=5):
+    """Return the numbers of some cells."""
+    rng = np.random.default_rng(seed)
+    course = rng.normal(12.0 if linear else 2.5, 0.3, (count, KNOTS))
+    return [np.r_[each, 0.4, gain * (1 + k)] for k, each in enumerate(course)]
+
+
+def poisson_log(own, cells, reading, sums):
+    """Return the log probability of all spikes given the sum of clicks, (trials,)."""
+    found = np.zeros(len(own.end_s))
+    for count, past, cell in zip(own.counts, own.past, cells, strict=True):
+        base = own.basis @ cell[:KNOTS] + cell[-2] * past
+        rate, _ = reading.rate(base + cell[-1] * reading.read(sums)[0])
+        # Counts over their factorials, which no parameter moves, are left out.
+        log = count * np.log(rate * BIN_S) - rate * BIN_S
+        found += (log * own.on).sum(axis=1)
+    return found
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(name):
+    own, reading = session(), READINGS[name]
+    values = DEFAULT | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5}
+    cells = numbers(2, 0.1, reading.linear)
+    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    right = 0.95 * ndtr((sums[:, -1] + values["bias"]) / 1.5) + 0.025
+    choice = np.log(np.where(own.choice == 1, right, 1 - right))
+    exact = poisson_log(own, cells, reading, sums[:, :-1]) + choice
+    assert np.allclose(passed(own, values, cells, reading).log_density, exact, atol=1e-4)
+
+
+@pytest.mark.parametrize("leak", [-1.0, 0.0, 3.0])
+def test_without_gain_spikes_and_choice_are_independent(leak):
+    own, reading = session(), READINGS["exponential"]
+    values, cells = DEFAULT | {"leak_per_s": leak}, numbers(2, 0.0)
+    right = p_right(own, values)
+    spikes = poisson_log(own, cells, reading, np.zeros(own.on.shape))
+    exact = spikes + np.log(np.where(own.choice == 1, right, 1 - right))
+    assert np.allclose(passed(own, values, cells, reading).log_density, exact, atol=1e-5)
+
+
+def test_one_bin_is_an_integral_over_two_gaussians():
+    own = session(bins=1)
+    own.end_s[:] = np.linspace(BIN_S, 1.9 * BIN_S, len(own.end_s))
+    reading, values, cells = READINGS["linear"], DEFAULT, numbers(2, 0.8, linear=True)
+    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    left, added = moved(values["leak_per_s"], values["noise"], BIN_S / 2)
+    n = np.linspace(-20, 20, 4001)
+    density = norm.pdf(n, scale=np.sqrt(left**2 * values["start_noise"] ** 2 + added))
+    rest = np.maximum(own.end_s - BIN_S / 2, 0)
+    left, added = moved(values["leak_per_s"], values["noise"], rest)
+    for k in range(len(own.end_s)):
+        sd = np.sqrt(added[k] + values["choice_noise"] ** 2)
+        right = 0.95 * ndtr((left[k] * n + sums[k, 1] + values["bias"]) / sd) + 0.025
+        each = density * (right if own.choice[k] else 1 - right)
+        for count, past, cell in zip(own.counts, own.past, cells, strict=True):
+            base = own.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
+            rate, _ = reading.rate(base + cell[-1] * (sums[k, 0] + n))
+            # Without the factorial, as above.
+            each *= poisson.pmf(0, rate * BIN_S) * (rate * BIN_S) ** count[k, 0]
+        exact = np.log(np.trapezoid(each, n))
+        assert passed(own, values, cells, reading).log_density[k] == pytest.approx(exact, abs=1e-5)
+
+
+def test_choices_alone_are_those_of_the_closed_form():
+    own = session(bins=12, cells=0)
+    right = p_right(own, DEFAULT)
+    exact = np.log(np.where(own.choice == 1, right, 1 - right))
+    assert np.allclose(passed(own, DEFAULT, [], READINGS["linear"]).log_density, exact, atol=1e-6)
+    own.choice[:] = -1
+    assert np.allclose(passed(own, DEFAULT, [], READINGS["linear"]).log_density, 0, atol=1e-9)
+
+
+def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
+    own, reading, cells = session(trials=3), READINGS["exponential"], numbers(2, 0.1)
+    values, rng, runs = DEFAULT | {"noise": 3.0}, np.random.default_rng(8), 40_000
+    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    exact = passed(own, values, cells, reading).log_density
+    for k in range(3):
+        n, before = values["start_noise"] * rng.standard_normal(runs), 0.0
+        log = np.zeros(runs)
+        for b, at in enumerate([*own.middles_s[: own.bins[k]], own.end_s[k]]):
+            left, added = moved(values["leak_per_s"], values["noise"], at - before)
+            n, before = left * n + np.sqrt(added) * rng.standard_normal(runs), at
+            if b == own.bins[k]:
+                break
+            for count, past, cell in zip(own.counts, own.past, cells, strict=True):
+                base = own.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
+                rate = reading.rate(base + cell[-1] * (sums[k, b] + n))[0] * BIN_S
+                log += count[k, b] * np.log(rate) - rate
+        right = ndtr((n + sums[k, -1] + values["bias"]) / values["choice_noise"])
+        right = 0.95 * right + 0.025
+        weight = np.exp(log - log.max()) * (right if own.choice[k] else 1 - right)
+        error = weight.std() / weight.mean() / np.sqrt(runs)
+        assert abs(np.log(weight.mean()) + log.max() - exact[k]) < 4 * error
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_derivatives_are_those_of_the_density(name):
+    own, reading = session(), READINGS[name]
+    cells = numbers(2, 0.1, reading.linear)
+    values = DEFAULT | {"noise": 3.0, "choice_noise": 1.0}
+    done = passed(own, values, cells, reading, [*DEFAULT])
+
+    def density(values, cells):
+        return passed(own, values, cells, reading).log_density
+
+    for parameter, step in ((each, 1e-4) for each in DEFAULT):
+        above, below = (values | {parameter: values[parameter] + x} for x in (step, -step))
+        apart = (density(above, cells) - density(below, cells)) / (2 * step)
+        assert np.allclose(done.shared[parameter], apart, atol=2e-3), parameter
+    for k in (0, KNOTS, KNOTS + 1):
+        away = np.eye(KNOTS + 2)[k] * 1e-5
+        above, below = ([cells[0] + x, cells[1]] for x in (away, -away))
+        apart = (density(values, above) - density(values, below)) / 2e-5
+        assert np.allclose(done.cells[0][:, k], apart, atol=1e-4)
+
+
+def test_a_grid_resolves_steps_that_are_small_beside_the_noise_at_the_onset():
+    own, values = session(), DEFAULT | {"noise": 1.0, "start_noise": 6.0}
+    n = noise_grid(own, values)
+    step = np.sqrt(moved(values["leak_per_s"], values["noise"], BIN_S)[1])
+    assert n[1] - n[0] < 1.3 * step or len(n) == 160

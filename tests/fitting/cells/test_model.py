@@ -1,0 +1,126 @@
+"""Fits of recorded cells and choices: readings, recovery, parts, negative controls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.fits import question
+from bgmodel.fitting.cells.model import numbers_of
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.settings import settings_of
+from circuits.errors import quiet
+from tests.helpers import refused
+from tests.trials.test_spikes import NAMED
+
+
+def clicked(trials=300, cells=3, seed=2):
+    """Return trials with clicks, whose choices and spikes are yet to be simulated."""
+    rng = np.random.default_rng(seed)
+    rows, spikes = [], []
+    for k in range(trials):
+        end, odds = rng.uniform(0.3, 1.0), rng.choice([0.2, 0.4, 0.6, 0.8])
+        times = np.sort(rng.uniform(0, end, rng.poisson(40 * end)))
+        right = rng.random(len(times)) < odds
+        row = {"trial": k, "stimulus_s": end, "left_s": [0.0, *times[~right]]}
+        more = int(right.sum() > (~right).sum())
+        rows.append(row | {"right_s": [0.0, *times[right]], "chose_right": more})
+        for cell in range(cells):
+            when = rng.uniform(-0.5, 1.0, 10)
+            spikes.append(pd.DataFrame({"cell": cell, "trial": k, "time_s": when}))
+    table = pd.DataFrame(rows)
+    return bg.read_trials(table, columns=NAMED, spikes=pd.concat(spikes, ignore_index=True))
+
+
+def likelihood_of(trials, model="exponential", **options):
+    """Return the likelihood of trials under a model."""
+    one = question(settings_of(**options), trials, [model], alone=True)
+    return one.likelihoods(model)["all"]
+
+
+def true_vector(likelihood, **values):
+    """Return the default with some values, and gains of both signs."""
+    vector = likelihood.freedom.start.copy()
+    names = likelihood.freedom.names
+    for session in likelihood.sessions:
+        for k, cell in enumerate(session.names):
+            for name in numbers_of(cell):
+                vector[names.index(name)] = 2.0 if "course" in name else 0.2
+            values[f"{cell} gain"] = (0.08, -0.08, 0.0)[k % 3]
+    for name, value in values.items():
+        vector[names.index(name)] = value
+    return vector
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """Return true numbers, and the likelihood and the trials simulated with them."""
+    likelihood = likelihood_of(clicked())
+    vector = true_vector(likelihood, noise=4.0, lapse=0.05)
+    trials = likelihood.simulated(vector, np.random.default_rng(4))
+    return vector, likelihood_of(trials), trials
+
+
+def test_a_circuit_needs_a_nucleus():
+    with refused("models"):
+        likelihood_of(clicked(30), bg.load_circuit("macaque", 2))
+
+
+def test_a_part_has_the_densities_of_its_trials(simulated):
+    vector, likelihood, _ = simulated
+    some = np.arange(0, 300, 7)
+    part = likelihood.part(some)
+    assert np.allclose(part.each(vector), likelihood.each(vector)[some])
+    assert np.allclose(part.part(np.arange(5)).each(vector), likelihood.each(vector)[some[:5]])
+    assert np.allclose(part.choices(vector), likelihood.choices(vector)[some])
+
+
+def test_scores_are_derivatives_of_each_trial(simulated):
+    vector, likelihood, _ = simulated
+    found = likelihood.scores(vector)
+    for k in (0, 2, 4, 5, len(vector) - 1):
+        away = 1e-4 * np.eye(len(vector))[k]
+        apart = (likelihood.each(vector + away) - likelihood.each(vector - away)) / 2e-4
+        assert np.allclose(found[:, k], apart, atol=5e-3)
+
+
+def test_simulated_numbers_are_recovered(simulated):
+    vector, likelihood, _ = simulated
+    with quiet():
+        found = optimum(likelihood)
+    assert found.log_likelihood > likelihood(vector)
+    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(found.vector)[0])))
+    names = likelihood.freedom.names
+    some = [k for k, name in enumerate(names) if "gain" in name or name in ("noise", "bias")]
+    assert (np.abs(found.vector - vector)[some] < 3.5 * error[some]).all()
+
+
+def test_spikes_of_other_trials_have_no_gain_by_clicks(simulated):
+    # Without noise of the sum, which would take up what cells share whatever the clicks.
+    _, _, trials = simulated
+    order = np.random.default_rng(3).permutation(trials.trials)
+    shuffled = replace(trials, spikes=replace(trials.spikes, trial=order[trials.spikes.trial]))
+    fixed = {"noise": 0.02, "start_noise": 0.02, "leak_per_s": 1.0}
+    likelihood = likelihood_of(shuffled, fix=fixed, free=["+choice_noise"])
+    found = optimum(likelihood)
+    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(found.vector)[0])))
+    gains = [k for k, name in enumerate(likelihood.freedom.names) if "gain" in name]
+    assert (np.abs(found.vector)[gains] < 3 * error[gains]).all()
+
+
+def test_the_front_door_returns_a_fit(simulated):
+    _, _, trials = simulated
+    with quiet():
+        found = bg.fit(trials, "linear")
+    assert {"noise", "lapse", "0 gain", "2 past"} <= set(found.parameters()["parameter"])
+    assert np.isfinite(found.log_likelihood)
+    assert found.cells().shape[0] == 1
+
+
+def test_settings_without_effect_are_refused(simulated):
+    _, _, trials = simulated
+    for option in ({"runs": 4}, {"noise_nats": 3.0}, {"seed": 3}):
+        with refused(next(iter(option))):
+            bg.fit(trials, "linear", **option)

@@ -1,0 +1,162 @@
+"""Spikes of recorded cells: tables, sessions, NWB files, and what is refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.record import joined
+from bgmodel.trials.spikes import joined_spikes, read_nwb, spikes_of, without_silent
+from circuits.errors import DataWarning, InputError
+from tests.helpers import refused
+
+NAMED = Columns(rt="stimulus_s", response="chose_right", upper="right")
+
+
+def tables(trials=60, seed=1):
+    """Return trials and spikes of two sessions with two cells and one."""
+    rng = np.random.default_rng(seed)
+    rows, spikes = [], []
+    for k in range(trials):
+        session, name = ("a", k) if k < trials // 2 else ("b", k - trials // 2)
+        end = rng.uniform(0.3, 1.0)
+        left, right = (np.sort(rng.uniform(0, end, rng.integers(3, 12))) for _ in range(2))
+        row = {"session": session, "trial": name, "stimulus_s": end, "left_s": [0.0, *left]}
+        chose = int(len(right) + rng.normal() > len(left))
+        rows.append(row | {"right_s": [0.0, *right], "chose_right": chose})
+        for cell in ("1", "2") if session == "a" else ("1",):
+            times = np.sort(rng.uniform(-0.5, 1.5, 12))
+            own = {"session": session, "cell": cell, "trial": name, "time_s": times}
+            spikes.append(pd.DataFrame(own))
+    return pd.DataFrame(rows), pd.concat(spikes, ignore_index=True)
+
+
+@pytest.fixture
+def read():
+    """Trials with spikes."""
+    table, spikes = tables()
+    return read_trials(table, columns=NAMED, spikes=spikes)
+
+
+def test_spikes_clicks_and_choices_are_read_together(read):
+    table, spikes = tables()
+    assert read.kind == "spikes and choices"
+    assert read.spikes.names == ("a.1", "a.2", "b.1")
+    assert len(read.spikes.time_s) == len(spikes)
+    assert read.spikes.recorded.sum(axis=0).tolist() == [30, 30, 30]
+    first = table.iloc[0]
+    assert read.readings.lengths[0] == len({*first["left_s"], *first["right_s"]})
+    assert read.readings.names == ("left", "right")
+    assert (read.response == table["chose_right"]).all()
+
+
+def test_a_subset_keeps_the_spikes_and_cells_of_its_trials(read):
+    some = read.where(np.arange(60) >= 30)
+    assert some.spikes.names == ("b.1",)
+    assert len(some.spikes.time_s) == 30 * 12
+    assert some.spikes.recorded.all()
+    assert some.checksum != read.checksum
+    both = joined([read.where(np.arange(60) < 30), some])
+    assert both.spikes.names == read.spikes.names
+    assert np.array_equal(both.spikes.recorded, read.spikes.recorded)
+    assert np.array_equal(both.spikes.time_s, read.spikes.time_s)
+    again = joined_spikes([read.spikes.where(np.arange(60) < 30), some.spikes])
+    assert np.array_equal(again.trial, read.spikes.trial)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 30_000.0, -1000.0])
+def test_times_in_ms_or_samples_are_refused(factor):
+    """Also if no spike comes before the onset of its trial."""
+    table, spikes = tables()
+    for some in (spikes, spikes[spikes["time_s"] > 0]):
+        with refused("time_s"):
+            read_trials(table, columns=NAMED, spikes=some.assign(time_s=some["time_s"] * factor))
+
+
+def test_spikes_need_clicks_and_names_of_their_own_trials():
+    table, spikes = tables()
+    with refused("evidence"):
+        read_trials(table.drop(columns=["left_s"]), columns=NAMED, spikes=spikes)
+    with refused("trial"):
+        read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["session"]))
+    with pytest.raises(InputError):
+        read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["cell"]))
+    with refused("trial"):
+        read_trials(pd.concat([table, table.iloc[:1]]), columns=NAMED, spikes=spikes)
+
+
+def test_spikes_of_unknown_trials_and_silent_cells_are_left_out_with_a_warning():
+    table, spikes = tables()
+    with pytest.warns(DataWarning):
+        read = read_trials(table.iloc[:40], columns=NAMED, spikes=spikes)
+    assert read.spikes.trial.max() == 39
+    with pytest.warns(DataWarning):
+        left = without_silent(read.spikes, 200)
+    assert left.names == ("a.1", "a.2")
+    assert left.recorded.shape == (40, 2)
+    with pytest.warns(DataWarning), refused("spikes"):
+        without_silent(read.spikes, 10_000)
+
+
+def test_reversed_choices_are_refused():
+    table, spikes = tables(trials=200)
+    with refused("response"):
+        read_trials(
+            table.assign(chose_right=1 - table["chose_right"]), columns=NAMED, spikes=spikes
+        )
+
+
+def test_a_trial_without_a_choice_is_kept():
+    table, spikes = tables()
+    table = table.assign(chose_right=table["chose_right"].astype(float))
+    table.loc[3, ["chose_right", "stimulus_s"]] = np.nan
+    read = read_trials(table, columns=NAMED, spikes=spikes)
+    assert read.response[3] == -1
+
+
+def nwb(path, *, overlap=False, late=False, trials=True):
+    """Write a file with two trials and one unit."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        if trials:
+            rows = file.create_group("intervals/trials")
+            rows["id"] = [0, 1]
+            rows["start_time"], rows["stop_time"] = [10.0, 12.0], [12.5 if overlap else 10.6, 12.9]
+            rows["chose_right"] = [0.0, 1.0]
+            rows["left_s"], rows["left_s_index"] = [0.0, 0.1, 0.2, 0.0], [3, 4]
+            rows["right_s"], rows["right_s_index"] = [0.0, 0.0, 0.3, 0.5], [1, 4]
+        units = file.create_group("units")
+        units["id"] = [7]
+        units["spike_times"] = [9.7, 10.2, 11.2, 12.4, 40.0 if late else 20.0]
+        units["spike_times_index"] = [5]
+        units["obs_intervals"], units["obs_intervals_index"] = [[0.0, 30.0]], [1]
+    return path
+
+
+def test_a_file_of_nwb_holds_trials_and_spikes(tmp_path):
+    read = read_trials(nwb(tmp_path / "one.nwb"), columns=NAMED)
+    assert read.spikes.names == ("7",)
+    assert np.allclose(read.spikes.time_s, [-0.3, 0.2, 0.4])
+    assert read.spikes.trial.tolist() == [0, 0, 1]
+    assert np.allclose(read.rt_s, [0.6, 0.9])
+    assert read.readings.lengths.tolist() == [3, 3]
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"overlap": True}, "start_time"),
+        ({"late": True}, "spike_times"),
+        ({"trials": False}, "source"),
+    ],
+)
+def test_a_wrong_file_of_nwb_is_refused(tmp_path, change, field):
+    with refused(field):
+        read_nwb(nwb(tmp_path / "one.nwb", **change))
+
+
+def test_spikes_are_matched_by_the_names_of_trials():
+    spikes = pd.DataFrame({"cell": [1, 1], "trial": [1.0, 0.0], "time_s": [0.1, 0.2]})
+    found = spikes_of(spikes, ["0", "1"], np.array([0.5, 0.5]))
+    assert found.trial.tolist() == [1, 0]
+    assert found.names == ("1",)
