@@ -136,6 +136,7 @@ FIELDS = {
     "name": ["circuit", "nucleus"],
     "lines": ["edits"],
     "source": ["pathway"],
+    "withheld": ["deadline_s"],  # until which it is
     "target": ["pathway"],
     "field": ["edits"],
     "value": ["baseline_hz", "edits"],

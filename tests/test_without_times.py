@@ -267,7 +267,7 @@ def test_choices_at_the_end_of_known_evidence_are_a_logistic_regression_on_its_s
 
 def test_without_noise_choices_at_the_end_are_the_sign_of_a_gaussian():
     """``Phi(v sqrt(T))`` of all trials, with v the drift and T the end that is set."""
-    data, evidence, _, side = readings(20_000, steps=5)
+    data, evidence, _, side = readings(3000, steps=5)
     trials = bg.read_trials(data, evidence=evidence, forced=True, columns=UPPER)
     each = known_likelihood(
         EXACT["leaky_sum"], known_trials(trials), free=["noise"],
@@ -277,7 +277,7 @@ def test_without_noise_choices_at_the_end_are_the_sign_of_a_gaussian():
     assert np.allclose(p.sum(axis=1), 1)
     right = p[np.arange(len(side)), (side > 0).astype(int)].mean()
     expected = 0.999 * norm.cdf(0.4 * np.sqrt(0.5)) + 0.0005
-    assert abs(right - expected) < 4 * np.sqrt(expected * (1 - expected) / 20_000)
+    assert abs(right - expected) < 4 * np.sqrt(expected * (1 - expected) / 3000)
 
 
 def test_noise_of_choices_at_the_end_is_recovered_checked_and_simulated():
