@@ -1,8 +1,6 @@
 """The commands `circuit show` and `circuit run`."""
 
 import importlib.util
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
@@ -13,7 +11,7 @@ from bgmodel.integrators import steady
 from bgmodel.support.files import read_provenance
 from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
-from tests.helpers import long_table, run, some_evidence
+from tests.helpers import long_table, run, some_evidence, words
 
 
 def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
@@ -91,16 +89,7 @@ def test_only_nwb_needs_its_library(refusal, tmp_path, monkeypatch):
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *_: find_spec(name) if name != "pynwb" else None
     )
-    options = [
-        "--save",
-        tmp_path / "d.csv",
-        "--engine",
-        "algebra",
-        "--task",
-        "trials=2",
-        "--task",
-        "t_max=2",
-    ]
+    options = ["--save", tmp_path / "d.csv", *words("--engine algebra --task trials=2 t_max=2")]
     assert run("circuit", "run", *options, "--save-rates", tmp_path / "r.csv") == 0
     options[1] = tmp_path / "e.csv"
     assert "NWB needs pynwb" in refusal(
@@ -129,22 +118,11 @@ def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp
 
 def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
     table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
-    options = [
-        "--task",
-        "trials=3",
-        "--task",
-        "t_max=2",
-        "--edits",
-        "neurons 30",
-        "--engine",
-        "ensemble",
-    ]
+    options = [*words("--task trials=3 t_max=2 --edits"), "neurons 30", "--engine", "ensemble"]
     options += ["--spike-trials", 2]
     assert (
         run(
-            "circuit",
-            "run",
-            "--save",
+            *["circuit", "run", "--save"],
             table,
             *options,
             "--save-spikes",
@@ -198,60 +176,9 @@ def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, eng
     assert (pd.read_csv(out)["seed"] == 5).all() == noisy
 
 
-@pytest.mark.parametrize("option", ["rates", "spikes"])
-def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
-    there = tmp_path / "there.csv"
-    there.write_text("mine\n")
-    options = (
-        "--engine",
-        "ensemble",
-        "--edits",
-        "neurons 20",
-        "--task",
-        "trials=2",
-        "--task",
-        "t_max=2",
-    )
-    assert (
-        run("circuit", "run", "--save", tmp_path / "out.csv", f"--save-{option}", there, *options)
-        == 2
-    )
-    assert "there.csv" in capsys.readouterr().err
-    assert there.read_text() == "mine\n"
-    assert not (tmp_path / "out.csv").exists()
-
-
-def test_an_exported_trial_has_the_spikes_of_that_trial_in_a_run(tmp_path):
-    """The run is of another engine, which takes all trials."""
-    script, spikes = tmp_path / "trial.py", tmp_path / "spikes.csv"
-    options = ["--circuit", "spiking_msprt", "--edits", "neurons 8", "lesion STN 25%", "--seed", 4]
-    options += ["--task", "t_max=1", "step_ms=10"]
-    assert run("circuit", "export", "--save", script, "--trial", 2, *options) == 0
-    command = [sys.executable, script.name, "own.csv"]
-    subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
-    options += ["--engine", "ensemble", "--task", "trials=3", "--save-spikes", spikes]
-    assert run("circuit", "run", "--save", tmp_path / "d.csv", *options) == 0
-    columns = ["population", "channel", "neuron", "time_ms"]
-    both = pd.read_csv(tmp_path / "own.csv"), pd.read_csv(spikes, comment="#").query("trial == 2")
-    exported, ours = (table[columns].sort_values(columns, ignore_index=True) for table in both)
-    assert len(exported) > 20
-    pd.testing.assert_frame_equal(exported, ours)
-
-
 def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
     edits = ["neurons 8", "lesion STN 25%"]
-    options = [
-        "--seed",
-        4,
-        "--task",
-        "trials=3",
-        "--task",
-        "t_max=2",
-        "--gain",
-        0.4,
-        "--edits",
-        *edits,
-    ]
+    options = [*words("--seed 4 --task trials=3 t_max=2 --gain 0.4 --edits"), *edits]
     for trial in (0, 2):
         path = tmp_path / f"{trial}.py"
         assert run("circuit", "export", "--save", path, "--trial", trial, *options) == 0
@@ -264,31 +191,10 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
         assert path.read_text() == text
 
 
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [("trial", 100), ("posterior", 0.9), ("threshold", 0.1), ("engine", "rate")],
-)
-def test_an_option_without_effect_on_an_export_is_refused_by_its_name(
-    option, value, tmp_path, refusal
-):
-    options = [f"--{option}", value, "--task", "trials=100"]
-    assert option in refusal("circuit", "export", "--save", tmp_path / "trial.py", *options)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
     pynwb = pytest.importorskip("pynwb")
     table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
-    options = [
-        "--task",
-        "trials=4",
-        "--task",
-        "t_max=2",
-        "--engine",
-        "plain",
-        "--circuit",
-        "spiking_msprt",
-    ]
+    options = words("--task trials=4 t_max=2 --engine plain --circuit spiking_msprt")
     options += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
     chosen = ["--save-nwb", recording, "--nwb-trials", 3, 1]
     assert run("circuit", "run", "--save", table, *options, *chosen) == 0

@@ -9,28 +9,10 @@ import pandas as pd
 from bgmodel.names import MACAQUE
 from bgmodel.support.files import provenance_path
 from circuits.anatomy import DEFAULT
-from tests.helpers import run
+from tests.helpers import run, words
 
-FIXED_POINT = (
-    "--engine",
-    "algebra",
-    "--task",
-    "d_prime=1",
-    "--task",
-    "t_max=20",
-    "--accuracies",
-    0.9,
-)
-SMALL = (
-    "--task",
-    "trials=100",
-    "--task",
-    "d_prime=1",
-    "--task",
-    "t_max=20",
-    "--edits",
-    "neurons 100",
-)
+FIXED_POINT = words("--engine algebra --task d_prime=1 t_max=20 --accuracies 0.9")
+SMALL = (*words("--task trials=100 d_prime=1 t_max=20 --edits"), "neurons 100")
 
 
 def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
@@ -113,16 +95,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
 
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refusal, capsys):
     """Half of ctx->STN: OUT rests below every threshold."""
-    task = (
-        "--task",
-        "channels=3",
-        "--task",
-        "d_prime=0.8",
-        "--task",
-        "trials=100",
-        "--task",
-        "t_max=10",
-    )
+    task = words("--task channels=3 d_prime=0.8 trials=100 t_max=10")
     halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
     compared = ("compare", "--save", tmp_path / "a.csv", *task, *halved)
     assert "decide without evidence" in refusal(*compared)
@@ -130,44 +103,10 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
         "learn",
         "--save",
         tmp_path / "a.csv",
-        "--what",
-        "dopamine",
-        "--circuit",
-        "spiking_msprt",
+        *words("--what dopamine --circuit spiking_msprt"),
     )
     assert "no level of dopamine" in refusal(*learned, "--edits", "scale ctx->STN 0.5")
     assert not list(tmp_path.iterdir())
-
-
-def test_accuracies_lie_above_chance(tmp_path, refusal):
-    small = (
-        "--task",
-        "trials=100",
-        "--task",
-        "t_max=4",
-        "--engine",
-        "algebra",
-        "--accuracies",
-        0.505,
-    )
-    assert "accuracies must lie above chance, 0.5" in refusal("compare", *small)
-
-
-def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
-    options = (
-        "--task",
-        "same-different",
-        "--task",
-        "trials=100",
-        "--task",
-        "t_max=10",
-        "--engine",
-        "algebra",
-    )
-    assert run("compare", "--save", tmp_path / "a.csv", *options) == 0
-    told = capsys.readouterr()
-    assert "race" not in told.out
-    assert "race and LCA are left out: the zero of this evidence is arbitrary" in told.err
 
 
 def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bgmodel.support.files import read_provenance, read_table
-from tests.helpers import long_table, run, some_evidence, unwarned
+from tests.helpers import long_table, run, some_evidence, unwarned, words
 
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
@@ -17,14 +17,7 @@ def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys
             "decide",
             "--save",
             out,
-            "--task",
-            "period_mm=2",
-            "--boundary-separation",
-            4,
-            "--task",
-            "trials=400",
-            "--seed",
-            3,
+            *words("--task period_mm=2 --boundary-separation 4 --task trials=400 --seed 3"),
         )
         == 0
     )
@@ -35,17 +28,7 @@ def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys
     assert read_provenance(out)["seed"] == 3
     assert "400 trials, accuracy 0.9" in capsys.readouterr().out
     first = out.read_bytes()
-    again = (
-        "--task",
-        "period_mm=2",
-        "--boundary-separation",
-        4,
-        "--task",
-        "trials=4e2",
-        "--seed",
-        3,
-        "--force",
-    )
+    again = words("--task period_mm=2 --boundary-separation 4 --task trials=4e2 --seed 3 --force")
     assert run("decide", "--save", out, *again) == 0
     assert out.read_bytes() == first
 
@@ -128,16 +111,7 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
 
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    options = (
-        "--task",
-        "trials=40",
-        "--task",
-        "t_max=2",
-        "--boundary-separation",
-        16,
-        "--task",
-        "period_mm=1.5",
-    )
+    options = words("--task trials=40 t_max=2 --boundary-separation 16 --task period_mm=1.5")
     with pytest.warns(UserWarning, match="of 40 trials never meet the threshold") as warned:
         assert run("decide", "--save", out, *options) == 0
     forced = int(read_table(out)["forced"].sum())
@@ -155,13 +129,7 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
             "decide",
             "--save",
             out,
-            "--task",
-            "trials=40",
-            "--task",
-            "t_max=2",
-            "--boundary-separation",
-            16,
-            "--json",
+            *words("--task trials=40 t_max=2 --boundary-separation 16 --json"),
         )
         == 0
     )
@@ -178,10 +146,3 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     told = capsys.readouterr()
     assert json.loads(told.out)["accuracy"] is None
     assert "read 2 trials" in told.err
-
-
-def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
-    out = tmp_path / "n.parquet"
-    arguments = ["--task", "orientation", "channels=3", "--posterior", 0.9]
-    assert run("decide", "--save", out, *arguments, "--task", "period_mm=3", "trials=200") == 0
-    assert read_table(out)["response"].nunique() == 3

@@ -55,11 +55,8 @@ def test_rates_from_elsewhere_are_marked(tmp_path, capsys):
 def test_contradictions_are_refused_in_one_sentence(tmp_path, refusal):
     pd.DataFrame({"task": ["rest"], "rate": [1]}).to_csv(tmp_path / "rates.csv", index=False)
     for arguments in (
-        ("exam", "nobody"),
         ("exam", "macaque", "--rates", tmp_path / "rates.csv"),
         ("exam", "--rates", tmp_path / "rates.csv"),
-        ("exam", "macaque", "--save", "exam.txt"),
-        ("exam", "macaque", "--domains", "astrology"),
         ("exam", "--numbers", tmp_path / "none.toml"),
     ):
         assert len(refusal(*arguments).splitlines()) == 1

@@ -19,7 +19,7 @@ from bgmodel.fitting.pieces import Piece
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
 from tests.drawn import drawn
-from tests.helpers import run
+from tests.helpers import run, words
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
 from tests.trials.test_readings import tables
@@ -82,25 +82,6 @@ def fails(capsys, *arguments):
 
 def changed(**columns):
     return GOOD.assign(**columns)
-
-
-BAD_TABLES = {
-    "milliseconds": (changed(rt=1000 * GOOD["rt"]), "rt must be in seconds, got a median of"),
-    "a negative time": (changed(rt=-GOOD["rt"]), "rt must be above 0 s, got '-"),
-    "a missing time": (changed(rt=GOOD["rt"].where(GOOD.index != 3)), "rt must be given where"),
-    "one response": (changed(response=1), "both responses must occur, got 1 only in the 80 trials"),
-    "few trials": (GOOD.iloc[:12], "each participant needs at least 10 trials"),
-    "another code": (changed(response=GOOD["response"] + 1), "response must be 1 or 0, got '2'"),
-    "one strength": (changed(coherence=0.4), "coherence must differ between trials"),
-    "no rt": (GOOD.rename(columns={"rt": "RT"}), "column 'RT' is not 'rt'"),
-}
-
-
-@pytest.mark.parametrize("name", BAD_TABLES)
-def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
-    table, says = BAD_TABLES[name]
-    table.to_csv(mine, index=False)
-    assert fails(capsys, "mine.csv", *COHERENCE, *GAP).startswith(f"mine.csv: {says}")
 
 
 @pytest.mark.parametrize(
@@ -182,16 +163,7 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
     some = GOOD[GOOD["coherence"].abs() == 0.4]
     some.to_csv("one.csv", index=False)
     free = ["--free", "sensitivity", "threshold_nats", "dopamine", "t0_s"]
-    asked = [
-        "one.csv",
-        *COHERENCE,
-        "--people",
-        "pooled",
-        "--models",
-        "macaque",
-        "--mechanism",
-        "dopamine",
-    ]
+    asked = ["one.csv", *COHERENCE, *words("--people pooled --models macaque --mechanism dopamine")]
     small = ["--simulation", "engine=rate", "trials=200", "--fix", "t0_sd_s=0.1"]
     assert run("fit", *asked, *free, *small) == 0
     assert "hardly distinguish threshold_nats from dopamine" in capsys.readouterr().err
@@ -301,16 +273,6 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
     assert kept(mine="c").gather([piece("b", "mine")]).to_numpy().tolist() == [["b", "mine"]]
 
 
-def test_a_table_says_all_that_was_asked_for(capsys):
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--fix", "lapse=0.02") == 0
-    behind = read_provenance("fits/mine/parameters.csv")["parameters"]
-    assert behind["strength"] == "coherence"
-    assert behind["fix"] == ["lapse=0.02"]
-    assert behind["mechanism"] == "threshold"
-    assert behind["simulated_trials"] == 16_000
-    assert len(behind["trials"]) == 64
-
-
 @pytest.mark.parametrize("drop", [False, True])
 def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
     """Taken for signed, they make every response to the left an error."""
@@ -337,15 +299,7 @@ def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
 
 
 def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
-    small = [
-        "--simulation",
-        "engine=rate",
-        "--simulation",
-        "trials=16",
-        "--json",
-        "--people",
-        "pooled",
-    ]
+    small = words("--simulation engine=rate --simulation trials=16 --json --people pooled")
     models = ["--models", "constant_gap", "macaque"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
                "--vary", "threshold=drug", "--fix", "lapse=0.02") == 0  # fmt: skip
@@ -403,26 +357,15 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
     with pytest.warns(UserWarning, match="are excluded from the fit"):
         assert (
             run(
-                "fit",
-                "mine.csv",
-                "out",
+                *["fit", "mine.csv", "out"],
                 *one[1:],
-                "--people",
-                "pooled",
-                "--columns",
-                "rt_window=0.4,2",
+                *words("--people pooled --columns rt_window=0.4,2"),
             )
             == 0
         )
     parameters = pd.read_csv("out/parameters.csv")
     assert (parameters.loc[~parameters["held"], "left_out"] == outside.sum()).all()
     assert read_provenance("out/parameters.csv")["parameters"]["rt_window"] == ["0.4", "2"]
-
-
-def test_all_times_are_fitted_if_asked_for(capsys):
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--columns", "rt_window=0,inf") == 0
-    behind = read_provenance("fits/mine/parameters.csv")["parameters"]
-    assert behind["rt_window"] == ["0", "inf"]
 
 
 def test_an_optimum_at_a_bound_is_said_and_again_where_the_fit_is_there_already(mine, capsys):
@@ -494,15 +437,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
 
 
 def test_models_are_compared_by_cross_validation(mine, capsys):
-    asked = [
-        *COHERENCE,
-        "--people",
-        "pooled",
-        "--models",
-        "constant_gap",
-        "falling_gap",
-        "--compare",
-    ]
+    asked = [*COHERENCE, *words("--people pooled --models constant_gap falling_gap --compare")]
     quick = ["--fix", "t0_sd_s=0.05", "lapse=0.01", "fall_per_s=0.5"]
     assert run("fit", "mine.csv", "out", *asked, *quick) == 0
     assert "cross-validation" in capsys.readouterr().out
@@ -555,23 +490,6 @@ def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known
     assert run("fit", *asked) == 0
     assert "already done" in capsys.readouterr().out
     assert run("fit", *KNOWN) == 2  # the last reading forces nothing here
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [*KNOWN, "--strength", "x"],
-        [*KNOWN, "step_ms=50"],
-        [*KNOWN, "--formula", "threshold ~ block"],
-        [*KNOWN[:-1], "nothing.csv"],
-        [*KNOWN[:-1], "step_ms=50"],
-        [KNOWN[0], "--models", "ddm", *KNOWN[-2:]],
-    ],
-)
-def test_mistakes_in_known_evidence_end_with_one_sentence_and_no_file(known, capsys, arguments):
-    assert run("fit", *arguments) == 2
-    assert capsys.readouterr().err.splitlines()[-1].startswith("bgmodel: ")
-    assert not Path("fits").exists()
 
 
 def test_learners_are_fitted_to_rewarded_choices(whole, capsys):

@@ -17,10 +17,7 @@ COURSE = ["run", "episode", "mean", "played", "reward", "dopamine"]
     [
         (("--task", "period_mm=2"), None),
         (("--what", "dopamine", *FEW), "macaque"),
-        (
-            ("--circuit", "macaque", "--task", "gaussian", "d_prime=1", *FEW[:3]),
-            "macaque",
-        ),
+        (("--circuit", "macaque", "--task", "gaussian", "d_prime=1", *FEW[:3]), "macaque"),
     ],
     ids=["test", "dopamine", "circuit"],
 )
@@ -54,54 +51,6 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
     about = read_provenance(out)["parameters"]
     assert len(about["summary"]["learned"]) == 2
     assert "levels" not in about["command"]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (("--what", "weights", "--rule", "hebb"), "rule must be one of confidence"),
-        (("--what", "weights", "--posterior", 0.5), "posterior must be above 0.5, chance"),
-        (("--task", "channels=3"), "channels"),
-        (("--task", "orientation", "channels=3"), "channels must have 2 alternatives"),
-        (("--task", "fold=7"), "fold must be 0..5"),
-        (("--plot", "weights.txt"), "plot must end in"),
-        (("--what", "weights", "--feedback", "given=0"), "learning needs feedback"),
-        (("--what", "weights", "--feedback", "wrong=-1"), "takes rewards as 0 or 1"),
-        (("--what", "dopamine", "--levels", 1), "levels must be >= 2"),
-        (("--what", "dopamine", "--levels", 0), "levels must be >= 2"),
-        (("--what", "dopamine", "--engine", "algebra"), "engine must be one with times"),
-        (
-            ("--what", "dopamine", "--task", "trials=40", "--start", 3),
-            "start must lie where macaque decides by evidence, 0.581",
-        ),
-        (
-            (
-                "--what",
-                "dopamine",
-                "--task",
-                "trials=40",
-                "--start",
-                3,
-                "--circuit",
-                "spiking_msprt",
-            ),
-            "start must lie where spiking_msprt decides by evidence, 0.772",
-        ),
-        (("--what", "dopamine", "--levels", 10**7), "of memory"),
-        (("--edits", "lesion STN"), "--edits has no effect with the test"),
-        (("--gain", 0.3), "--gain has no effect with the test"),
-        (("--posterior", 0.9), "posterior must be left out"),
-        (("--rule", "chosen"), "--rule has no effect"),
-        (("--levels", 4), "levels has no effect"),
-        (("--what", "weights", "--xi", 20), "--xi has no effect with --what weights"),
-        (("--what", "weights", "--start", 1), "start must be left out"),
-    ],
-)
-def test_options_that_cannot_be_met_are_refused(tmp_path, capsys, wrong, said):
-    out = tmp_path / "out.csv"
-    assert run("learn", "--save", out, *wrong) == 2
-    assert said in capsys.readouterr().err
-    assert not out.exists()
 
 
 def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):

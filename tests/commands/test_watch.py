@@ -62,8 +62,7 @@ def test_one_image_is_read_as_a_folder_of_them_is(sensor):
 
 
 @pytest.mark.parametrize(
-    ("who", "ending"),
-    [(("--by", "test"), ".onnx"), (("--engine", "population"), ".safetensors")],
+    ("who", "ending"), [(("--by", "test"), ".onnx"), (("--engine", "population"), ".safetensors")]
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, capsys, monkeypatch):
