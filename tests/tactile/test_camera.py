@@ -28,16 +28,6 @@ def test_markers_are_drawn_where_they_are(shape):
     assert error < (0.05 if shape[0] == 480 else 0.3)
 
 
-def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
-    """Each of the four rims, its corners and its outermost pixels."""
-    side, margin = 24, 12
-    places = np.array([[0.2, 5.0], [22.7, 11.0], [6.0, -0.4], [15.0, 23.3], [-1.0, 24.0]])
-    small = _discs(places, 3.0, (side, side))
-    large = _discs(places + margin, 3.0, (side + 2 * margin,) * 2)
-    np.testing.assert_allclose(small, large[margin:-margin, margin:-margin])
-    assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
-
-
 @pytest.mark.parametrize(("radius", "blur"), [(1.2, 0.5), (3.0, 0.6), (6.0, 1.2)])
 def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
     """Compared with the formula in every pixel; pixels outside the drawn patch are dark."""

@@ -47,8 +47,7 @@ def test_a_direction_is_read_as_seen_from_the_first_one():
 
 
 @pytest.mark.parametrize(
-    ("task", "sd_deg"),
-    [(EdgeTurn(2, 5.0), SD_DEG * np.sqrt(2)), (EdgeDirection(2, 5.0), SD_DEG)],
+    ("task", "sd_deg"), [(EdgeTurn(2, 5.0), SD_DEG * np.sqrt(2)), (EdgeDirection(2, 5.0), SD_DEG)]
 )
 def test_one_reading_is_right_as_often_as_gaussian_errors_let_it(task, sd_deg):
     """Phi(D / 2 sd), where a pair of taps errs by sqrt(2) as much as one."""

@@ -163,10 +163,7 @@ def test_stated_posteriors_are_observed(kind):
         (lambda: Density(shrink=2), "shrink"),
         (lambda: Orientation(9), "channels"),
         (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
-        (
-            lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)),
-            "readings",
-        ),
+        (lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)), "readings"),
         (
             lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(181.0),
             "reading_deg covers -180..180 degrees",
