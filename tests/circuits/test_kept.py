@@ -35,17 +35,6 @@ def test_arrays_are_made_once_for_a_key_and_a_version(folder):
     assert len(list(folder.rglob("*.npz"))) == 3
 
 
-@pytest.mark.parametrize("content", [b"", b"no file of arrays", b"PK\x03\x04 cut short"])
-def test_a_file_that_cannot_be_read_is_made_anew(folder, content):
-    calls, make = counted()
-    kept("a", "k", make)
-    (path,) = folder.rglob("*.npz")
-    path.write_bytes(content)
-    np.testing.assert_array_equal(kept("a", "k", make)["x"], [0, 1, 2])
-    kept("a", "k", make)
-    assert len(calls) == 2
-
-
 def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
     def full(*_, **__):
         raise OSError("no space left on device")

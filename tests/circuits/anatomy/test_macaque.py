@@ -42,10 +42,7 @@ def stepped(table, lead, size):
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
-@given(
-    st.lists(st.floats(-2, 3), min_size=8, max_size=8),
-    st.floats(-1, 3, allow_subnormal=False),
-)
+@given(st.lists(st.floats(-2, 3), min_size=8, max_size=8), st.floats(-1, 3, allow_subnormal=False))
 def test_out_is_minus_ln_p_of_the_leader_for_any_competitors_and_any_common_input(
     channels, drive, common
 ):

@@ -168,10 +168,7 @@ def test_numbers_without_sense_are_refused(fields, says):
         ("dopamine to_ms=3", "a course of dopamine needs amount"),
         ("STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms, to_ms"),
         ("STN amount=much", "amount must be a number, got 'much'"),
-        (
-            "dopamine amount=1.1",
-            "of dopamine must be within 0..2, with this row it is 2.1",
-        ),
+        ("dopamine amount=1.1", "of dopamine must be within 0..2, with this row it is 2.1"),
         ("dopamine amount=-1.1 from_ms=40 rise_ms=9", "0..2, with this row it is -0.1"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.cli import main, parsed
+from bgmodel.cli import parsed
 from bgmodel.integrators.criterion import rest_out
 from bgmodel.support import toml_files
 from circuits.anatomy import load_circuit
@@ -176,12 +176,6 @@ def test_a_line_that_is_no_edit_is_named_with_an_example_or_the_verbs(line):
         TABLE.edited(line)
 
 
-@pytest.mark.parametrize("line", [3, None, ["lesion STN"]])
-def test_an_edit_is_text(line):
-    with refused("edits an edit must be a text"):
-        Edits([line])
-
-
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if VERBS[verb].takes == FRACTION])
 def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
     line, table = VERBS[verb].example.rpartition(" ")[0], TABLE.set("STN->SNr.synapse", "NMDA")
@@ -338,11 +332,3 @@ def test_what_a_cut_and_a_scale_do_is_said_of_them_and_of_no_other_edit():
         assert other in note
     assert Edits([*cut, *scale]).notes() == [*scale.notes(), *cut.notes()]
     assert Edits(["lesion STN 50%"]).notes() == Edits().notes() == []
-
-
-@pytest.mark.parametrize("line", ["scale GPe->STN 0.5", "cut GPe->STN"])
-def test_commands_say_what_a_cut_or_a_scale_does(line, capsys):
-    assert main(["circuit", "show", "macaque", "--edits", line]) == 0
-    assert "tone" in capsys.readouterr().err
-    assert main(["circuit", "show", "macaque", "--edits", "lesion STN 10%"]) == 0
-    assert "tone" not in capsys.readouterr().err

@@ -39,9 +39,7 @@ def cases(draw):
     """Draw a member of the appendix-B family, and evidence for it."""
     channels = draw(st.integers(2, 20))
     member = anatomy.appendix_b(
-        channels,
-        w_gpe_stn=draw(st.floats(0.05, 1)),
-        w_d2_gpe=draw(st.floats(0, 2)),
+        channels, w_gpe_stn=draw(st.floats(0.05, 1)), w_d2_gpe=draw(st.floats(0, 2))
     )
     finite = st.floats(-12, 12, allow_nan=False)
     drive = draw(arrays(np.float64, (3, channels), elements=finite))

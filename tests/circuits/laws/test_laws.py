@@ -102,9 +102,7 @@ def test_a_pathway_that_bends_fluctuates_as_its_tangent(make, drive):
     wiring, x, _ = at_point(table, drive)
     np.testing.assert_allclose(at_point(twin, drive)[1], x, atol=1e-9)
     for bent, straight in zip(
-        linear(wiring, x, frequency),
-        linear(fixed_point.wired(twin), x, frequency),
-        strict=True,
+        linear(wiring, x, frequency), linear(fixed_point.wired(twin), x, frequency), strict=True
     ):
         np.testing.assert_allclose(bent, straight, rtol=1e-12, atol=1e-15)
 

@@ -54,8 +54,7 @@ def test_power_of_cells_without_what_arrives_is_another():
 
 
 @pytest.mark.parametrize(
-    "edit",
-    [{}, pytest.param({"neurons": 900}, marks=pytest.mark.validate), {"without": "STN"}],
+    "edit", [{}, pytest.param({"neurons": 900}, marks=pytest.mark.validate), {"without": "STN"}]
 )
 def test_out_scatters_as_computed(edit):
     """Means of 50 ms, 40 a trial."""

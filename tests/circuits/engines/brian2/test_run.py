@@ -14,7 +14,6 @@ from circuits.cells import Lif, Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, Population, Projection
 from tests.circuits.helpers import run_brian2, run_plain
-from tests.helpers import refused
 
 # Brian2 2.9 calls pyparsing by its old names.
 
@@ -133,20 +132,6 @@ def test_a_table_of_rates_settles_at_the_log_posterior():
     out = run_brian2(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
     npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
     assert out.spikes is None
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"spikes": ("slow",)}, "slow"),
-        ({"spikes": ("STNN",)}, "nucleus"),
-        ({"settle_ms": 0.05}, "settle_ms"),
-        ({"seed": -1}, "seed"),
-    ],
-)
-def test_an_option_that_does_not_fit_is_refused_before_the_run(options, message):
-    with refused(message):
-        run_brian2(small(), DRIVE, **STEPS | {"seed": 1} | options)
 
 
 def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():

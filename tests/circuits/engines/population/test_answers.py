@@ -7,14 +7,7 @@ from circuits import anatomy
 from circuits.cells import Phase
 from circuits.declaration import transfer
 from circuits.engines.population import answers as module
-from circuits.engines.population.answers import (
-    Mixture,
-    Straight,
-    _pace,
-    _rough,
-    answers,
-    looked_up,
-)
+from circuits.engines.population.answers import Mixture, Straight, _pace, _rough, answers, looked_up
 
 GPE = anatomy.spiking_msprt().population("GPe")
 LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat))
