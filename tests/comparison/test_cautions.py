@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -126,22 +125,3 @@ def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
     with pytest.warns(DeadlineWarning, match="no threshold reaches an accuracy of 0.999") as caught:
         compare(model, evidence, accuracies=(0.8, 0.999))
     assert any("the evidence is too sure" in str(one.message) for one in caught)
-
-
-def own_table(path, factor):
-    evidence = scaled(drawn(300, 30), factor)
-    trial, step = np.indices(evidence.log_likelihood.shape[:2]).reshape(2, -1)
-    table = pd.DataFrame({"trial": trial, "step": step, "truth": np.repeat(evidence.truth, 30)})
-    for k in range(2):
-        table[f"ll_{k}"] = evidence.log_likelihood[:, :, k].ravel()
-    table.to_csv(path, index=False)
-    return path
-
-
-def test_a_table_of_ones_own_that_is_too_sure_is_told_so(tmp_path):
-    out = tmp_path / "decided.csv"
-    sure, right = (own_table(tmp_path / f"{factor}.csv", factor) for factor in (3.0, 1.0))
-    with pytest.warns(CalibrationWarning, match=r"the evidence is too sure: .* of 300 decisions"):
-        assert run("decide", "--save", out, "--task", sure, "--posterior", 0.9) == 0
-    asked = ("decide", "--save", out, "--task", right, "--posterior", 0.9, "--force")
-    assert silent(run, *asked) == 0

@@ -98,10 +98,7 @@ def test_the_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
 
 def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
-    edited = {
-        "GPe": TABLE.clamp("GPe"),
-        "shuffled": shuffled_stn(TABLE),
-    }
+    edited = {"GPe": TABLE.clamp("GPe"), "shuffled": shuffled_stn(TABLE)}
     options = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
     comparison = compare_edits(POPULATIONS, edited, EVIDENCE, **options)
     rows = comparison[comparison["kind"] == "value"].set_index(["variant", "measure"])["value"]
@@ -130,16 +127,6 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, sh
     for name, one in undropped.items():
         for field in ("choice", "time_ms", "forced", "posterior"):
             assert np.array_equal(getattr(one, field), getattr(dropped[name], field)), (name, field)
-
-
-def test_trials_do_not_depend_on_their_batch(monkeypatch):
-    levels = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
-    in_one = decide_at_thresholds(MODEL, EVIDENCE[:30], levels)
-    monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
-    parts = decide_at_thresholds(MODEL, EVIDENCE[:30], levels)
-    for name in (CIRCUIT, DECODER):
-        assert np.array_equal(in_one[name].time_ms, parts[name].time_ms)
-        assert np.array_equal(in_one[name].choice, parts[name].choice)
 
 
 def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():

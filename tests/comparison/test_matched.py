@@ -12,13 +12,7 @@ from bgmodel import Msprt, stream
 from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
 from bgmodel.comparison.matched import at_equal_accuracy, equivalent, latency, matched_measures
 from bgmodel.deciding.trace import Trace
-from bgmodel.deciding.tradeoff import (
-    Tradeoff,
-    curve,
-    decides_without_evidence,
-    margin,
-    tradeoff,
-)
+from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin, tradeoff
 from bgmodel.integrators.baselines import MaxVsAverage, Race
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused

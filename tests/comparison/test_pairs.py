@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel import stream
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.comparison.pairs import (
-    NearInTime,
-    Product,
-    SameChoice,
-    by_chance,
-    side_by_side,
-)
+from bgmodel.comparison.pairs import NearInTime, Product, SameChoice, by_chance, side_by_side
 from bgmodel.deciding.tradeoff import ChoicesAndTimes
 
 SHARES = ("agreement", "error_agreement", "within_50_ms")
