@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
-from bgmodel.cli import main
 from bgmodel.explorer.server import HOST, Served, free_port
 from circuits.errors import InputError
 from tests.explorer.helpers import small
@@ -131,13 +130,3 @@ def test_a_port_in_use_is_refused_in_one_sentence(served, refusal):
     said = refusal("explore", "--port", served.port, "--no-browser")
     assert len(said.splitlines()) == 1
     assert f"port {served.port} is in use" in said
-
-
-@pytest.mark.parametrize("given", ["nobody", "no.toml", "gpr"])
-def test_what_cannot_be_opened_is_refused_before_anything_is_served(refusal, given):
-    assert len(refusal("explore", given, "--no-browser").splitlines()) == 1
-
-
-def test_a_port_is_a_number_of_one(refusal):
-    assert "port must be within 0..65535" in refusal("explore", "--port", 70000)
-    assert main(["explore", "--port", "-1"]) == 2
