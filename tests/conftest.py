@@ -16,10 +16,7 @@ from tests.levels import LEVELS, MODEL, SEED
 # A test gives one result, however busy the machine is: examples have no time limit, nor has drawing
 # them, and each run tries the same.
 settings.register_profile(
-    "bgmodel",
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow],
+    "bgmodel", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("bgmodel")
 

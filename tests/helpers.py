@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import shlex
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
@@ -51,6 +52,11 @@ def prose(page):
 def run(*arguments):
     """Run a command of `bgmodel`; return its exit status."""
     return main([str(a) for a in arguments])
+
+
+def words(line):
+    """Return the words of a part of a command line, as a shell reads them."""
+    return shlex.split(line)
 
 
 def found(dotted):

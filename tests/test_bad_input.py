@@ -121,7 +121,7 @@ LEGAL = {
 """Odd values that make sense, by argument; None does so where it is the default."""
 FIELDS = {
     "taps": ["path"],
-    "withheld": ["deadline_s"],
+    "withheld": ["deadline_s"],  # until which it is
     "spikes": ["evidence"],
     "d_prime": ["log_likelihood"],
     "conflict": ["log_likelihood"],
@@ -136,7 +136,6 @@ FIELDS = {
     "name": ["circuit", "nucleus"],
     "lines": ["edits"],
     "source": ["pathway"],
-    "withheld": ["deadline_s"],  # until which it is
     "target": ["pathway"],
     "field": ["edits"],
     "value": ["baseline_hz", "edits"],

@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import BIASES_NATS, CircuitModel
@@ -75,14 +75,6 @@ def test_an_ideal_circuit_with_a_bias_is_a_walk_from_another_start(model, drift,
 def test_a_bias_to_the_other_response_is_the_mirror_image(model):
     one, other = (decided(model, drift, bias)[0] for drift, bias in ((2.0, 0.5), (-2.0, -0.5)))
     np.testing.assert_array_equal(one, other[::-1])
-
-
-def test_a_small_bias_is_near_none(model):
-    none, small = (decided(model, [1.0, -1.0], bias) for bias in (0.0, 1e-6))
-    np.testing.assert_allclose(small, none, atol=1e-4)
-    assert moments(small / BIN_S, GRID)["accuracy"] == pytest.approx(
-        moments(none / BIN_S, GRID)["accuracy"], abs=1e-3
-    )
 
 
 def test_between_simulated_biases_responses_change_steadily(model):

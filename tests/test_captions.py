@@ -117,10 +117,7 @@ def test_a_small_picture_keeps_its_stamp(tmp_path):
 def test_a_stamp_notices_a_changed_script_table_circuit_or_number(tmp_path, monkeypatch):
     read = table_path("loss_behaviour")
     stamp = stamp_of(ROOT / "figures/learning/draw_L4.py", [read, tmp_path / "own.parquet"], FULL)
-    names = {
-        "figures/learning/draw_L4.py",
-        "figures/style.mplstyle",
-    }
+    names = {"figures/learning/draw_L4.py", "figures/style.mplstyle"}
     assert stamp.sources.keys() == {*names, "figures/lesions/tables/loss_behaviour.csv", DEFAULT}
     assert stamp.changed() == []
     drawn = picture(tmp_path / "one.png", stamp)

@@ -3,11 +3,10 @@
 import json
 from dataclasses import replace
 
-import pandas as pd
 import pytest
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.support.files import provenance_path, read_provenance
+from bgmodel.support.files import provenance_path
 from circuits import anatomy
 from circuits.declaration import table_files
 from circuits.declaration.table_files import digest
@@ -51,10 +50,7 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     assert [path.name for path in here.iterdir()] == ["mine.toml"]
 
 
-@pytest.mark.parametrize(
-    ("command", "edits"),
-    [("circuit run", []), ("compare", [])],
-)
+@pytest.mark.parametrize(("command", "edits"), [("circuit run", []), ("compare", [])])
 def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits):
     table_files.write(anatomy.spiking_msprt(2), "mine.toml")
     for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
@@ -69,19 +65,6 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits)
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
     assert run("circuit", "run", "--save", "a.csv", *SMALL, "--edits", "lesion D2 50%") == 0
     assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
-
-
-def test_dopamine_learns_in_a_file_as_in_its_table(here):
-    table_files.write(anatomy.spiking_msprt(2), "mine.toml")
-    few = ["--task", "gaussian", "d_prime=1"]
-    few += ["--task", "trials=60", "t_max=20", "--levels", 3, "--runs", 1]
-    few += ["--learner", "episodes=600"]
-    for name, output in (("spiking_msprt", "a.parquet"), ("mine.toml", "b.parquet")):
-        assert run("learn", "--save", output, "--what", "dopamine", "--circuit", name, *few) == 0
-    pd.testing.assert_frame_equal(pd.read_parquet("a.parquet"), pd.read_parquet("b.parquet"))
-    behind = [read_provenance(name)["parameters"] for name in ("a.parquet", "b.parquet")]
-    assert behind[0]["circuit"] == behind[1]["circuit"]
-    assert behind[0]["command"]["gain"] == 0.7
 
 
 EXPERIMENT = """
@@ -126,10 +109,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [
-        ("gpr", "works in salience, not nats"),
-        ("linear_gpe", "has no default gain: give gain"),
-    ],
+    [("gpr", "works in salience, not nats"), ("linear_gpe", "has no default gain: give gain")],
 )
 def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     text = EXPERIMENT.replace("tables/mine.toml", name).replace("D2", "D1")

@@ -178,6 +178,51 @@ BAD_USE = {
     "experiment stn": "file",
     "experiment stn --show": "file",
     "experiment no.toml": "path",
+    "learn --what weights --rule hebb": "rule",
+    "learn --what weights --posterior 0.5": "posterior",
+    "learn --what weights --feedback given=0": "given",
+    "learn --what weights --feedback wrong=-1": "right",
+    "learn --what weights --xi 20": "xi",
+    "learn --what weights --start 1": "start",
+    "learn --what dopamine --levels 1": "levels",
+    "learn --what dopamine --engine algebra": "engine",
+    "learn --what dopamine --task trials=40 --start 3": "start",
+    "learn --what dopamine --levels 10000000": "trials",
+    "learn --what dopamine --gain 0.1 --circuit gpr": "unit",
+    "learn --what dopamine --circuit quill": "arguments",
+    "learn --task orientation channels=3": "channels",
+    "learn --task fold=7": "fold",
+    "learn --plot weights.txt": "plot",
+    "learn --edits 'lesion STN'": "edits",
+    "learn --gain 0.3": "gain",
+    "learn --posterior 0.9": "posterior",
+    "learn --rule chosen": "rule",
+    "learn --levels 4": "levels",
+    "fit roitman_shadlen_2002 --strength coherence --models gpr": "circuit",
+    "touch mine --task edge-turn": "task",
+    "touch mine --task period_mm=7": "period_mm",
+    "touch mine --task orientation channels=9": "channels",
+    "touch mine --folds 1": "folds",
+    "touch mine --recordings .": "held_out",
+    "exam nobody": "circuit",
+    "exam macaque --save exam.txt": "save",
+    "exam macaque --domains astrology": "domains",
+    "explore --port 70000": "port",
+    "explore nobody --no-browser": "file",
+    "explore no.toml --no-browser": "path",
+    "explore gpr --no-browser": "unit",
+    "compare --engine quill": "arguments",
+    "compare --task trials=100 t_max=4 --engine algebra --accuracies 0.505": "accuracies",
+    "circuit run --circuit quill": "arguments",
+    "circuit run --circuit gpr --gain 0.1 --engine rate": "posterior",
+    "circuit run --circuit gpr --threshold 0.1 --engine rate": "gain",
+    "circuit run --circuit gpr --gain 1 --threshold 0.5 --engine rate": "thresholds",
+    "circuit run --circuit gpr --gain 1 --threshold -1 --engine rate": "thresholds",
+    "circuit show gpr --noise 0.9": "unit",
+    "circuit export --save t.py --trial 100 --task trials=100": "trial",
+    "circuit export --save t.py --posterior 0.9": "posterior",
+    "circuit export --save t.py --threshold 0.1": "threshold",
+    "circuit export --save t.py --engine rate": "engine",
     "demo --plot demo.txt": "plot",
     "demo --plot one.svg --alternatives 1": "arguments",
 }
@@ -258,13 +303,6 @@ def test_an_option_of_a_function_has_its_default_and_its_words():
             argument = every_option()[command][f"--{name.replace('_', '-')}"]
             assert argument.field_info.default == signature(function).parameters[name].default
             assert argument.parameter.help == described(function)[name]
-
-
-def test_no_default_of_training_changes_by_accident():
-    assert " ".join(f"{f.name}={getattr(Training(), f.name):g}" for f in fields(Training)[1:]) == (
-        "width=0.25 epochs=8 patience=20 batch=64 learning_rate=0.003 dropout=0 l2=0.005 "
-        "validation=0.25"
-    )
 
 
 DEFAULTS = {

@@ -95,9 +95,7 @@ COURSES = (
 
 
 @pytest.mark.parametrize(
-    ("circuit", "level"),
-    [(TABLE, 0.3), (TABLE.add(*COURSES), 0.1)],
-    ids=["unedited", "courses"],
+    ("circuit", "level"), [(TABLE, 0.3), (TABLE.add(*COURSES), 0.1)], ids=["unedited", "courses"]
 )
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_dropped_trial_is_the_whole_one_cut_short(engine, circuit, level):

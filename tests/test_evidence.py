@@ -131,12 +131,6 @@ def test_expectancy_needs_a_foreperiod(foreperiod_ms):
         expecting(drawn, -1.0, 100.0, rng=stream(3, "r"))
 
 
-@pytest.mark.parametrize("baseline", [[0.1, 0.2], [0.0], np.nan, np.inf])
-def test_a_baseline_is_one_finite_number(baseline):
-    with refused("baseline must be one finite number for all hypotheses"):
-        Evidence(np.zeros((2, 3, 2)), baseline=baseline)
-
-
 @given(st.integers(0, 2**31), st.integers(12, 40), st.integers(2, 4))
 def test_running_sums_and_posteriors_are_doubted_and_single_readings_are_not(seed, steps, channels):
     drawn = separated_evidence(20, steps, 0.5, rng=seed, hypotheses=channels)

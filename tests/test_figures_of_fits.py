@@ -18,10 +18,7 @@ from figures.data import draw_F1 as figF1
 from figures.rooms import write
 
 SMALL = {"sensitivity": 15.0, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
-OF = {
-    figF1.TEST: {"bound": 0.6},
-    figF1.CIRCUIT: {"threshold_nats": 0.3},
-}
+OF = {figF1.TEST: {"bound": 0.6}, figF1.CIRCUIT: {"threshold_nats": 0.3}}
 WHO = {figF1.MONKEYS: ["b", "n"], figF1.PEOPLE: ["ah", "eh"]}
 
 

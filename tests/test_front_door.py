@@ -13,7 +13,6 @@ from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
 from tests.helpers import ROOT, refused, run
-from tests.tactile.striped import QUICK, striped_taps
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -96,14 +95,6 @@ def test_several_thresholds_have_a_row_each(evidence):
     assert decision.accuracy[1] > decision.accuracy[0]
 
 
-def test_a_table_of_evidence_is_read(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text("trial,step,ll_left,ll_right,truth\n" + "1,1,-1,-2,left\n1,2,-1,-3,left\n")
-    read = bg.read_evidence(path, step_ms=50.0)
-    assert read.log_likelihood.tolist() == [[[-1, -2], [-1, -3]]]
-    assert read.step_ms == 50.0
-
-
 SHORT = bg.gaussian_evidence(5, seed=1)
 TRIALS = pd.DataFrame({"coherence": [0.1, 0.2] * 20, "rt": 0.5, "response": [1, 0] * 20})
 
@@ -119,24 +110,15 @@ def decided(*thresholds, **options):
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (lambda: bg.gaussian_evidence(0, seed=1), "trials"),
-        (lambda: bg.gaussian_evidence(5, channels=1, seed=1), "channels"),
-        (lambda: bg.gaussian_evidence(5, t_max=0, seed=1), "t_max"),
         (lambda: Edits("lesion STN"), r'edits a list of lines, such as \["lesion STN"\]'),
-        (lambda: bg.load_circuit("monkey"), "circuit macaque"),
         (lambda: bg.BasalGanglia("monkey", "algebra"), "circuit macaque"),
-        (lambda: bg.Msprt().decide(SHORT, posterior=2.0), "posterior"),
         (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "path nothing.csv"),
         (lambda: bg.read_trials("nothing.csv"), "path nothing.csv"),
-        (lambda: bg.Experiment.from_toml("nothing"), "file nothing"),
         (lambda: bg.fit("nothing.csv", strength="coherence"), "path nothing.csv"),
-        (lambda: bg.BasalGanglia("macaque", "algebra").run("ev.csv"), "evidence"),
         (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
-        (lambda: bg.Sweep.from_toml(None), "file"),
         (lambda: fitted(fix="lapse=0.02"), 'fix .*{"lapse": 0.02}'),
         (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),
         (lambda: fitted(TRIALS.rename(columns={"response": "correct"})), "response .*rename it"),
-        (lambda: decided(posterior=0.8, forced="no"), "forced"),
         (decided, "posterior posterior=0.82"),
         (lambda: decided(0.2, posterior=0.8), "posterior not both"),
         (lambda: bg.Msprt().decide(SHORT), "posterior posterior=0.82"),
@@ -161,18 +143,6 @@ def test_a_warning_points_at_the_line_that_called():
         assert {each.filename for each in caught} == {__file__}
 
 
-def test_an_experiment_has_its_verdicts_and_its_report():
-    asked = bg.Experiment.from_toml("stn_conflict")
-    outcome = replace(asked, task=replace(asked.task, trials=150)).run()
-    accuracy = outcome.measures.set_index(["condition", "measure"])["value"]["control", "accuracy"]
-    assert outcome.summary().loc["accuracy", "control"] == round(accuracy, 3)
-    assert outcome.to_dataframe() is outcome.measures
-    verdicts = outcome.verdicts()
-    assert list(verdicts.measure) == [one.measure for one in asked.predictions]
-    assert len(outcome.published()) == len(asked.effects)
-    assert asked.name in outcome.text()
-
-
 def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path):
     out = tmp_path / "a.csv"
     options = ("--task", "trials=40", "t_max=20", "--edits", "lesion STN 5%", "--seed", 3)
@@ -192,16 +162,3 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
 def test_no_name_of_the_front_door_is_that_of_a_module(name):
     """Importing the module would replace the function."""
     assert importlib.util.find_spec(f"bgmodel.{name}") is None
-
-
-def test_a_decoder_is_trained_stored_and_decodes_from_the_front_door(tmp_path):
-    taps = striped_taps(600)
-    decoder = bg.train_decoder(taps, training=QUICK, seed=2)
-    decoder.save(tmp_path / "mine.safetensors")
-    decoded = bg.load_decoder(tmp_path / "mine.safetensors").decode(taps)
-    assert decoded["trained_on"].all()
-    assert {"yaw_deg", "psi_deg", "orientation_deg", "strength"} <= set(decoded)
-    fresh = decoder.decode(striped_taps(60, seed=9))
-    assert "trained_on" not in fresh
-    fresh.to_parquet(tmp_path / "fresh.parquet")
-    pd.testing.assert_frame_equal(bg.load_taps(tmp_path / "fresh.parquet"), fresh)

@@ -22,7 +22,6 @@ from bgmodel.tactile.taps import Taps
 from bgmodel.trials.reading import read_trials
 from circuits.errors import InputError
 from circuits.table_reader import read as read_circuit
-from tests.helpers import run
 
 DEEP = "[" * 100_000
 TOMLS = {
@@ -51,14 +50,6 @@ def test_a_deep_toml_file_is_refused(tmp_path, read, text):
         read(str(path))
     one_sentence(error)
     assert "mine.toml" in str(error.value)
-
-
-def test_a_command_refuses_a_deep_file_too(tmp_path, capsys):
-    path = tmp_path / "mine.toml"
-    path.write_text(TOMLS["keys"])
-    assert run("experiment", path) == 2
-    assert run("circuit", "show", path) == 2
-    assert capsys.readouterr().err.count("\n") == 2
 
 
 def npz(path, **arrays):

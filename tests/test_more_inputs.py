@@ -36,8 +36,7 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
 
 
 @pytest.mark.parametrize(
-    "engine",
-    ["rate", "population", "ensemble", pytest.param("brian2", marks=pytest.mark.validate)],
+    "engine", ["rate", "population", "ensemble", pytest.param("brian2", marks=pytest.mark.validate)]
 )
 def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
     plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats

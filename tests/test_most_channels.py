@@ -30,9 +30,6 @@ def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys
     with pytest.raises(ValueError, match=sentence):
         load_circuit(name, most + 1)
     monkeypatch.chdir(tmp_path)
-    for command in (
-        ["circuit", "run"],
-        ["compare"],
-    ):
+    for command in (["circuit", "run"], ["compare"]):
         assert run(*command, "--circuit", name, "--task", f"channels={most + 1}") == 2
         assert capsys.readouterr().err.strip() == f"bgmodel: {sentence}"

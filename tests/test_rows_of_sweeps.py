@@ -222,22 +222,6 @@ def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
 
 
 @pytest.mark.parametrize(
-    ("edits", "grid"),
-    [
-        (["lesion STN 10%"], {"lesion STN[0]": (0.1,)}),
-        (["set STN->GPe.weight 0.5"], {"scale STN->GPe": (0.5,)}),
-        (["add STN amount=0.1"], {"add STN to_ms=300 amount": (0.1,)}),
-        ([], {"lesion STN": (0.1,), "lesion STN [0]": (0.1,)}),
-        ([], {"scale STN->GPe": (0.5,), "scale STN -> GPe": (0.5,)}),
-        ([], {"add D1->GPe weight=-0.1 delay_ms": (4,), "add D1->GPe delay_ms=4 weight": (-0.1,)}),
-    ],
-)
-def test_two_edits_of_one_number_are_refused_with_both(edits, grid):
-    with refused("edits ' and '.* edit the same number"):
-        Plan(edits=Edits(edits), grid=grid).all_points()
-
-
-@pytest.mark.parametrize(
     "wrong",
     [
         {"grid": {"lesion STN": (0.1,), " lesion STN": (0.2,)}},

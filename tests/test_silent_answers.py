@@ -18,7 +18,6 @@ from bgmodel.fitting.trials.sides import check_sides
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
-from bgmodel.tables.shipped import shipped
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
@@ -196,14 +195,6 @@ def choices(people=("a", "b"), trials=100):
     })  # fmt: skip
 
 
-def test_one_participant_under_two_names_is_doubted():
-    table = choices()
-    copy = table[table["participant_id"] == "a"].assign(participant_id="c")
-    both = pd.concat([table, copy.sample(frac=1, random_state=1)])
-    with pytest.warns(DataWarning, match="'a' and 'c' have exactly the same times"):
-        read_trials(both, strength="coh")
-
-
 @pytest.mark.parametrize("name", ["a ", " a", "a\u00a0"])
 def test_names_differ_in_more_than_blanks(name):
     table = choices(("a", name))
@@ -232,13 +223,6 @@ def test_names_that_differ_in_capitals_or_digits_are_doubted(names):
         read_trials(table, strength="coh")
     with unwarned():
         read_trials(choices(("s1", "s10")), strength="coh")
-
-
-@pytest.mark.parametrize("name", sorted(shipped()))
-def test_published_tables_raise_no_doubt(name):
-    of = shipped()[name]
-    with unwarned():
-        read_trials(name, strength=of.strength, conditions=list(of.conditions))
 
 
 def test_two_levels_of_dopamine_are_doubted():
@@ -323,26 +307,6 @@ def test_responses_faster_than_sensing_are_doubted():
     table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)
     with pytest.warns(DataWarning, match="10 of 200 times are below 0.1 s"):
         read_trials(table, strength="coh")
-
-
-def test_a_code_of_missing_strengths_is_doubted():
-    table = choices()
-    table.loc[::10, "coh"] = -999.0
-    with pytest.warns(DataWarning, match="20 of 200 trials have a strength of 999"):
-        read_trials(table, strength="coh")
-
-
-def test_trials_repeated_by_a_merge_are_doubted():
-    merged = choices().merge(pd.DataFrame({"block": [1, 2]}), how="cross")
-    for table in (merged, merged.assign(trial=np.arange(400))):
-        with pytest.warns(DataWarning, match="200 of 400 rows are duplicates"):
-            read_trials(table, strength="coh")
-
-
-@pytest.mark.parametrize("name", ["name", "Initials"])
-def test_participants_under_another_name_are_not_pooled(name):
-    with refused("participant may hold participants"):
-        read_trials(choices().rename(columns={"participant_id": name}), strength="coh")
 
 
 def test_responses_that_do_not_follow_the_strength_are_doubted():

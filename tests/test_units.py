@@ -44,34 +44,3 @@ def test_a_label_of_another_unit_is_found_wherever_the_unit_of_a_line_is_known()
     texts = [path.read_text(encoding="utf-8") for path in DRAWING]
     found = [mixed(SECONDS.sub("(mm)", text), {"FROM_ONSET": "Time (mm)"}) for text in texts]
     assert sum(map(len, found)) > 15
-
-
-@pytest.mark.parametrize(
-    "lines",
-    [
-        "ax.plot(decision.steps.mean(), 1)",
-        "at = (decision.steps.mean(), decision.accuracy)\nax.plot(*at, 's')",
-        "x = rows['mean_s']\nax.errorbar(x, rows['value'], rows['low'])",
-        "ax.axvline(late_nats)",
-        "ax.plot(time_ms / step_ms, out)",
-        "ax.scatter(x=1, y=2); ax.plot(time_ms / 1000, out)",
-    ],
-)
-def test_a_line_in_another_unit_than_a_drawn_result_is_found(lines):
-    drawn = "decisions = bg.first_crossing(trace, thresholds)\ndecisions.plot(ax)\n"
-    [(_, ax, axis, units)] = mixed(drawn + lines)
-    assert (ax, axis, "ms" in units) == ("ax", "x", True)
-
-
-@pytest.mark.parametrize(
-    "lines",
-    [
-        "ax.plot(decision.time_ms.mean(), decision.accuracy)",
-        "ax.plot(decision.steps * step_ms, 1)",
-        "figure, ax = plt.subplots()\nax.plot(decision.steps, 1)",
-        "other.plot(decision.steps, 1)",
-    ],
-)
-def test_a_line_in_the_same_unit_is_not(lines):
-    drawn = "decisions = model.decide(evidence, posterior=0.8)\ndecisions.plot(ax=ax)\n"
-    assert mixed(drawn + lines) == []

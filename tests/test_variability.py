@@ -9,8 +9,8 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, GapModel
-from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, GAPS
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.settings import FitSettings
 from tests.helpers import refused
@@ -221,11 +221,3 @@ def test_both_differ_between_conditions_and_are_free_by_name():
     assert set(by_cue[changed.any(axis=(1, 2))]) == {"a"}
     with refused("drift_sd must lie between 0 and 5"):
         bg.fit(some, "constant_gap", strength="coherence", fix={"drift_sd": -1.0})
-
-
-@pytest.mark.parametrize("name", GAPS)
-def test_every_gap_has_both_and_holds_them_at_0_unless_asked(name):
-    known = {each.name: each for each in GapModel(GAPS[name]).parameters}
-    for each in (SPREAD, DRIFT_SD):
-        assert known[each.name] is each
-        assert (each.start, each.low, each.free) == (0.0, 0.0, False)

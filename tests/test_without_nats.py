@@ -57,45 +57,6 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     assert "circuit minus intact" in set(pd.read_csv(path)["model"])
 
 
-@pytest.mark.parametrize(
-    ("asked", "says"),
-    [
-        ("run --circuit gpr --gain 0.1", "a posterior has no meaning there; give a thr"),
-        ("run --circuit gpr --threshold 0.1", "gpr has no default gain: give gain"),
-        ("run --circuit gpr --gain 1 --threshold 0.5", "above the threshold of 0.50 sal"),
-        ("run --circuit gpr --gain 1 --threshold -1", "no OUT below 0 salience; the"),
-        ("show gpr --noise 0.9", "a posterior (--noise) has no meaning"),
-    ],
-)
-def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monkeypatch, refusal):
-    monkeypatch.chdir(tmp_path)
-    engine = ("--engine", "rate") if asked.startswith("run") else ()
-    sentence = refusal("circuit", *asked.split(), *engine)
-    assert says in sentence
-    assert sentence.count("\n") == 1
-
-
-@pytest.mark.parametrize("name", ["gpr", "humphries"])
-@pytest.mark.parametrize(
-    ("command", "says"),
-    [
-        (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
-        (("circuit", "run", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
-          "--circuit"), "a posterior has no meaning there; give a threshold"),
-        (("learn", "--what", "dopamine", "--gain", ".1", "--circuit"), "no meaning there"),
-    ],
-)  # fmt: skip
-def test_each_way_in_that_needs_a_posterior_refuses_in_one_sentence(
-    command, says, name, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    assert main([*command, name]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert says in line
-    assert name in line
-    assert not any(tmp_path.glob("*.*"))
-
-
 def test_spikes_of_saliences_are_not_decoded_into_posteriors():
     model = BasalGanglia(anatomy.gpr(), "rate", 0.1)
     evidence = separated_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
