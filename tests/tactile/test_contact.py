@@ -6,7 +6,6 @@ import pytest
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import Grating
 from bgmodel.tactile.skin import Skin, response
-from tests.helpers import refused
 from tests.tactile.plans import places
 
 SHEAR = 0.1
@@ -100,30 +99,6 @@ def test_mirrored_surface_and_start_change_nothing():
 def test_flat_surface_bears_evenly():
     pressure = polonsky_keer(np.zeros((8, 8)), half_space((8, 8), 1.0), 2.0, 1.0)
     assert pressure == pytest.approx(2.0 / 64)
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("gap_mm", {"gap_mm": np.zeros(4)}),
-        ("gap_mm", {"gap_mm": np.full((16, 16), np.nan)}),
-        ("compliance", {"compliance": np.ones((16, 16))}),
-        ("compliance", {"compliance": -np.ones((9, 16))}),
-        ("load_n", {"load_n": 0.0}),
-        ("dx_mm", {"dx_mm": -1.0}),
-        ("tol", {"tol": np.nan}),
-        ("start_mpa", {"start_mpa": np.zeros((16, 16))}),
-    ],
-)
-def test_a_contact_without_sense_is_refused(name, change):
-    arguments = {
-        "gap_mm": dome(16, 1.0),
-        "compliance": half_space((16, 16), 1.0),
-        "load_n": 1.0,
-        "dx_mm": 1.0,
-    } | change
-    with refused(name):
-        polonsky_keer(**arguments)
 
 
 def test_no_convergence_is_an_error():

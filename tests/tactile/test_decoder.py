@@ -261,14 +261,6 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
             ),
             "yaw_deg",
         ),
-        (lambda d: Training(width=0), "width must be > 0"),
-        (lambda d: Training(epochs=0), "epochs must be at least 1"),
-        (lambda d: Training(validation=1.0), "validation"),
-        (lambda d: Training(validation=0.0), "validation"),
-        (lambda d: Training(dropout=2.1), "dropout"),
-        (lambda d: Training(dropout=-0.1), "dropout"),
-        (lambda d: Training(learning_rate=0.0), "learning_rate must be > 0"),
-        (lambda d: Training(network="forest"), "network"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(decoder, call, says):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.grating import PERIODS_MM, Grating
-from tests.helpers import refused
 from tests.tactile.plans import places
 
 
@@ -23,14 +22,3 @@ def test_grating_is_where_its_phase_says(period_mm, phase):
     assert abs(apex) <= dx / 2 + 1e-12
     edges = np.flatnonzero(np.diff(depth))
     assert np.all(np.diff(edges) * dx == period_mm / 2)
-
-
-def test_a_grating_without_sense_is_refused():
-    with refused("period_mm"):
-        Grating(1.0).on_grid(64, 0.2)
-    with refused("period_mm"):
-        Grating(-1.0)
-    with refused("depth_mm"):
-        Grating(1.0, np.inf)
-    with refused("phase"):
-        Grating(1.0, phase=np.nan)

@@ -8,7 +8,6 @@ import pytest
 from bgmodel.tactile.library import contact_library, with_mirror_images
 from bgmodel.tactile.pressing import press
 from bgmodel.tactile.tips import Tip
-from tests.helpers import refused
 from tests.tactile.plans import PLAN, TINY
 
 
@@ -76,8 +75,3 @@ def test_field_passes_through_the_stored_values(library):
     sampled = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
     stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
     assert sampled == pytest.approx(stored, abs=1e-6)
-
-
-def test_a_number_of_workers_without_sense_is_refused(tmp_path):
-    with refused("workers"):
-        contact_library(TINY, cache_dir=tmp_path, workers=0)

@@ -16,7 +16,6 @@ from bgmodel.tactile.likelihood import (
     calibration,
     fit_likelihood,
 )
-from bgmodel.tactile.task import Orientation
 from tests.helpers import refused
 
 
@@ -158,10 +157,6 @@ def test_stated_posteriors_are_observed(kind):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: Density(kind="histogram"), "kind"),
-        (lambda: Density(cap_nats=0), "cap_nats"),
-        (lambda: Density(shrink=2), "shrink"),
-        (lambda: Orientation(9), "channels"),
         (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
         (lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)), "readings"),
         (

@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bgmodel.tactile.pressing import LibraryPlan, press
+from bgmodel.tactile.pressing import press
 from bgmodel.tactile.skin import Skin
-from tests.helpers import refused
 from tests.tactile.plans import PLAN, TINY
 
 
@@ -60,25 +59,3 @@ def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
     # Up to a constant: the mean displacement of a periodic surface is zero.
     error = near[..., 2] - down
     assert np.ptp(error) < 0.03 * np.ptp(down)
-
-
-@pytest.mark.parametrize(
-    ("made", "change", "message"),
-    [
-        (LibraryPlan, {"phases": 1}, "phases"),
-        (LibraryPlan, {"forces_n": (1.5, 1.2)}, "forces_n"),
-        (LibraryPlan, {"dx_mm": 0.3}, "dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.3}, "stored_dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.0625}, "dx_mm stored_dx_mm must not be smaller"),
-        (LibraryPlan, {"radius_mm": np.nan}, "radius_mm"),
-        (LibraryPlan, {"radius_mm": -20.0}, "radius_mm"),
-        (LibraryPlan, {"tol": 0.0}, "tol"),
-        (LibraryPlan, {"forces_n": (1.5,)}, "forces_n"),
-        (LibraryPlan, {"forces_n": (0.0, 1.5)}, "forces_n"),
-        (LibraryPlan, {"field_side_mm": 34.0}, "field_side_mm"),
-        (LibraryPlan, {"periods_mm": (1.1,)}, "period_mm"),
-    ],
-)
-def test_plans_without_sense_are_refused(made, change, message):
-    with refused(message):
-        made(**change)

@@ -156,20 +156,6 @@ def test_of_frames_that_differ_by_noise_alone_any_is_kept(library):
 
 
 @pytest.mark.parametrize(
-    ("made", "change", "message"),
-    [
-        (Nuisance, {"force_n": (1.8, 1.2)}, "force_n"),
-        (Nuisance, {"marker_noise_um": -1.0}, "marker_noise_um"),
-        (Nuisance, {"noise_per": "pin"}, "noise_per"),
-        (Nuisance, {"frames": 0}, "frames"),
-    ],
-)
-def test_nuisances_without_sense_are_refused(made, change, message):
-    with refused(message):
-        made(**change)
-
-
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"periods_mm": [3.0]}, "period_mm"),

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.skin import Skin, response
-from tests.helpers import refused
 
 K = np.geomspace(0.05, 100, 60)
 
@@ -41,16 +40,3 @@ def test_no_mean_displacement_and_no_overflow():
     assert waves.compliance.shape == (2, 2)
     assert waves.compliance[0, 0] == 0
     assert np.all(np.isfinite(waves))
-
-
-@pytest.mark.parametrize("name", ["skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"])
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
-def test_a_skin_without_sense_is_refused(name, value):
-    with refused(name):
-        Skin(**{name: value})
-
-
-@pytest.mark.parametrize("k", [-1.0, [1.0, np.nan]])
-def test_a_wavenumber_without_sense_is_refused(k):
-    with refused("wavenumber_per_mm"):
-        response(Skin(), k)

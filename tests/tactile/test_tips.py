@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.tips import Tip
-from tests.helpers import refused
 
 
 @pytest.mark.parametrize(
@@ -29,21 +28,6 @@ def test_neighbours_of_a_lattice_are_a_pitch_apart(layout, pairs):
 def test_circles_of_pins_are_a_pitch_apart():
     radius = np.linalg.norm(Tip("circular", pitch_mm=1.0).rest_mm(), axis=1)
     assert radius == pytest.approx(np.repeat(np.arange(11), [1, *range(6, 61, 6)]))
-
-
-@pytest.mark.parametrize(
-    ("made", "change", "message"),
-    [
-        (Tip, {"layout": "round"}, "layout"),
-        (Tip, {"pitch_mm": 0.0}, "pitch_mm"),
-        (Tip, {"pitch_mm": np.inf}, "pitch_mm"),
-        (Tip, {"pin_mm": -0.1}, "pin_mm"),
-        (Tip, {"camera_height_mm": 0.0}, "camera_height_mm"),
-    ],
-)
-def test_tips_without_sense_are_refused(made, change, message):
-    with refused(message):
-        made(**change)
 
 
 def test_pins_of_no_length_are_allowed_and_stand_where_others_do():
