@@ -28,8 +28,8 @@ CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
 
 
 def all_of(circuit, drive, engine, **options):
-    settings = {"step_ms": 100} | options
-    return run(circuit, drive, engine=engine, seed=SEED, **settings)
+    settings = {"step_ms": 100, "seed": SEED} | options
+    return run(circuit, drive, engine=engine, **settings)
 
 
 def held(circuit, engine):
@@ -292,3 +292,21 @@ def test_rates_under_courses_are_alike(circuit):
     out = all_of(circuit, drive, "rate", dt_ms=0.1).output_nats
     for engine in SPIKING:
         npt.assert_allclose(all_of(circuit, drive, engine).output_nats, out, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("engine", "options", "field"),
+    [
+        *((name, {"drive": CENTRED[:, None, :2]}, "drive") for name in ENGINES),
+        *((name, {"seed": -1}, "seed") for name in TIMED),
+        *((name, {"settle_ms": 0.05}, "settle_ms") for name in ENGINES),
+        *((name, {"workers": 0}, "workers") for name in ENGINES),
+        *((name, {"step_ms": 0.25}, "step_ms") for name in SPIKING),
+        *((name, {"spikes": ("X",)}, "nucleus") for name in SPIKING),
+        *((name, {"spikes": ("common",)}, "common") for name in SPIKING),
+        *((name, {"spikes": ("STN",)}, "spikes") for name in ENGINES if name not in SPIKING),
+    ],
+)
+def test_an_option_that_does_not_fit_is_refused_before_the_run(engine, options, field):
+    with refused(field):
+        all_of(TABLE, **{"drive": CENTRED[:, None], "engine": engine} | options)

@@ -178,7 +178,6 @@ def test_what_it_does_not_know_is_refused_in_one_sentence():
         (FULL, {"workers": 1.5}, "workers"),
         (adex, {}, "cell AdEx.rate_hz"),
         (adex, {"laws": "lines"}, "cell AdEx"),
-        (FULL, {"workers": 0}, "workers"),
         (FULL, {"dt_ms": 0.3}, "step_ms"),
     ):
         with refused(says) as caught:
