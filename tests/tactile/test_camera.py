@@ -37,6 +37,16 @@ def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
     np.testing.assert_allclose(_discs(places, radius, (48, 48)), want, atol=2e-4)
 
 
+def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
+    """Each of the four rims, its corners and its outermost pixels."""
+    side, margin = 24, 12
+    places = np.array([[0.2, 5.0], [22.7, 11.0], [6.0, -0.4], [15.0, 23.3], [-1.0, 24.0]])
+    small = _discs(places, 3.0, (side, side))
+    large = _discs(places + margin, 3.0, (side + 2 * margin,) * 2)
+    np.testing.assert_allclose(small, large[margin:-margin, margin:-margin])
+    assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
+
+
 def test_the_smallest_picture_and_the_largest_markers_are_drawn():
     assert render(0, shape=(16, 16)).any()
     assert render(0, marker_mm=Tip().pitch_mm).any()

@@ -291,6 +291,12 @@ def test_missing_images_are_named_before_any_is_read(tmp_path, monkeypatch):
         read_taps(folder, mm_per_px=MM_PER_PX)
 
 
+def test_images_that_are_too_small_are_refused(tmp_path):
+    folder = write(tmp_path / "taps", [draw(hexagon())[:63, :63]])
+    with pytest.raises(ValueError, match="64 px a side or more"):
+        read_taps(folder, mm_per_px=MM_PER_PX)
+
+
 @pytest.mark.parametrize(
     "given",
     [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}, {"pins": 0}]

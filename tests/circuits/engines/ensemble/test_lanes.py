@@ -1,5 +1,6 @@
 """The loops over cells, against plain NumPy."""
 
+import numba
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -37,6 +38,15 @@ def test_words_of_the_loops_are_those_of_noise():
     call(lanes.begin, v, 0, 100, 128, key, np.float32(0), np.float32(1))
     npt.assert_allclose(v[:100], noise.uniform(stream, 5, 100), atol=1e-7)
     assert (v[100:] == -np.inf).all()
+
+
+def test_exp32_is_the_exponential():
+    @numba.njit
+    def table(x):
+        return np.array([lanes.exp32(value) for value in x])
+
+    x = np.linspace(-20, 20, 4001).astype(np.float32)
+    npt.assert_allclose(table(x), np.exp(x.astype(float)), rtol=4e-7)
 
 
 def test_the_loop_of_lif_cells_does_what_numpy_does():
