@@ -4,17 +4,34 @@ import threading
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from bgmodel.commands.fitted import Piece, entry_of
+from bgmodel.fitting.hierarchy.chains import chains_entry
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from circuits import store
+from circuits.anatomy import load_circuit
 from circuits.store import cached
 from tests.damage import DAMAGES
 from tests.helpers import refused
 
+RNG = np.random.default_rng(24_711)
+TABLE = pd.DataFrame({"rt": RNG.normal(size=40), "who": [f"p{k % 7}" for k in range(40)]})
 ARRAYS = {"x": np.arange(5.0), "of": np.zeros((0, 2), np.int16), "name": np.array("one")}
+PIECE = Piece(TABLE, TABLE.head(3), pd.DataFrame({"caution": []}, dtype=str))
+MODEL = CircuitModel(load_circuit("macaque", 2), "rate")
+BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")
+PASSAGES = FirstPassageTimes(
+    MODEL.thresholds_nats, np.arange(7.0), BINS, CHOICE, RNG.normal(size=(60, 30))
+)
 USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
+    "fits": (lambda folder: entry_of(folder, "a/b", {"k": [0.1]}), PIECE),
+    "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
+    "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
 }
 
 
