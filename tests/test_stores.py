@@ -11,6 +11,8 @@ from bgmodel.commands.fitted import Piece, entry_of
 from bgmodel.fitting.hierarchy.chains import chains_entry
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
+from bgmodel.sweeps import shards
+from bgmodel.sweeps.plan import Plan
 from circuits import store
 from circuits.anatomy import load_circuit
 from circuits.store import cached
@@ -26,12 +28,14 @@ BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")
 PASSAGES = FirstPassageTimes(
     MODEL.thresholds_nats, np.arange(7.0), BINS, CHOICE, RNG.normal(size=(60, 30))
 )
+(POINT,) = Plan(engine="algebra", grid={"lesion STN": (0.0,)}).all_points()
 USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
     "fits": (lambda folder: entry_of(folder, "a/b", {"k": [0.1]}), PIECE),
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
+    "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),
 }
 
 
