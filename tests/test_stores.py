@@ -13,11 +13,13 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
+from bgmodel.tactile import library
 from circuits import store
 from circuits.anatomy import load_circuit
 from circuits.store import cached
 from tests.damage import DAMAGES
 from tests.helpers import refused
+from tests.tactile.plans import TINY
 
 RNG = np.random.default_rng(24_711)
 TABLE = pd.DataFrame({"rt": RNG.normal(size=40), "who": [f"p{k % 7}" for k in range(40)]})
@@ -28,6 +30,11 @@ BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")
 PASSAGES = FirstPassageTimes(
     MODEL.thresholds_nats, np.arange(7.0), BINS, CHOICE, RNG.normal(size=(60, 30))
 )
+CELLS = TINY.stored_cells
+FIELDS = {
+    period: RNG.normal(size=(TINY.solved_phases(period), 2, CELLS, CELLS, 5)).astype(np.float32)
+    for period in TINY.periods_mm
+}
 (POINT,) = Plan(engine="algebra", grid={"lesion STN": (0.0,)}).all_points()
 USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
@@ -36,6 +43,7 @@ USERS = {
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),
+    "contacts": (lambda folder: library.entry(TINY, folder), FIELDS),
 }
 
 
