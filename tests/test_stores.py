@@ -17,6 +17,7 @@ from bgmodel.tactile import library
 from circuits import store
 from circuits.anatomy import load_circuit
 from circuits.store import cached
+from figures import pieces
 from tests.damage import DAMAGES
 from tests.helpers import refused
 from tests.tactile.plans import TINY
@@ -36,6 +37,7 @@ FIELDS = {
     for period in TINY.periods_mm
 }
 (POINT,) = Plan(engine="algebra", grid={"lesion STN": (0.0,)}).all_points()
+SCORE = pieces.Score("test", 1, (2,), lambda *_: (), dict)
 USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
@@ -44,6 +46,10 @@ USERS = {
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),
     "contacts": (lambda folder: library.entry(TINY, folder), FIELDS),
+    "scores": (
+        lambda folder: SCORE.entry(pieces.Piece("kind", "a/b", 9, 1, dict), folder, False),
+        TABLE.round(3),
+    ),
 }
 
 
