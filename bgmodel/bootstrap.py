@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_memory
-from bgmodel.support.seeds import generator
+from bgmodel.support.seeds import generator, stream
 from circuits.errors import NoiseWarning, require
 
 FEWEST_TRIALS = 100
@@ -37,6 +39,12 @@ def resampled(
     count = int(of.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
     return np.concatenate([np.ones((1, trials)), drawn[:, of]])
+
+
+@lru_cache(maxsize=1)
+def weights_of(trials: int, seed: int) -> Array:
+    """Return the weights of ``resampled`` for separate trials, kept for the next call."""
+    return resampled(trials, RESAMPLES, stream(seed, "bootstrap"))
 
 
 def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:

@@ -10,27 +10,23 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-import tempfile
 import threading
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from contextvars import ContextVar
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numba
-import platformdirs
-from filelock import FileLock, Timeout
 from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import WarningsFixer  # type: ignore[attr-defined]  # not in its stub
 from numba.core.serialize import dumps
 
+from circuits.store import cache_folder, locked
+
 _LOCK = threading.Lock()
 """Numba reads the cache folder from a process-wide setting."""
-_MOST_WAITING_S = 120.0
-_THREAD = threading.local()
 _COMPILING = ContextVar("compiling", default=False)
 _CATCH = WarningsFixer.catch_warnings
 
@@ -104,49 +100,3 @@ def _compile_once(compile_now: Callable[[Any], Any], lock: Path | None, signatur
             return compile_now(signature)
     finally:
         _COMPILING.reset(token)
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold a file's lock, so that another process finds what this one makes and stores.
-
-    A thread holds no second lock: two threads could wait for each other. Without the lock, because
-    the folder has none or the wait is too long, both processes do the work.
-    """
-    if getattr(_THREAD, "locked", False):
-        yield
-        return
-    with ExitStack() as held:
-        with suppress(OSError, NotImplementedError, Timeout):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            held.enter_context(FileLock(path, timeout=_MOST_WAITING_S))
-        _THREAD.locked = True
-        try:
-            yield
-        finally:
-            _THREAD.locked = False
-
-
-@cache
-def cache_folder(chosen: str) -> Path | None:
-    """Return the folder for compiled code; warn and return None if it cannot be written."""
-    root = Path(chosen).absolute() if chosen else platformdirs.user_cache_path("bgmodel")
-    folder = root / "compiled"
-    try:
-        # Without a home folder the path is relative and would depend on the working directory.
-        if not folder.is_absolute():
-            raise OSError("there is no home folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        # The file has content because an empty one can be created even on a full disk.
-        with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(4096))
-    except OSError as error:
-        # Not a UserWarning: those are stored in results, which must not depend on the machine.
-        warnings.warn(
-            f"compiled code is not cached, so every run compiles again: {str(root)!r} is not "
-            f"writable ({error.strerror or error}); set NUMBA_CACHE_DIR to a writable folder",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-        return None
-    return folder

@@ -16,6 +16,7 @@ from circuits.activity import Activity
 from circuits.declaration.table_files import digest
 from circuits.errors import require
 from circuits.show import text
+from circuits.store import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,14 +95,8 @@ def write_nwb(
     for n, values in enumerate(zip(*columns.values(), strict=True)):
         ends_s = {"start_time": n * trial_ms / 1000, "stop_time": (n + 1) * trial_ms / 1000}
         file.add_trial(**ends_s, **dict(zip(columns, values, strict=True)))
-    path = Path(path)
-    partial = path.with_name(f".part-{path.stem}.nwb")
-    try:
-        with NWBHDF5IO(str(partial), "w") as out:
-            out.write(file)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path) as partial, NWBHDF5IO(str(partial), "w") as out:
+        out.write(file)
 
 
 def _name(name: str) -> str:

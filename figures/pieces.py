@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import io
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from bgmodel.integrators.given import identity
-from bgmodel.support.files import is_result, read_provenance, read_table, write_table
 from circuits.anatomy import load_circuit
+from circuits.store import Entry
 from figures.rooms import OUT, write
 
 TABLE = "spiking_msprt"
@@ -100,49 +102,49 @@ class Score:
         found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
         return found | ({"fast": True} if fast else {})
 
-    def path(self, piece: Piece, folder: Path) -> Path:
-        """Return the file of a piece."""
-        return folder / f"{self.name} {piece.kind} {piece.name.replace('/', ' ')}.csv"
-
-    def finished(self, piece: Piece, folder: Path, fast: bool) -> bool:
-        """Whether a piece is there, from its trials, this seed and these circuits."""
-        path = self.path(piece, folder)
-        if not is_result(path):
-            return False
-        found = read_provenance(path)
-        return found["parameters"] == self.behind([piece.trials], fast) and (
-            found["seed"] == self.seed
-        )
+    def entry(self, piece: Piece, folder: Path, fast: bool) -> Entry[pd.DataFrame]:
+        """Return the place of a piece from its trials, this seed and these circuits."""
+        title = f"{self.name} {piece.kind} {piece.name}"
+        key = {"piece": title, "seed": self.seed, **self.behind([piece.trials], fast)}
+        # As text, so that tables are those of numbers as they are written. A new version does not
+        # make them again.
+        return Entry(
+            folder, "", key,
+            lambda table: {"csv": np.array(table.to_csv(index=False))},
+            lambda arrays: pd.read_csv(io.StringIO(str(arrays["csv"]))),
+            title,
+        )  # fmt: skip
 
 
 def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
     """Compute what is left of a score, and write its tables once all of it is there."""
     for piece in pieces:
-        path = score.path(piece, folder)
-        if only in path.name and not score.finished(piece, folder, fast):
-            print(f"{path.stem}, {piece.trials} trials", end=" ", flush=True)
+        entry = score.entry(piece, folder, fast)
+        if only in entry.title and entry.get() is None:
+            print(f"{entry.title}, {piece.trials} trials", end=" ", flush=True)
             begun = time.process_time()
-            found = piece.make()
-            write_table(found, path, seed=score.seed, **score.behind([piece.trials], fast))
+            entry.put(piece.make())
             print(f"{time.process_time() - begun:.0f} s (said: {piece.seconds:.0f})", flush=True)
-    there = [piece for piece in pieces if score.finished(piece, folder, fast)]
-    left = [piece.name for piece in pieces if piece not in there]
+    tables = [(piece, score.entry(piece, folder, fast).get()) for piece in pieces]
+    there = [(piece, table) for piece, table in tables if table is not None]
+    left = [piece.name for piece, table in tables if table is None]
     if left:
-        tables = "tables of what is there" if score.partial and there else "no tables yet"
-        print(f"{score.name}: {tables}, what is left is {'; '.join(left)}")
-        if tables == "no tables yet":
+        partial = score.partial and there
+        which = "tables of what is there" if partial else "no tables yet"
+        print(f"{score.name}: {which}, what is left is {'; '.join(left)}")
+        if not partial:
             return
-    write_tables(score, there, folder, fast)
+    write_tables(score, there, fast)
 
 
-def write_tables(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool) -> None:
+def write_tables(score: Score, pieces: Sequence[tuple[Piece, pd.DataFrame]], fast: bool) -> None:
     """Write the tables of a score from some of its pieces."""
     made: dict[str, list[pd.DataFrame]] = {}
-    for piece in pieces:
-        made.setdefault(piece.kind, []).append(read_table(score.path(piece, folder)))
+    for piece, table in pieces:
+        made.setdefault(piece.kind, []).append(table)
     whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
     for name, (kind, found) in score.tables(whole).items():
-        behind = score.behind([piece.trials for piece in pieces if piece.kind == kind], fast)
+        behind = score.behind([piece.trials for piece, _ in pieces if piece.kind == kind], fast)
         room = score.room or Path(inspect.getfile(score.pieces)).parent
         path = write(found, room / "tables" / f"{score.name}_{name}.csv", seed=score.seed, **behind)
         print(f"\n{path.name}\n{found.round(3).to_string(index=False)}", flush=True)
@@ -161,8 +163,8 @@ def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
         piece.seconds
         for score, pieces in every.items()
         for piece in pieces
-        if given.only in score.path(piece, folder).name
-        and not score.finished(piece, folder, given.fast)
+        for entry in [score.entry(piece, folder, given.fast)]
+        if given.only in entry.title and entry.get() is None
     ]
     print(
         f"{len(left)} of {sum(map(len, every.values()))} pieces are left: about "

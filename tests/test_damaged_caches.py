@@ -13,7 +13,6 @@ from hypothesis import strategies as some
 
 from circuits.arrays import read_arrays
 from circuits.compiled_code import compile_cached
-from circuits.kept import kept, recall, remember
 from tests.damage import DAMAGES, doubled, flipped
 
 SOURCES = "0123456789abcdef"
@@ -98,31 +97,3 @@ def test_arrays_with_a_changed_byte_are_read_as_written_or_not_at_all(tmp_path_f
     for name, values in ARRAYS.items():
         assert arrays[name].tobytes() == values.tobytes()
         assert (arrays[name].dtype, arrays[name].shape) == (values.dtype, values.shape)
-
-
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_damaged_arrays_are_made_again_and_written_whole(folder, damage):
-    calls = []
-
-    def make():
-        calls.append(1)
-        return dict(ARRAYS)
-
-    kept(SOURCES, "key", make)
-    (file,) = folder.rglob("*.npz")
-    file.write_bytes(damage(file.read_bytes()))
-    assert kept(SOURCES, "key", make)["x"].tolist() == [0, 1, 2, 3, 4]
-    made_again = len(calls)
-    assert kept(SOURCES, "key", make)["x"].tolist() == [0, 1, 2, 3, 4]
-    assert len(calls) == made_again <= 2
-
-
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_damaged_states_are_forgotten(folder, damage):
-    remember(SOURCES, "kind", "key", ARRAYS, most=1)
-    (file,) = folder.rglob("*.npz")
-    file.write_bytes(damage(file.read_bytes()))
-    state = recall(SOURCES, "kind", "key")
-    assert state is None or state["x"].tolist() == ARRAYS["x"].tolist()
-    remember(SOURCES, "kind", "key", ARRAYS, most=1)
-    assert recall(SOURCES, "kind", "key") is not None

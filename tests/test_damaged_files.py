@@ -7,16 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from bgmodel.commands import touch
-from bgmodel.fitting.pieces import Piece, read_piece, write_piece
-from bgmodel.fitting.simulated.crossings import FirstPassageTimes
-from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
 from bgmodel.support.files import read_provenance, read_table, write_table
-from bgmodel.sweeps import shards
-from bgmodel.sweeps.plan import Plan
-from bgmodel.tactile.library import _load, _save
-from bgmodel.task import Gaussian
-from tests.damage import DAMAGES, flipped
-from tests.tactile.plans import TINY
+from tests.damage import flipped
 
 RNG = np.random.default_rng(24_711)
 TABLE = pd.DataFrame(
@@ -27,67 +19,6 @@ TABLE = pd.DataFrame(
         "right": RNG.random(40) < 0.5,
     }
 )
-TABLES = Piece(TABLE, TABLE.head(3), pd.DataFrame({"caution": ["a", "b"]}))
-LEVELS, DRIFTS = np.array([0.3, 0.6]), (0.0, 1.0)
-PASSAGES = FirstPassageTimes(
-    LEVELS,
-    np.array(DRIFTS),
-    RNG.integers(0, 9, (2, 30)).astype("int16"),
-    RNG.integers(0, 2, (2, 30)).astype("int8"),
-    RNG.normal(size=(2, 30)),
-)
-CELLS = TINY.stored_cells
-FIELDS = {
-    period: RNG.normal(size=(TINY.solved_phases(period), 2, CELLS, CELLS, 5)).astype(np.float32)
-    for period in TINY.periods_mm
-}
-(POINT,) = Plan(
-    task=Gaussian(trials=40, t_max=10), engine="algebra", gain=0.7, grid={"lesion STN": (0.0,)}
-).all_points()
-(SHARD,) = POINT.shards()
-
-
-def tables(folder):
-    piece = read_piece(folder, "a", {"k": 1})
-    return piece and [each.to_csv() for each in piece]
-
-
-def passages(folder):
-    crossings = read_crossings(folder / "x.parquet", LEVELS, DRIFTS)
-    return crossings and [np.asarray(each).tolist() for each in (crossings.bins, crossings.choice)]
-
-
-def library(folder):
-    fields = _load(folder / "x.npz", TINY)
-    return fields and [each.tobytes() for each in fields.values()]
-
-
-def decisions(folder):
-    if shards.state(SHARD, folder) != "done":
-        return None
-    behaviour, remark = shards.read(POINT, folder)
-    return remark, behaviour.decision.time_ms.tolist(), behaviour.posterior.tolist()
-
-
-STORES = {
-    "fits": (lambda folder: write_piece(folder, "a", {"k": 1}, TABLES, seed=1), tables),
-    "crossings": (lambda f: write_crossings(PASSAGES, f / "x.parquet", seed=1), passages),
-    "contacts": (lambda folder: _save(folder / "x.npz", TINY, FIELDS), library),
-    "shards": (lambda folder: shards.compute(SHARD, folder), decisions),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-@pytest.mark.parametrize(("write", "read"), STORES.values(), ids=STORES)
-def test_a_damaged_file_counts_as_absent_until_it_is_written_again(tmp_path, write, read, damage):
-    assert read(tmp_path) is None
-    write(tmp_path)
-    written = read(tmp_path)
-    (file, *_) = sorted(tmp_path.rglob("*.*z")) or sorted(tmp_path.rglob("*.parquet"))
-    file.write_bytes(damage(file.read_bytes()))
-    assert read(tmp_path) in (None, written)  # some bytes of a file mean nothing
-    write(tmp_path)
-    assert read(tmp_path) == written
 
 
 @given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())

@@ -215,7 +215,7 @@ def test_a_coarse_score_leaves_the_pieces_of_a_whole_one(score, monkeypatch):
     pieces.main(one)
     assert len(computed) == 5
     assert origin(folder / "tables" / "test_all.csv")["parameters"]["fast"]
-    assert one.finished(next(iter(one.pieces(False, 1))), folder / "out", False)
+    assert one.entry(next(iter(one.pieces(False, 1))), folder / "out", False).get() is not None
 
 
 def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):
@@ -223,14 +223,14 @@ def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):
     computed.append("before")
     pieces.main(one)
     piece, place = next(iter(one.pieces(False, 1))), folder / "out"
-    assert one.finished(piece, place, False)
+    assert one.entry(piece, place, False).get() is not None
     for other in ({"seed": 2}, {"channels": (4,)}):
-        assert not replace(one, **other).finished(piece, place, False)
+        assert replace(one, **other).entry(piece, place, False).get() is None
 
 
 def test_every_piece_of_every_score_has_a_file_of_its_own():
     for fast in (False, True):
         every = [(s, p) for s in runner.scores(rooms()) for p in s.pieces(fast, 1)]
-        paths = [score.path(piece, pieces.OUT) for score, piece in every]
+        paths = [score.entry(piece, pieces.OUT, fast).path for score, piece in every]
         assert len(set(paths)) == len(paths)
         assert all(piece.seconds > 0 for _, piece in every)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bgmodel.commands.output import plain, recorded, save_figure, say, stages
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
+from bgmodel.support.saved import packed, unpacked
 from bgmodel.version import __version__
 from circuits.errors import InputError, collected
+from circuits.store import Entry, safe
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,12 +23,24 @@ if TYPE_CHECKING:
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.likelihood import Likelihood
     from bgmodel.fitting.model_comparison import ModelComparison
-    from bgmodel.fitting.pieces import Piece
     from bgmodel.trials.record import Trials
 
 TABLES = ("parameters.csv", "cells.csv")
 WORST = 5
 """Number of residuals that are printed for each fit."""
+
+
+class Piece(NamedTuple):
+    """Tables of one finished fit, as from ``fit.Fit``, and its warnings, one per row."""
+
+    parameters: pd.DataFrame
+    cells: pd.DataFrame
+    cautions: pd.DataFrame
+
+
+def entry_of(folder: Path, title: str, key: dict[str, Any]) -> Entry[Piece]:
+    """Return the place of a finished fit in a folder of results."""
+    return Entry(folder / "pieces", __version__, key, packed, unpacked, title)
 
 
 @dataclass(frozen=True)
@@ -96,8 +110,6 @@ class Kept:
 
     def person(self, who: str, some: Trials, asked: Mapping[str, Likelihood]) -> list[Piece]:
         """Return the fits of one participant, by name of the model, and draw them."""
-        from bgmodel.fitting.pieces import safe
-
         pieces = {name: self._one(who, some, name, each) for name, each in asked.items()}
         cells = {name: piece.cells for name, piece in pieces.items()}
         peaks = {name: (each, _peak(pieces[name])) for name, each in asked.items()}
@@ -107,11 +119,7 @@ class Kept:
 
     def _one(self, who: str, some: Trials, name: str, likelihood: Likelihood) -> Piece:
         """Return the tables of one fit, read from its files or computed."""
-        import pandas as pd
-
-        from bgmodel.fitting.fit import fit_likelihood
         from bgmodel.fitting.likelihood import identity_of
-        from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 
         key: dict[str, Any] = {
             "participant": who,
@@ -122,14 +130,23 @@ class Kept:
             "window_s": [f"{time:g}" for time in likelihood.design.observed.window_s],
             "left_out": likelihood.design.left_out,
             "posterior": self.posterior,
-            "bgmodel": __version__,
         }
-        pieces, title = self.folder / "pieces", f"{who} {plain(name)}"
-        there = read_piece(pieces, title, key)
-        if there is not None:
+        entry = entry_of(self.folder, f"{who} {plain(name)}", key)
+        piece = entry.get()
+        if piece is not None:
             self.note(f"{who}, {name}: already done")
-            _warn(who, name, there)
-            return there
+        else:
+            piece = self._fitted(who, name, likelihood)
+            entry.put(piece)
+        _warn(who, name, piece)
+        return piece
+
+    def _fitted(self, who: str, name: str, likelihood: Likelihood) -> Piece:
+        """Fit a model to one participant, and report the fit."""
+        import pandas as pd
+
+        from bgmodel.fitting.fit import fit_likelihood
+
         with stages(f"{who}, {name}") as tell, collected() as cautions:
             fit = fit_likelihood(likelihood, draws=self.posterior, tell=tell)
         self._say(who, name, fit)
@@ -145,8 +162,6 @@ class Kept:
         for table in (piece.parameters, piece.cells):
             table.insert(0, "participant", who)
             table.insert(1, "model", name)
-        write_piece(pieces, title, key, piece, seed=self.seed)
-        _warn(who, name, piece)
         return piece
 
     def _say(self, who: str, name: str, fit: Fit) -> None:

@@ -94,9 +94,9 @@ def _fit(
     asked: dict[str, Any],
 ) -> GroupFit:
     """Return one model's fit, after writing its draws and its figures."""
+    from bgmodel.fitting.hierarchy.chains import chains_entry
     from bgmodel.fitting.hierarchy.fit import fit_group
     from bgmodel.fitting.likelihood import identity_of
-    from bgmodel.fitting.pieces import piece_path
 
     first = next(iter(likelihoods.values()))
     key = {
@@ -111,10 +111,10 @@ def _fit(
         },
     }
     stem = plain(name)
-    kept = piece_path(folder / "pieces", stem, key, "chains.npz")
+    kept = chains_entry(folder / "pieces", stem, key)
     with stages(name) as tell, collected() as cautions:
         fit = fit_group(
-            likelihoods, predictors=predictors, workers=command.workers, path=kept, tell=tell
+            likelihoods, predictors=predictors, workers=command.workers, kept=kept, tell=tell
         )
     for caution in cautions:
         say(f"{name}: {caution}")

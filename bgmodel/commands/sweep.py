@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from bgmodel.commands.output import check_whole, recorded, say, say_of_edits, write_template
 from bgmodel.support import files
 from bgmodel.support.processes import processes
+from bgmodel.version import __version__
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ class _Run:
 
     def _settings(self, folder: Path, shards: list[Shard]) -> dict[str, str | int]:
         """Return the settings of the Snakefile."""
-        names = "".join(sorted(shard.name for shard in shards))
+        names = "".join([__version__, *sorted(shard.name for shard in shards)])
         return {
             "file": str(self.file.absolute()),
             "folder": str(folder.absolute()),

@@ -21,11 +21,12 @@ from bgmodel.bootstrap import (
     check_resamples,
     check_trials,
     interval,
+    resampled,
+    weights_of,
 )
 from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
@@ -41,10 +42,12 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
+from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits.declaration.table_files import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
+from circuits.store import Latest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,7 +119,7 @@ class Experiment(ExperimentRecord):
         *,
         workers: int = 1,
         given: NamedEvidence | None = None,
-        kept: Kept | None = None,
+        kept: Latest | None = None,
     ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
 
@@ -126,7 +129,7 @@ class Experiment(ExperimentRecord):
             Number of threads, for engines that can use several; it does not affect results.
         given : NamedEvidence, optional
             The result of ``given()``, to avoid computing it twice.
-        kept : Kept, optional
+        kept : Latest, optional
             What earlier runs have computed already; results of this run are added. For programs
             that edit the manipulation again and again, while the control stays.
 
@@ -160,15 +163,19 @@ class Experiment(ExperimentRecord):
         groups = self.groups(evidence.trials)
         check_resamples(RESAMPLES, groups)
         # Without the argument, keys are None and every condition is computed.
-        store = Kept() if kept is None else kept
-        weights = store.weights(evidence.trials, self.seed, groups)
+        memory = Latest(len(both)) if kept is None else kept
+        if groups is None:
+            weights = weights_of(evidence.trials, self.seed)
+        else:
+            weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"), groups)
         found: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
             key = None if kept is None else self._key(condition, model)
-            behaviour = store.behaviour_of(key, partial(condition.behaviour, model, drive))
+            behave = partial(condition.behaviour, model, drive)
+            behaviour = memory.once("behaviour", key, behave)
             _check_decided(name, behaviour, self.waited_ms)
-            found.append(store.measures(key, behaviour, weights))
+            found.append(memory.once("measures", key, partial(behaviour.measures, weights)))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
             table = trial_table(decided, given, seed=self.seed, model=about, condition=name)

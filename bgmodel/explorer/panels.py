@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,6 @@ from bgmodel.deciding.measures import OF_DIFFUSION
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.experiment import Outcome
-from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, shift_of, unknown
 from bgmodel.experiments.record import CONDITIONS, UNCHANGED
 from bgmodel.explorer import drawing
@@ -27,6 +26,7 @@ from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.plots import ROWS
 from circuits.show import html as tables_of
+from circuits.store import Latest
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -45,9 +45,8 @@ NAMES = ("Control", "Manipulation", "Change")
 """Headings of conditions."""
 LATE = 0.05
 """Largest share of trials decided by the deadline at a point of the MSPRT's curve."""
-KEPT = 3
-"""Largest number of results of a kind that are kept, such as the evidence of tasks."""
-Result = TypeVar("Result")
+CONDITIONS_KEPT, KEPT = 12, 3
+"""Largest numbers of conditions, and of other results of a kind, such as the evidence of tasks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,24 +73,14 @@ class Panel:
 class Memory:
     """Results that are reused while the edited circuit changes."""
 
-    conditions: Kept = field(default_factory=Kept)
+    conditions: Latest = field(default_factory=lambda: Latest(CONDITIONS_KEPT))
+    others: Latest = field(default_factory=lambda: Latest(KEPT))
     outcome: tuple[str, Outcome] | None = None
     """The last outcome, and the key of its state."""
-    _kept: dict[str, dict[Hashable, Any]] = field(default_factory=dict)
-
-    def once(self, kind: str, key: Hashable, compute: Callable[[], Result]) -> Result:
-        """Return a kept result, or compute it; the oldest beyond ``KEPT`` of a kind are dropped."""
-        kept = self._kept.setdefault(kind, {})
-        if key not in kept:
-            kept[key] = compute()
-            for old in [*kept][:-KEPT]:
-                del kept[old]
-        result: Result = kept[key]
-        return result
 
     def evidence(self, state: State) -> NamedEvidence:
         """Return the evidence of a state."""
-        return self.once("evidence", _task(state), state.experiment.given)
+        return self.others.once("evidence", _task(state), state.experiment.given)
 
 
 def _task(state: State) -> tuple[Hashable, ...]:
@@ -205,7 +194,7 @@ def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]
     """Return speed and accuracy in words, and their figure."""
     evidence, gain = outcome.given.evidence, outcome.models[0].gain
     key = *_task(state), gain
-    test = memory.once("test", key, lambda: msprt_curve(evidence, gain))
+    test = memory.others.once("test", key, lambda: msprt_curve(evidence, gain))
     by = {name: rows.set_index("measure") for name, rows in outcome.measures.groupby("condition")}
     points = {
         name.capitalize(): by[name][["value", "low", "high"]].astype(float)
@@ -299,7 +288,9 @@ def trials_of(state: State, memory: Memory) -> Mapping[str, Shown]:
     evidence, trial = memory.evidence(state).evidence, state.trial
     control, manipulation = state.experiment.conditions
     key = state.control, control, *_task(state), trial
-    shown = {NAMES[0]: memory.once("trial", key, lambda: one_trial(control, evidence, trial))}
+    shown = {
+        NAMES[0]: memory.others.once("trial", key, lambda: one_trial(control, evidence, trial))
+    }
     if not state.alike:
         shown[NAMES[1]] = one_trial(manipulation, evidence, trial)
     return shown

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pandas as pd
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.panels import Panel
 from bgmodel.explorer.state import State
 from bgmodel.tables.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import quiet
+from circuits.store import Latest
 
 RANKING = "ranking"
 """Name of the panel, which is computed on request."""
@@ -39,7 +39,7 @@ def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
     many = task.file is None and task.trials > TRIALS
     control = (state.with_setting("trials", TRIALS) if many else state).as_control().experiment
     lines = losses(state)
-    evidence, kept = control.given(), Kept(most=len(lines) + 1)
+    evidence, kept = control.given(), Latest(len(lines) + 1)
     changes: list[tuple[float, str, list[str]]] = []
     refused: list[str] = []
     for count, line in enumerate(lines, 1):
@@ -55,7 +55,7 @@ def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
 
 
 def _change(
-    control: Experiment, line: str, evidence: NamedEvidence, kept: Kept, workers: int
+    control: Experiment, line: str, evidence: NamedEvidence, kept: Latest, workers: int
 ) -> tuple[float, str, list[str]]:
     """Return the change of the mean time by a loss, its edit, and all changes as text."""
     edits = Edits([*control.manipulation.edits, line])

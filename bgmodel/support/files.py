@@ -6,10 +6,9 @@ import hashlib
 import json
 import os
 import platform
-import secrets
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from importlib import metadata
@@ -24,6 +23,8 @@ from bgmodel.support.memory import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 from circuits import arrays
 from circuits.errors import InputError
+from circuits.store import remove_partial_files as remove_partial_files
+from circuits.store import replacing as replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,25 +35,6 @@ MOST_NAME_BYTES = 200
 """Longest name of a result, bytes: temporary files have longer names."""
 FIELDS = {"parameters", "seed", "versions"}
 """Keys of the provenance."""
-
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path, renamed to the final name once written, or removed on errors."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{secrets.token_hex(8)}.partial.{path.name}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def remove_partial_files(folder: str | Path) -> None:
-    """Remove temporary files of killed writers in and below a folder; no writer may be active."""
-    for partial in Path(folder).rglob(".*.partial.*"):
-        partial.unlink()
 
 
 def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:

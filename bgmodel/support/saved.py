@@ -19,6 +19,7 @@ import numpy.typing as npt
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_new, check_writable, from_json, read_arrays, replacing
 from bgmodel.version import __version__
+from circuits.arrays import Arrays
 from circuits.errors import InputError, require
 
 ENDING, TREE = ".npz", "record"
@@ -34,13 +35,18 @@ def save(record: Any, path: str | Path, *, force: bool = False) -> Path:
     require(path.suffix == ENDING, "path", f"must end in {ENDING}", str(path))
     check_new(path, force=force)
     check_writable(path.parent)
+    arrays: dict[str, Any] = packed(record)
+    with replacing(path) as partial, partial.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+    return path
+
+
+def packed(record: Any) -> Arrays:
+    """Return a record as arrays by name."""
     arrays: list[npt.NDArray[Any]] = []
     tree = {"version": __version__, "value": _plain(record, arrays)}
     text = np.frombuffer(json.dumps(tree).encode(), dtype=np.uint8)
-    named = {str(k): each for k, each in enumerate(arrays)}
-    with replacing(path) as partial, partial.open("wb") as stream:
-        np.savez_compressed(stream, **{TREE: text}, **named)  # type: ignore[arg-type]
-    return path
+    return {TREE: text, **{str(k): each for k, each in enumerate(arrays)}}
 
 
 def load(path: str | Path) -> Any:
@@ -59,15 +65,19 @@ def load(path: str | Path) -> Any:
     path = path_of(path)
     if not path.is_file():
         raise InputError(f"there is no file {str(path)!r}", "path", path)
-    arrays = read_arrays(path)
+    return unpacked(read_arrays(path), repr(str(path)))
+
+
+def unpacked(arrays: Arrays, name: str = "the record") -> Any:
+    """Return the record of ``packed``; an InputError with the name if there is none."""
     if TREE not in arrays:
-        raise InputError(f"{str(path)!r} is not a result that .save wrote", "path", path)
+        raise InputError(f"{name} is not a result that .save wrote", "path", name)
     tree = from_json(arrays[TREE].tobytes())
     try:
         return _restored(tree["value"], arrays)
     except (ImportError, AttributeError, KeyError, TypeError) as error:
-        reason = f"{str(path)!r} was saved by version {tree.get('version')}, this is {__version__}"
-        raise InputError(f"{reason}: its records differ ({error})", "path", path) from None
+        reason = f"{name} was saved by version {tree.get('version')}, this is {__version__}"
+        raise InputError(f"{reason}: its records differ ({error})", "path", name) from None
 
 
 def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:

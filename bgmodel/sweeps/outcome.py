@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.bootstrap import RESAMPLES, interval, resampled, weights_of
 from bgmodel.deciding.calibration import miscalibrated
 from bgmodel.deciding.measures import CUT_OFF, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
 from bgmodel.deciding.tradeoff import decides_without_evidence
@@ -95,7 +94,7 @@ def _withheld(values: dict[str, float]) -> str:
 def _weights(seed: int, trials: int) -> Iterator[Array]:
     """Yield equal weights of all trials, then bootstrap weights in batches."""
     if trials * RESAMPLES <= AT_ONCE:
-        yield _kept(seed, trials)
+        yield weights_of(trials, seed)
         return
     rng, left = stream(seed, "bootstrap"), RESAMPLES
     yield np.ones((1, trials))
@@ -103,11 +102,6 @@ def _weights(seed: int, trials: int) -> Iterator[Array]:
         some = min(left, max(1, AT_ONCE // trials))
         yield resampled(trials, some, rng)[1:]
         left -= some
-
-
-@lru_cache(maxsize=1)
-def _kept(seed: int, trials: int) -> Array:
-    return resampled(trials, RESAMPLES, stream(seed, "bootstrap"))
 
 
 def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -26,7 +25,6 @@ from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tables.named import NamedEvidence
 from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
-from bgmodel.version import __version__
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
 from circuits.errors import InputError, require, within
@@ -131,14 +129,12 @@ class Shard:
             "seed": of.seed,
             "task": task,
             "first": self.first,
-            "bgmodel": __version__,
         }
 
     @property
     def name(self) -> str:
-        """The hash of its key."""
-        text = json.dumps(self.key, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
+        """Its key as text."""
+        return json.dumps(self.key, sort_keys=True)
 
 
 @dataclass(frozen=True)

@@ -8,73 +8,72 @@ from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
+import numpy as np
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.support import files
 from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
+from bgmodel.version import __version__
+from circuits.arrays import Arrays
 from circuits.errors import collected
+from circuits.store import Entry, remove_partial_files
 
-TRIAL_BYTES, SHARD_BYTES = 40, 20_000
+TRIAL_BYTES, SHARD_BYTES = 48, 20_000
 """Largest size of a stored trial, and of a shard without trials, bytes."""
 OF_DECISION = ("choice", "time_ms", "forced", "premature")
 """Columns of a shard from which decisions are restored."""
 REMARK = "remark"
-"""The column with the warnings of a run, or why it ended; in the first row, usually empty."""
+"""The entry with the warnings of a run, or why it ended; usually empty."""
 
 
-def path_of(shard: Shard, folder: Path) -> Path:
-    """Return the path of a shard in the folder of a sweep."""
-    return folder / "shards" / f"{shard.name}.parquet"
+def entry(shard: Shard, folder: Path) -> Entry[Arrays]:
+    """Return the place of a shard in the folder of a sweep."""
+    return Entry(folder / "shards", __version__, shard.key, dict, dict)
 
 
 def state(shard: Shard, folder: Path) -> str:
     """Return "done", "missing", or "damaged": cut short, or made from other parameters."""
-    path = path_of(shard, folder)
-    if not path.is_file():
+    there = entry(shard, folder)
+    if not there.path.is_file():
         return "missing"
-    try:
-        parameters = files.read_provenance(path)["parameters"]
-        made_from, _ = parameters["shard"], parameters[REMARK]
-        read = files.read_table(path)
-    except (OSError, ValueError, KeyError):
-        return "damaged"
-    complete = made_from == _plain(shard) and len(read) in (0, shard.trials)
-    return "done" if complete else "damaged"
+    return "damaged" if there.get() is None else "done"
 
 
 def compute(shard: Shard, folder: Path) -> None:
-    """Run the circuit on the trials of a shard and store its decisions.
+    """Compute and store the decisions of a shard, unless they are stored."""
+    _stored(shard, folder)
+
+
+def _stored(shard: Shard, folder: Path) -> Arrays:
+    """Return the decisions of a shard by column, and its remark, stored or computed."""
+    return entry(shard, folder).once(partial(_computed, shard))
+
+
+def _computed(shard: Shard) -> Arrays:
+    """Run the circuit on the trials of a shard.
 
     A circuit that cannot be run, such as one whose rates diverge, is an outcome: its shard has no
     trials and states the reason.
     """
     with collected() as caught:
         try:
-            table = _decided(shard)
+            columns = _decided(shard)
             remark = ""
         except NoMemoryError:
             raise  # a temporary failure, not an outcome
         except (ValueError, FloatingPointError) as error:
-            table, remark = pd.DataFrame(), str(error)
+            columns, remark = {}, str(error)
     if replace(shard).key != shard.key:
         raise ValueError("the table of evidence was changed while the sweep ran: start it again")
     remark = remark or "; ".join(dict.fromkeys(caught))
-    path = path_of(shard, folder)
-    try:
-        files.write_table(table, path, seed=shard.point.seed, shard=shard.key, remark=remark)
-    except OSError as error:
-        raise ValueError(
-            f"{str(folder)!r} can't be written: {error.strerror}; finished shards are kept"
-        ) from error
+    return {**columns, REMARK: np.array(remark)}
 
 
-def _decided(shard: Shard) -> pd.DataFrame:
+def _decided(shard: Shard) -> Arrays:
     of = shard.point
     model = of.model(of.hypotheses, seed=of.block_seed(shard.first), rates=False)
     model = replace(model, gain=of.used_gain)
@@ -83,7 +82,7 @@ def _decided(shard: Shard) -> pd.DataFrame:
     behaviour = of.behaviour(model, evidence, of.block_seed(shard.first))
     columns = {name: getattr(behaviour.decision, name) for name in OF_DECISION}
     measured = {"posterior": behaviour.posterior, **behaviour.columns()}
-    return pd.DataFrame({**columns, **measured, "truth": evidence.truth})
+    return {**columns, **measured, "truth": evidence.truth}
 
 
 def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
@@ -91,16 +90,12 @@ def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
 
     None if the circuit could not be run.
     """
-    parts, remarks = [], []
-    for shard in point.shards():
-        path = path_of(shard, folder)
-        parts.append(files.read_table(path))
-        remarks.append(files.read_provenance(path)["parameters"][REMARK])
-    remark = "; ".join(dict.fromkeys(text for text in remarks if text))
-    if any(part.empty for part in parts):
+    parts = [_stored(shard, folder) for shard in point.shards()]
+    remarks = dict.fromkeys(str(part.pop(REMARK)) for part in parts)
+    remark = "; ".join(filter(None, remarks))
+    if not all(parts):
         return None, remark
-    trials = pd.concat(parts, ignore_index=True)
-    columns = {name: trials[name].to_numpy() for name in trials}
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     decision = Decision(
         **{name: columns[name] for name in OF_DECISION},
         step_ms=point.task.step_ms,
@@ -117,15 +112,11 @@ def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
     ), remark
 
 
-def _plain(shard: Shard) -> Any:
-    return files.provenance(shard=shard.key)["parameters"]["shard"]
-
-
 def check_room(points: Sequence[Point], folder: Path) -> None:
     """Raise ValueError if the disk has no room for the shards still missing."""
     trials = sum(point.trials for point in points)
     need = TRIAL_BYTES * trials + SHARD_BYTES * (len(points) + trials // BLOCK)
-    there = sum(path.stat().st_size for path in (folder / "shards").glob("*.parquet"))
+    there = sum(path.stat().st_size for path in (folder / "shards").glob("*.npz"))
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     free = shutil.disk_usage(place).free
     if need - there > free:
@@ -153,7 +144,7 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
         except OSError:
             pass  # file system without locks: shards stay intact, but work may be done twice
         if alone:
-            files.remove_partial_files(folder)
+            remove_partial_files(folder)
         yield
 
 

@@ -9,7 +9,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import platformdirs
@@ -17,11 +16,11 @@ from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
 from bgmodel.support.arrays import Array, Singles
-from bgmodel.support.files import read_arrays, replacing
 from bgmodel.support.processes import processes
 from bgmodel.tactile import sampling
-from bgmodel.tactile.pressing import LibraryPlan, press
+from bgmodel.tactile.pressing import FORMAT, LibraryPlan, press
 from circuits.errors import InputError, require
+from circuits.store import Entry
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,25 +99,24 @@ def contact_library(
     """
     require(workers >= 1, "workers", "must be 1 or more", workers)
     plan = plan or LibraryPlan()
-    path = _place(plan, cache_dir)
-    fields = _load(path, plan)
-    if fields is None:
-        path.parent.mkdir(parents=True, exist_ok=True)  # fail before the long computation
-        fields = _solve_all(plan, workers)
-        _save(path, plan, fields)
-    return Library(plan, fields)
+    return Library(plan, entry(plan, cache_dir).once(lambda: _solve_all(plan, workers)))
 
 
 def to_solve(plan: LibraryPlan, cache_dir: str | Path | None = None) -> int:
     """Return the number of contacts still to be solved; 0 if the library's file exists."""
-    there = _place(plan, cache_dir).is_file()
+    there = entry(plan, cache_dir).path.is_file()
     return 0 if there else sum(plan.solved_phases(period) for period in plan.periods_mm)
 
 
-def _place(plan: LibraryPlan, cache_dir: str | Path | None) -> Path:
-    """Return the path of a library's file."""
+def entry(plan: LibraryPlan, cache_dir: str | Path | None = None) -> Entry[dict[float, Singles]]:
+    """Return the place of a library's fields."""
     folder = cache_dir or os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
-    return Path(folder) / plan.name
+    return Entry(
+        Path(folder), f"{FORMAT}", plan.key,
+        lambda fields: {f"{period!r}": values for period, values in fields.items()},
+        lambda arrays: {float(period): values for period, values in arrays.items()},
+        "contact",
+    )  # fmt: skip
 
 
 def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
@@ -135,25 +133,3 @@ def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
         period: np.stack([r for r, p in zip(results, periods, strict=True) if p == period])
         for period in plan.periods_mm
     }
-
-
-def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
-    """Write the fields and their plan; never leaves a partial file."""
-    arrays: dict[str, Any] = {f"period_{period:g}": values for period, values in fields.items()}
-    arrays["parameters"] = np.array(plan.parameters())
-    with replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, **arrays)
-
-
-def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
-    """Return the fields, or None if the file is missing, damaged or of another plan."""
-    n = plan.stored_cells
-    try:
-        stored = read_arrays(path)
-        if str(stored["parameters"]) != plan.parameters():
-            return None
-        fields = {p: stored[f"period_{p:g}"] for p in plan.periods_mm}
-    except (OSError, ValueError, KeyError):
-        return None
-    shapes = {p: (plan.solved_phases(p), len(plan.forces_n), n, n, 5) for p in plan.periods_mm}
-    return fields if all(fields[p].shape == shapes[p] for p in shapes) else None

@@ -1,10 +1,10 @@
 """Gratings pressed on the skin: contacts to solve and displacement fields at the pins."""
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
 from circuits.errors import InputError, require
 
-_FORMAT = 2  # increment if values or layout change, so that older files are not used
+FORMAT = 2  # increment if values or layout change, so that older files are not used
 
 
 @dataclass(frozen=True)
@@ -85,15 +85,11 @@ class LibraryPlan:
             Grating(period).half_period_cells(self.dx_mm)
 
     @property
-    def name(self) -> str:
-        """File name of the library, unique to equal plans."""
-        return f"contact-{hashlib.sha256(self.parameters().encode()).hexdigest()[:16]}.npz"
-
-    def parameters(self) -> str:
-        """Return all parameters and the format version as JSON."""
+    def key(self) -> dict[str, Any]:
+        """All parameters, the same for equal plans."""
         # Convert every number to float: plans with 20 and 20.0 are equal and must share a file.
-        numbers = json.loads(json.dumps(asdict(self)), parse_int=float)
-        return json.dumps({"format": _FORMAT, **numbers}, sort_keys=True)
+        key: dict[str, Any] = json.loads(json.dumps(asdict(self)), parse_int=float)
+        return key
 
     @property
     def stored_cells(self) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -21,6 +20,7 @@ from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, NOT_WRITTEN, CircuitTable
 from circuits.errors import InputError
+from circuits.store import replacing
 
 FORMAT = 1
 """Version of the file format."""
@@ -94,13 +94,8 @@ def write(circuit: CircuitTable, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix != SUFFIX:
         raise InputError(f"a circuit file must end in {SUFFIX}, got {str(path)!r}", "path", path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{os.getpid()}.partial.{path.name}")
-    try:
-        beside.write_text(text(circuit), encoding="utf-8")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as partial:
+        partial.write_text(text(circuit), encoding="utf-8")
     return path
 
 

@@ -15,10 +15,10 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.hierarchy.chains import chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
-from bgmodel.fitting.pieces import piece_path
 from bgmodel.fitting.settings import seconds_of, settings_of
 from bgmodel.tables.shipped import shipped_table
 from circuits.anatomy import DEFAULT
@@ -89,13 +89,12 @@ def kept_fit(name: str, every: Mapping[str, Likelihood], fast: bool, workers: in
     """Return a fit; its chains are kept in a file, and continued from there."""
     first = next(iter(every.values()))
     key = {"model": repr(first.model.identity()), "names": first.freedom.names, "data": DATA}
-    path = piece_path(OUT / "stored", name, key, "chains.npz")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    kept = chains_entry(OUT / "stored", name, key)
     with warnings.catch_warnings():
         # Diagnostics are part of the result.
         warnings.simplefilter("ignore", FitWarning)
         return fit_group(
-            every, workers=workers, most_draws=COARSE_MOST if fast else MOST, path=path,
+            every, workers=workers, most_draws=COARSE_MOST if fast else MOST, kept=kept,
             tell=lambda said: print(f"  {name}: {said}", flush=True),
         )  # fmt: skip
 

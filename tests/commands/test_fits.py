@@ -11,11 +11,10 @@ import pytest
 
 from bgmodel.commands import fitted
 from bgmodel.commands.fits import ESTIMATES
-from bgmodel.commands.fitted import TABLES, Kept
+from bgmodel.commands.fitted import TABLES, Kept, Piece
 from bgmodel.fitting import optimum
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
-from bgmodel.fitting.pieces import Piece
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
 from tests.drawn import drawn

@@ -200,7 +200,7 @@ def killed(command, shards, count, later_s):
 
 def finished(shards):
     """Return the shards that are whole, and when each was written."""
-    return {p: p.stat().st_mtime_ns for p in shards.glob("[!.]*.parquet")}
+    return {p: p.stat().st_mtime_ns for p in shards.glob("[!.]*.npz")}
 
 
 @pytest.mark.parametrize("kills", [1, pytest.param(12, marks=pytest.mark.validate)])

@@ -12,7 +12,6 @@ from bgmodel import stream
 from bgmodel.conditions import POSTERIOR
 from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.experiments.record import Changes
@@ -27,6 +26,7 @@ from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import write
+from circuits.store import Latest
 from tests.helpers import GOOD, ROOT, behaving, refused, run, told
 
 EFFECT = """[[effects]]
@@ -306,35 +306,26 @@ def test_anticipations_are_judged_over_the_foreperiod_in_which_they_are_counted(
 
 def test_behaviour_that_is_kept_is_not_computed_again_and_changes_nothing():
     experiment = Experiment.from_text(GOOD)
-    kept = Kept()
+    kept = Latest(4)
     first = experiment.run(kept=kept)
-    before = [*map(id, kept.behaviour.values())]
+    before = [*map(id, kept.kinds["behaviour"].values())]
     assert len(before) == 2
     again = experiment.run(kept=kept)
-    assert [*map(id, kept.behaviour.values())] == before
+    assert [*map(id, kept.kinds["behaviour"].values())] == before
     assert again.measures.equals(experiment.run().measures)
     assert again.measures.equals(first.measures)
     other = replace(experiment, seed=4)
     assert other.run(kept=kept).measures.equals(other.run().measures)
     assert not other.run(kept=kept).measures.equals(first.measures)
-    assert len(kept.behaviour) == 4
-
-
-def test_conditions_that_were_kept_first_are_forgotten():
-    kept = Kept(most=3)
-    for name in "abcde":
-        kept.behaviour_of(name, lambda: None)
-    assert [*kept.behaviour] == ["c", "d", "e"]
-    kept.behaviour_of(None, lambda: None)
-    assert len(kept.behaviour) == 3
+    assert len(kept.kinds["behaviour"]) == 4
 
 
 def test_behaviour_of_a_file_that_has_changed_is_computed_again(tmp_path):
     file = tmp_path / "mine.toml"
-    kept, found = Kept(), []
+    kept, found = Latest(4), []
     for edits in ((), ("scale D1->SNr 0.98",)):
         write(load_circuit("spiking_msprt").edited(*edits), file)
         text = GOOD.replace('"spiking_msprt"', f'"{file}"')
         found.append(Experiment.from_text(text).run(kept=kept).measures)
-    assert len(kept.behaviour) == 4
+    assert len(kept.kinds["behaviour"]) == 4
     assert not found[0].equals(found[1])

@@ -93,7 +93,7 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
 
 @pytest.mark.usefixtures("shown")
 def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
-    (curve,) = memory._kept["test"].values()
+    (curve,) = memory.others.kinds["test"].values()
     outcome = memory.outcome[1]
     evidence, gain = outcome.given.evidence, outcome.models[0].gain
     assert curve["mean_ms"].is_monotonic_increasing
@@ -186,5 +186,5 @@ def test_what_is_remembered_does_not_grow():
     for k in range(20):
         state = small("bogacz_gurney").with_setting("seed", k)
         memory.evidence(state)
-    assert len(memory._kept["evidence"]) == KEPT
+    assert len(memory.others.kinds["evidence"]) == KEPT
     assert memory.evidence(state) is memory.evidence(state)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from bgmodel.fitting.alternatives.crossings import DRIFTS, ManyCrossings, simulated_many
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
@@ -17,7 +15,6 @@ from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
-from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.tables.alternatives import MOST
 from circuits.errors import require
@@ -71,49 +68,11 @@ class ManyCircuitModel(CircuitModel):
             whole, parts = self._part_of
             found: ManyCrossings = whole._crossings.part(parts)  # type: ignore[attr-defined]
             return found
-        return self._read_many() or self._simulate_many()
-
-    def _read_many(self) -> ManyCrossings | None:
-        """Return stored crossings; None without a complete file."""
-        path = self.path(())
-        if path is None:
-            return None
-        try:
-            table = files.read_table(path)
-        except ValueError:
-            return None
-        return _of_table(table, self.thresholds_nats, self.circuit.channels)
+        entry = self._entry(partial(ManyCrossings, self.thresholds_nats), ())
+        return entry.once(self._simulate_many)
 
     def _simulate_many(self) -> ManyCrossings:
-        """Simulate crossings, and keep them in the folder if there is one."""
         run = self.run((), float(self.thresholds_nats[0]))
         options: dict[str, Any] = {"seconds": self.seconds, "trials": self.trials}
         channels = self.circuit.channels
-        found = simulated_many(run, self.thresholds_nats, channels, **options, seed=self.seed)
-        path = self.path(())
-        if path is not None:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            files.write_table(_table(found), path, seed=self.seed, stored=self._key(()))
-        return found
-
-
-def _table(found: ManyCrossings) -> pd.DataFrame:
-    """Return crossings as columns for each threshold, one row per trial."""
-    columns: dict[str, Any] = {}
-    for k in range(len(found.bins)):
-        columns[f"bin_{k}"], columns[f"choice_{k}"] = found.bins[k], found.choice[k]
-        for c in range(found.evidence.shape[2]):
-            columns[f"evidence_{k}_{c}"] = found.evidence[k, :, c]
-    return pd.DataFrame(columns)
-
-
-def _of_table(table: pd.DataFrame, thresholds_nats: Array, channels: int) -> ManyCrossings:
-    """Return the crossings of ``_table``."""
-    levels = range(len(thresholds_nats))
-
-    def rows(kind: str, end: str = "") -> Any:
-        columns = [f"{kind}_{k}{end}" for k in levels]
-        return np.ascontiguousarray(table[columns].to_numpy().T)
-
-    evidence = np.stack([rows("evidence", f"_{c}") for c in range(channels)], axis=2)
-    return ManyCrossings(thresholds_nats, rows("bin"), rows("choice"), evidence)
+        return simulated_many(run, self.thresholds_nats, channels, **options, seed=self.seed)

@@ -15,10 +15,12 @@ from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import Guide
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, guided, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
-from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.processes import SharedMap, local_map
 from bgmodel.support.seeds import stream
+from bgmodel.version import __version__
+from circuits.arrays import Arrays
+from circuits.store import Entry
 
 CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000
 """Number of chains, rounds of the warm-up, sweeps in each of them, sweeps between two checks, and
@@ -75,29 +77,35 @@ def sampled(
     seed: int,
     over_people: SharedMap | None = None,
     most: int = MOST,
-    path: Path | None = None,
+    kept: Entry[Arrays] | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> list[Draws]:
     """Return chains of draws, as long as they need to agree, with at most ``most`` each.
 
-    Draws do not depend on ``over_people``. The file ``path`` (.npz) keeps chains after each block,
-    and those in it are continued. Where the surrogate is far too low, because no chain had been
+    Draws do not depend on ``over_people``. Chains are ``kept`` after each block, and those
+    in that file are continued. Where the surrogate is far too low, because no chain had been
     there when it was learned, chains get stuck. If effective sample sizes are small after
     ``REMADE`` sweeps, it is learned again from all draws so far, which are then discarded like a
     warm-up.
     """
     work = _Chains(sampler, seed, over_people or local_map(sampler.people), tell)
-    kept = _kept(path, sampler, group) or work.warmed(group)
+    now = _kept(kept, sampler, group) or work.warmed(group)
     while True:
-        if kept.draws:
-            diagnostics = work.reported(kept)
-            if diagnostics.reached or len(kept.draws[0]) >= most:
-                return kept.draws
-            if kept.stuck(diagnostics):
+        if now.draws:
+            diagnostics = work.reported(now)
+            if diagnostics.reached or len(now.draws[0]) >= most:
+                return now.draws
+            if now.stuck(diagnostics):
                 tell("chains mix too slowly: learning the surrogate again, without their draws")
-                kept = work.remade(kept)
-        kept = work.longer(kept, BLOCK)
-        _keep(path, kept)
+                now = work.remade(now)
+        now = work.longer(now, BLOCK)
+        if kept is not None and now.guide is not None:
+            kept.put(_arrays(now, now.guide))
+
+
+def chains_entry(folder: Path, title: str, key: dict[str, Any]) -> Entry[Arrays]:
+    """Return the place of chains in a folder; the key is all that they depend on."""
+    return Entry(folder, __version__, key, dict, dict, f"{title} chains")
 
 
 @dataclass(frozen=True)
@@ -169,32 +177,25 @@ def _run(
     return Sampler(people, expansion, guide).run(state, sweeps)
 
 
-def _keep(path: Path | None, kept: _Kept) -> None:
-    """Write the guide, the draws of all chains and their random numbers atomically."""
-    if path is None or kept.guide is None:
-        return
+def _arrays(kept: _Kept, guide: Guide) -> Arrays:
+    """Return the guide, the draws of all chains and their random numbers."""
     numbers = json.dumps([each.rng.bit_generator.state for each in kept.states])
-    arrays: dict[str, Any] = {
-        name: np.stack([getattr(each, name) for each in kept.draws]) for name in DRAWS
-    }
-    arrays |= {name: getattr(kept.guide.surrogate, name) for name in SURROGATE}
-    arrays |= {"rng": np.array(numbers), "step": kept.guide.step, "made": np.array(kept.made)}
-    with files.replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, **arrays)
+    return {
+        **{name: np.stack([getattr(each, name) for each in kept.draws]) for name in DRAWS},
+        **{name: getattr(guide.surrogate, name) for name in SURROGATE},
+        "rng": np.array(numbers), "step": guide.step, "made": np.array(kept.made),
+    }  # fmt: skip
 
 
-def _kept(path: Path | None, sampler: Sampler, group: Group) -> _Kept | None:
+def _kept(entry: Entry[Arrays] | None, sampler: Sampler, group: Group) -> _Kept | None:
     """Return kept chains; None without a complete file, or if it is of other data."""
-    if path is None:
+    arrays = None if entry is None else entry.get()
+    if arrays is None:
         return None
-    try:
-        file = files.read_arrays(path)
-        parts = [file[name] for name in DRAWS]
-        numbers = json.loads(str(file["rng"]))
-        guide = Guide(Surrogate(*(file[name] for name in SURROGATE)), file["step"])
-        made = int(file["made"])
-    except (OSError, ValueError, KeyError):
-        return None
+    parts = [arrays[name] for name in DRAWS]
+    numbers = json.loads(str(arrays["rng"]))
+    guide = Guide(Surrogate(*(arrays[name] for name in SURROGATE)), arrays["step"])
+    made = int(arrays["made"])
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
     states = [_restored(*each, group) for each in zip(draws, numbers, strict=True)]
     if not all(_is_of(each, sampler) for each in states):

@@ -34,7 +34,9 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
 from bgmodel.support.tables import Readable
+from circuits.arrays import Arrays
 from circuits.errors import FitWarning, InputError, require
+from circuits.store import Entry
 
 if TYPE_CHECKING:
     import xarray
@@ -323,7 +325,7 @@ def fit_group(
     most_draws: int = MOST,
     scale: Scale | None = None,
     shared: Sequence[str] | None = None,
-    path: Path | None = None,
+    kept: Entry[Arrays] | None = None,
     tell: Tell = lambda _: None,
 ) -> GroupFit:
     """Fit a model to a group of people, with partial pooling of their parameters.
@@ -331,8 +333,8 @@ def fit_group(
     Parameters named ``shared`` (by default those of which ``Parameter.shared`` holds) are the same
     for everyone. People are Gaussian on ``scale``, its unit by default set by the median of
     separate estimates; see ``group.Group`` for the priors. Chains run until they agree or have
-    ``most_draws``, whatever the number of workers; an interrupted run continues from ``path``
-    (.npz). At least 3 people with 20 responses each are required. Warns of misfit, and of chains
+    ``most_draws``, whatever the number of workers; an interrupted run continues from ``kept``.
+    At least 3 people with 20 responses each are required. Warns of misfit, and of chains
     that do not agree.
     """
     check_people(likelihoods)
@@ -351,7 +353,7 @@ def fit_group(
         )  # fmt: skip
         chains = sampled(
             Sampler(people, expansion), group,
-            seed=seed, over_people=over_people, most=most_draws, path=path, tell=tell,
+            seed=seed, over_people=over_people, most=most_draws, kept=kept, tell=tell,
         )  # fmt: skip
     found = GroupFit(dict(likelihoods), scale, chains, predictors)
     for caution in found.cautions():

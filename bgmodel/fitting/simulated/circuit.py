@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,13 +27,13 @@ from bgmodel.fitting.simulated.crossings import (
 )
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.simulated.parts import PARTS, InParts
-from bgmodel.fitting.simulated.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.version import __version__
 from circuits.errors import RangeWarning, quiet, require
+from circuits.store import Entry
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -53,6 +51,9 @@ TRIALS = 16_000
 """Trials at each drift; a fit warns if they are too few for the data."""
 SIMULATION_SEED = 24_001
 THRESHOLD = "threshold_nats"
+Crossings = TypeVar("Crossings")
+STORED = ("bins", "choice", "evidence")
+"""Fields of crossings that are stored."""
 BIASES_NATS = np.linspace(-0.2, BIAS.high, 8)
 """Biases at which trials are simulated, equally spaced; larger negative ones are mirror images."""
 
@@ -181,7 +182,7 @@ class CircuitModel(InParts):
                 whole, parts = self._part_of
                 self._kept[key] = whole.stored(point, bias).part(parts)
             else:
-                found = self._read(point, bias) or self._simulate(point, bias)
+                found = self.entry(point, bias).once(lambda: self._simulate(point, bias))
                 if not bias:
                     found = replace(found, control=matched(found, self._walks))
                 self._kept[key] = found
@@ -229,19 +230,21 @@ class CircuitModel(InParts):
             at["centred"] = True
         if bias:
             at["bias_nats"] = bias
-        return {**own, **at, "bgmodel": __version__}
+        return {**own, **at}
 
-    def path(self, point: tuple[float, ...], bias: float = 0.0) -> Path | None:
-        """Return the file of the crossings at values of the axes and a bias."""
-        if self.folder is None:
-            return None
-        text = json.dumps(self._key(point, bias), sort_keys=True)
-        return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
+    def entry(self, point: tuple[float, ...], bias: float = 0.0) -> Entry[FirstPassageTimes]:
+        """Return the place of the crossings at values of the axes and a bias."""
+        known = partial(FirstPassageTimes, self.thresholds_nats, np.array(DRIFTS))
+        return self._entry(known, point, bias)
 
-    def _read(self, point: tuple[float, ...], bias: float) -> FirstPassageTimes | None:
-        """Return stored crossings; None without a complete file."""
-        path = self.path(point, bias)
-        return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
+    def _entry(
+        self, known: Callable[..., Crossings], point: tuple[float, ...], bias: float = 0.0
+    ) -> Entry[Crossings]:
+        return Entry(
+            self.folder, __version__, self._key(point, bias),
+            lambda crossings: {name: getattr(crossings, name) for name in STORED},
+            lambda arrays: known(**arrays),
+        )  # fmt: skip
 
     def run(self, point: tuple[float, ...], lowest_nats: float, bias: float = 0.0) -> Run:
         """Return the ``crossings.Run`` at a point; trials below ``lowest_nats`` may end early."""
@@ -271,13 +274,9 @@ class CircuitModel(InParts):
 
     def _simulate(self, point: tuple[float, ...], bias: float) -> FirstPassageTimes:
         run = self.run(point, float(self.thresholds_nats[0]), bias)
-        found = simulated(
+        return simulated(
             run, self.thresholds_nats, seconds=self.seconds, trials=self.trials, seed=self.seed
         )
-        path = self.path(point, bias)
-        if path is not None:
-            write_crossings(found, path, seed=self.seed, stored=self._key(point, bias))
-        return found
 
 
 def _near(bias: float) -> list[tuple[float, float]]:

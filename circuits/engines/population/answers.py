@@ -16,8 +16,8 @@ from circuits.declaration import transfer
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING, TRANSFERS
-from circuits.kept import kept
 from circuits.laws.mixture import mean_rate_hz, mean_response
+from circuits.store import cached
 
 STATES, STEPS, POINTS = 28, 512, 8192
 """Numbers of inputs at which filters are fitted, their coefficients stored, and laws tabulated
@@ -129,7 +129,7 @@ def _fitted(mixture: Mixture) -> Arrays:
     fields = [(f.name, getattr(mixture.cell, f.name)) for f in dataclass_fields(mixture.cell)]
     key = f"{type(mixture.cell).__qualname__} {fields} {mixture.line} {mixture.heterogeneity}"
     key += f" numpy {np.__version__} scipy {scipy.__version__}"
-    return kept(SOURCES, f"population {key}", lambda: _fit(mixture))
+    return cached("tables", SOURCES, f"population {key}").once(lambda: _fit(mixture))
 
 
 def _fit(mixture: Mixture) -> Arrays:

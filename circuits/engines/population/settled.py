@@ -26,7 +26,7 @@ from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import kernel, records
 from circuits.engines.population.plan import rest, window, workspace
-from circuits.kept import recall, remember
+from circuits.store import cached
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
@@ -54,22 +54,14 @@ class Bank:
         self.initial, self.key = initial, key
         self.made = np.zeros(0, dtype=bool)
         self.states = _room(initial, 0)
-        self._recall()
-
-    def _recall(self) -> None:
-        """Take the first states from an earlier run, if it stored them."""
-        stored = recall(SOURCES, KIND, self.key) or {}
-        room = _room(self.initial, FEWEST)._asdict()
-        if {name: (a.shape, a.dtype) for name, a in stored.items()} == {
-            name: (a.shape, a.dtype) for name, a in room.items()
-        }:
+        if stored := cached(KIND, SOURCES, key).get():
             self.states = records.State(**stored)
             self.made = np.ones(FEWEST, dtype=bool)
 
     def remember(self) -> None:
         """Store the first states for later runs."""
         first = {name: part[:FEWEST] for name, part in self.states._asdict().items()}
-        remember(SOURCES, KIND, self.key, first, most=FILES)
+        cached(KIND, SOURCES, self.key, most=FILES).put(first)
 
     def grow(self, count: int) -> None:
         """Make room for a number of states."""

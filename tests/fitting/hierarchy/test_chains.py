@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
-from bgmodel.fitting.hierarchy.chains import CHAINS, agreement, sampled
+from bgmodel.fitting.hierarchy.chains import CHAINS, agreement, chains_entry, sampled
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.support.seeds import stream
@@ -67,12 +67,12 @@ def short(monkeypatch):
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
-    path = tmp_path / "pieces" / "chains.npz"
+    kept = chains_entry(tmp_path / "pieces", "a", {})
     whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW)
-    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, path=path)
-    assert path.is_file()
+    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, kept=kept)
+    assert kept.path.is_file()
     told = []
-    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path, tell=told.append)
+    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=told.append)
     assert not any("warm-up" in each for each in told)
     assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
 
@@ -86,7 +86,7 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
     sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
     assert not any("again" in each for each in told)
     monkeypatch.setattr(chains, "POOR", np.inf)
-    told, path = [], tmp_path / "chains.npz"
+    told, kept = [], chains_entry(tmp_path, "a", {})
     whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
     assert sum("again" in each for each in told) == 1
     # Draws before are left out.
@@ -101,21 +101,11 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
             if sum("draws in each" in each for each in told) == blocks:
                 raise KeyboardInterrupt
 
-        path.unlink(missing_ok=True)
+        kept.path.unlink(missing_ok=True)
         with pytest.raises(KeyboardInterrupt):
-            sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path, tell=stop)
-        rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, path=path)
+            sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=stop)
+        rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept)
         assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
-
-
-@pytest.mark.parametrize("content", [b"", b"PK damaged", None], ids=["empty", "damaged", "absent"])
-def test_a_file_that_cannot_be_read_is_made_anew(short, tmp_path, content):
-    path = tmp_path / "chains.npz"
-    if content is not None:
-        path.write_bytes(content)
-    found = sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
-    assert len(found) == CHAINS
-    assert not list(tmp_path.glob(".*partial*"))
 
 
 class Two(Gaussian):
@@ -146,8 +136,8 @@ OTHERS = {
 
 @pytest.mark.parametrize("what", OTHERS)
 def test_chains_of_other_data_or_parameters_are_not_continued(short, tmp_path, what):
-    path = tmp_path / "chains.npz"
-    sampled(SAMPLER, START, seed=SEED, most=FEW, path=path)
+    kept = chains_entry(tmp_path, "a", {})
+    sampled(SAMPLER, START, seed=SEED, most=FEW, kept=kept)
     (sampler, start), told = OTHERS[what], []
-    sampled(sampler, start, seed=SEED, most=FEW, path=path, tell=told.append)
+    sampled(sampler, start, seed=SEED, most=FEW, kept=kept, tell=told.append)
     assert any("warm-up" in each for each in told)

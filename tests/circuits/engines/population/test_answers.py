@@ -8,6 +8,7 @@ from circuits.cells import Phase
 from circuits.declaration import transfer
 from circuits.engines.population import answers as module
 from circuits.engines.population.answers import Mixture, Straight, _pace, _rough, answers, looked_up
+from circuits.store import Entry
 
 GPE = anatomy.spiking_msprt().population("GPe")
 LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat))
@@ -69,7 +70,8 @@ def test_a_law_is_looked_up_if_it_bends_by_less_than_a_five_hundredth_between_po
 def test_fits_are_kept_only_if_all_code_is_included(monkeypatch):
     """The cache is keyed by the sources of the package, which have no transfer of a user."""
     kept = []
-    monkeypatch.setattr(module, "kept", lambda *_: kept.append(1))
+    nowhere = Entry(None, "", "", dict, dict)
+    monkeypatch.setattr(module, "cached", lambda *_: kept.append(1) or nowhere)
     monkeypatch.setattr(module, "_fit", lambda _: None)
     monkeypatch.setitem(transfer.TRANSFERS, "mine", transfer.TRANSFERS["linear"])
     for name, count in (("linear", 1), ("mine", 1), ("exp", 2)):

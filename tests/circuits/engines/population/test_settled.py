@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from circuits import anatomy, kept
+from circuits import anatomy, store
 from circuits.declaration.courses import Course
 from circuits.engines import run
 from circuits.engines.population import settled
@@ -19,7 +19,7 @@ REST = np.zeros((64, 1, 2))
 def folder(monkeypatch, tmp_path):
     """Nothing is kept from earlier tests, in memory or in files."""
     monkeypatch.setattr(settled, "_BANKS", type(settled._BANKS)())
-    monkeypatch.setattr(kept, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(store, "cache_folder", lambda _: tmp_path)
     return tmp_path
 
 
@@ -70,19 +70,6 @@ def test_a_later_run_takes_the_first_states_from_a_file(folder, monkeypatch):
 def test_few_trials_store_no_states(folder):
     populations(drive=DRIVE[:-1])
     assert not [*folder.rglob("*.npz")]
-
-
-def test_a_file_of_states_that_is_wrong_is_made_anew(folder):
-    first = populations(drive=DRIVE).output_nats.tobytes()
-    (file,) = folder.rglob("*.npz")
-    with np.load(file) as stored:
-        cut = {name: part[:-1] for name, part in stored.items()}
-    for content in ({"ring": np.zeros(3)}, cut):
-        np.savez(file, **content)
-        settled._BANKS.clear()
-        assert populations(drive=DRIVE).output_nats.tobytes() == first
-        with np.load(file) as stored:
-            assert len(stored["ring"]) == settled.FEWEST
 
 
 def test_trials_that_share_a_state_begin_alike_and_part():
