@@ -50,7 +50,8 @@ SHARED = (
 SCALE = Parameter(
     "nats_per_click", 0.005, 2.0, 0.1, "input to a circuit per click, nats", scale="log"
 )
-FLOOR_HZ = 1e-3
+FLOOR_HZ, MOST_LOG = 1e-3, 7.0
+"""Least rate of a linear reading, Hz, and largest logarithm of an exponential one."""
 REACH_NATS, POINTS = 8.0, 321
 """Largest input for which a circuit is solved, on either side, and the number of inputs."""
 WARM = 12
@@ -91,14 +92,17 @@ class Reading:
             return bent, (1 - bent**2) / self.step
         return x, np.ones_like(x)
 
-    def rate(self, predictor: Array) -> tuple[Array, Array]:
-        """Return the rate, Hz, and its derivative: a soft threshold at 0, or an exponential."""
+    def rate(self, predictor: Array) -> tuple[Array, Array, Array | float]:
+        """Return the logarithm of the rate, the rate, Hz, and the derivative of the logarithm.
+
+        The rate is the predictor with a soft threshold at 0, or its exponential.
+        """
         if not self.linear:
-            found = np.exp(np.minimum(predictor, 7.0))
-            return found, found
+            log = np.minimum(predictor, MOST_LOG)
+            return log, np.exp(log), 1.0
         small = np.exp(-np.abs(predictor))
         rate = np.maximum(predictor, 0) + np.log1p(small) + FLOOR_HZ
-        return rate, np.where(predictor > 0, 1, small) / (1 + small)
+        return np.log(rate), rate, np.where(predictor > 0, 1, small) / (1 + small) / rate
 
 
 READINGS = {
@@ -251,9 +255,9 @@ class CellsLikelihood(Likelihood):
             numbers = np.zeros(design.shape[1])
             numbers[:KNOTS] = mean if reading.linear else np.log(mean)
             for _ in range(WARM):
-                rate, rise = reading.rate(design @ numbers)
-                weight = BIN_S * rise**2 / rate
-                slope = design.T @ ((spikes / rate - BIN_S) * rise)
+                _, rate, rise = reading.rate(design @ numbers)
+                weight = BIN_S * rate * rise**2
+                slope = design.T @ ((spikes - BIN_S * rate) * rise)
                 step = np.linalg.solve(
                     (design.T * weight) @ design + 0.1 * np.eye(len(numbers)), slope
                 )
@@ -315,7 +319,8 @@ def drawn(
         read = reading.read(values.get(SCALE.name, 1.0) * (sums[:, k] + n))[0]
         for own, cell, now in zip(level, cells, found, strict=True):
             past = recent(own / share[k])
-            rate = reading.rate(session.basis[k] @ cell[:-2] + cell[-2] * past + cell[-1] * read)[0]
+            predictor = session.basis[k] @ cell[:-2] + cell[-2] * past + cell[-1] * read
+            rate = reading.rate(predictor)[1]
             now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
             own *= np.exp(-BIN_S / PAST_S)
             own += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S

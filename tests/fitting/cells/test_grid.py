@@ -40,7 +40,7 @@ def poisson_log(own, cells, reading, sums):
     found = np.zeros(len(own.end_s))
     for count, past, cell in zip(own.counts, own.past, cells, strict=True):
         base = own.basis @ cell[:KNOTS] + cell[-2] * past
-        rate, _ = reading.rate(base + cell[-1] * reading.read(sums)[0])
+        _, rate, _ = reading.rate(base + cell[-1] * reading.read(sums)[0])
         # Counts over their factorials, which no parameter moves, are left out.
         log = count * np.log(rate * BIN_S) - rate * BIN_S
         found += (log * own.on).sum(axis=1)
@@ -85,7 +85,7 @@ def test_one_bin_is_an_integral_over_two_gaussians():
         each = density * (right if own.choice[k] else 1 - right)
         for count, past, cell in zip(own.counts, own.past, cells, strict=True):
             base = own.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
-            rate, _ = reading.rate(base + cell[-1] * (sums[k, 0] + n))
+            _, rate, _ = reading.rate(base + cell[-1] * (sums[k, 0] + n))
             # Without the factorial, as above.
             each *= poisson.pmf(0, rate * BIN_S) * (rate * BIN_S) ** count[k, 0]
         exact = np.log(np.trapezoid(each, n))
@@ -116,7 +116,7 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
                 break
             for count, past, cell in zip(own.counts, own.past, cells, strict=True):
                 base = own.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
-                rate = reading.rate(base + cell[-1] * (sums[k, b] + n))[0] * BIN_S
+                rate = reading.rate(base + cell[-1] * (sums[k, b] + n))[1] * BIN_S
                 log += count[k, b] * np.log(rate) - rate
         right = ndtr((n + sums[k, -1] + values["bias"]) / values["choice_noise"])
         right = 0.95 * right + 0.025
